@@ -1,0 +1,15 @@
+"""Array types used in signatures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+# SciPy ships no type stubs; its sparse matrices are spelled this way for the reader's sake.
+SparseMatrix = Any

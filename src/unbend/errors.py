@@ -1,0 +1,56 @@
+"""Every error and warning that unbend raises on purpose.
+
+::
+
+    UnbendError                  the root: catch this to catch them all
+    ├── InputError               (also ValueError) what was given cannot be used
+    │   ├── FileError            a file cannot be read or written
+    │   └── MeshError            a mesh breaks a rule; names the vertex or face
+    ├── SolverError              (also RuntimeError) a computation did not reach its accuracy
+    └── MissingExtraError        (also ImportError) an optional package is not installed
+    UnbendWarning                (a UserWarning) the result stands; something was done to the input
+
+Messages are one sentence that says what is wrong, where, and what to do. The command line
+prints that sentence and exits with code 2.
+"""
+
+from __future__ import annotations
+
+
+class UnbendError(Exception):
+    """Root of all errors raised by unbend."""
+
+
+class InputError(UnbendError, ValueError):
+    """An argument cannot be used as given."""
+
+
+class FileError(InputError):
+    """A file cannot be read or written."""
+
+
+class MeshError(InputError):
+    """A mesh breaks a rule that the computation needs."""
+
+
+class SolverError(UnbendError, RuntimeError):
+    """A numerical computation did not reach the accuracy it promises."""
+
+
+class MissingExtraError(UnbendError, ImportError):
+    """An optional package is needed.
+
+    Parameters
+    ----------
+    package : str
+        Name of the missing package.
+    extra : str
+        The extra of ``unbend`` that installs it.
+    """
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"{package} is needed for this: pip install 'unbend[{extra}]'")
+
+
+class UnbendWarning(UserWarning):
+    """The result stands, but something was done to the input that the user should know."""

@@ -1,0 +1,1 @@
+"""Sparse linear algebra: factorisations and eigensolvers. Knows nothing of meshes."""
