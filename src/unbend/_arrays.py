@@ -46,6 +46,11 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     return first
 
 
+def count_repeats(rows: npt.NDArray[Any]) -> int:
+    """Count the rows that equal an earlier one."""
+    return int((first_equal_row(rows) != np.arange(len(rows))).sum())
+
+
 def _hash_repeats(rows: npt.NDArray[Any]) -> IntArray:
     """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others.
 

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._files import atomic_write, check_suffix, check_writable
-from unbend._formats import Contents, obj, off, plural, ply, points, stl
+from unbend._formats import Contents, obj, off, ply, points, stl
+from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.errors import FileError, InputError, MeshError
 from unbend.mesh import Mesh, as_mesh
@@ -179,7 +180,7 @@ def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str,
         if array.shape != (n_vertices,):
             raise InputError(
                 f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
-                f"of its {plural(n_vertices, 'vertex row')}"
+                f"of its {plural(n_vertices, 'vertex')}"
             )
         arrays[name] = array
     return arrays

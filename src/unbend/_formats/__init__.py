@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
 
@@ -152,11 +153,6 @@ def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[In
     if n_lines := int((sizes < 3).sum()):
         notes.append(f"{plural(n_lines, 'face')} with fewer than 3 vertices left out")
     return faces.reshape(-1, 3), notes
-
-
-def plural(number: int, noun: str) -> str:
-    """``1 face``, ``2 faces``."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def table(array: npt.NDArray[Any], prefix: str = "") -> bytes:

@@ -6,8 +6,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from unbend._formats import Contents, plural, positions, text_lines, triangulate
+from unbend._formats import Contents, positions, text_lines, triangulate
 from unbend._formats import table as write_table
+from unbend._text import plural
 from unbend.errors import FileError, MeshError
 from unbend.mesh import Mesh
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import BinaryIO
 
-from unbend._formats import NO_FACES, Contents, count, data_lines, plural, polygon_rows, positions
+from unbend._formats import NO_FACES, Contents, count, data_lines, polygon_rows, positions
 from unbend._formats import table as write_table
+from unbend._text import plural
 from unbend.errors import FileError
 from unbend.mesh import Mesh
 

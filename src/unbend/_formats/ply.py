@@ -15,12 +15,12 @@ from unbend._formats import (
     NO_FACES,
     Contents,
     count,
-    plural,
     polygon_rows,
     positions,
     text_lines,
     triangulate,
 )
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 from unbend.mesh import Mesh

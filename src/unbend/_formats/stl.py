@@ -7,7 +7,8 @@ from typing import BinaryIO
 import numpy as np
 
 from unbend._arrays import first_equal_row
-from unbend._formats import Contents, data_lines, plural, positions
+from unbend._formats import Contents, data_lines, positions
+from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.errors import FileError, InputError
 from unbend.mesh import Mesh
