@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import warnings
@@ -51,7 +52,9 @@ def test_every_command_shows_examples() -> None:
         assert command.callback is not None
         result = CliRunner().invoke(app, [command.callback.__name__, "--help"])
         assert result.exit_code == 0
-        assert "Examples:" in result.output
+        lines = [line.strip() for line in result.output.splitlines()]
+        example = lines[lines.index("Examples:") + 1]
+        assert example.startswith(f"unbend {command.callback.__name__} ")
 
 
 def test_version() -> None:
@@ -131,24 +134,7 @@ def test_an_interruption_before_a_command(monkeypatch: pytest.MonkeyPatch) -> No
 def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
     np = pytest.importorskip("numpy")
     _common.print_json({"a": np.array([1.5, np.nan]), "b": (np.int64(3), float("inf")), "c": "x"})
-    assert capsys.readouterr().out.split() == (
-        [
-            "{",
-            '"a":',
-            "[",
-            "1.5,",
-            "null",
-            "],",
-            '"b":',
-            "[",
-            "3,",
-            "null",
-            "],",
-            '"c":',
-            '"x"',
-            "}",
-        ]
-    )
+    assert json.loads(capsys.readouterr().out) == {"a": [1.5, None], "b": [3, None], "c": "x"}
 
 
 def test_components_are_largest_or_numbers() -> None:

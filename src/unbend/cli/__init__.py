@@ -2,8 +2,9 @@
 
 To add a command, write ``cli/NAME.py`` with a function that takes typer parameters, and add it to
 ``COMMANDS``. Import numerical modules inside that function: ``unbend --help`` must not wait for
-them. Raise :class:`unbend.errors.UnbendError` for anything the user can put right; it is turned
-into one sentence and exit code 2 here, in one place.
+them. End its docstring with examples as in ``check.py``. Raise :class:`unbend.errors.UnbendError`
+for anything the user can put right; it is turned into one sentence and exit code 2 here, in one
+place.
 """
 
 from __future__ import annotations

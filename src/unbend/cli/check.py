@@ -32,7 +32,7 @@ class Verdict(NamedTuple):
 
 
 def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
-    r"""Tell what is wrong with a mesh and what unbend will do about it.
+    """Tell what is wrong with a mesh and what unbend will do about it.
 
     Exits with 0 if unbend can work with the mesh, perhaps with an option that is named, and with
     2 if not.
@@ -41,7 +41,7 @@ def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
     Examples:
       unbend check cat.off
       unbend check scan.ply --json
-    """
+    """  # noqa: D301 - \b is one character here: it keeps the lines of the examples
     from unbend.diagnosis import diagnose
     from unbend.io import read_mesh
 
