@@ -1,10 +1,23 @@
-"""Threads for work that releases the GIL."""
+"""Threads for work that releases the GIL, and matrix products over tall arrays."""
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import threadpoolctl
+
+from unbend._types import FloatArray
+
+_ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
+_pinned = threading.Lock()
+_pins: list[Any] = []
 
 
 def n_threads() -> int:
@@ -29,7 +42,7 @@ def n_threads() -> int:
     return os.cpu_count() or 1
 
 
-def run_all(tasks: Iterable[Callable[[], object]]) -> None:
+def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
     The threads live for this call only: a lasting pool would be dead, and its callers stuck,
@@ -39,20 +52,116 @@ def run_all(tasks: Iterable[Callable[[], object]]) -> None:
     ----------
     tasks : iterable of callables without arguments
 
+    Returns
+    -------
+    list
+        What they returned, in their order.
+
     Examples
     --------
     >>> from unbend.linalg._threads import run_all
-    >>> seen = set()
-    >>> run_all([lambda: seen.add(1), lambda: seen.add(2)])
-    >>> sorted(seen)
+    >>> run_all([lambda: 1, lambda: 2])
     [1, 2]
     """
     pending = list(tasks)
     workers = min(n_threads(), len(pending))
     if workers <= 1:
-        for task in pending:
-            task()
-        return
+        return [task() for task in pending]
     with ThreadPoolExecutor(workers) as pool:
-        for _ in pool.map(lambda task: task(), pending):
-            pass
+        return list(pool.map(lambda task: task(), pending))
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Pin BLAS to one thread: its own threads lose more by waiting than narrow products gain.
+
+    Several threads may be inside at once; the last one out restores what the first one found.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import one_blas_thread
+    >>> with one_blas_thread():
+    ...     pass
+    """
+    with _pinned:
+        _pins.append(_blas().limit(limits=1, user_api="blas") if not _pins else None)
+    try:
+        yield
+    finally:
+        with _pinned:
+            # The limit was put first; take a later place instead while others are inside.
+            if len(_pins) > 1:
+                _pins.pop()
+            else:
+                _pins.pop().restore_original_limits()
+
+
+@functools.cache
+def _blas() -> Any:
+    return threadpoolctl.ThreadpoolController()  # it looks at every library loaded: slow
+
+
+def inner(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Compute ``left.T @ right`` of tall arrays, rows split among threads.
+
+    Parameters
+    ----------
+    left : (n, p) array of float64
+    right : (n, q) array of float64
+
+    Returns
+    -------
+    (p, q) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import inner
+    >>> inner(np.ones((4, 1)), np.ones((4, 2)))
+    array([[4., 4.]])
+    """
+    parts = run_all(
+        functools.partial(lambda rows: left[rows].T @ right[rows], rows) for rows in _rows(left)
+    )
+    total: FloatArray = functools.reduce(np.add, parts)
+    return total
+
+
+def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> FloatArray:
+    """Compute ``tall @ small``, or subtract it from ``target`` in place, in threads.
+
+    Parameters
+    ----------
+    target : (n, q) array of float64, or None
+        Changed in place; a new array is made for None.
+    tall : (n, p) array of float64
+    small : (p, q) array of float64
+
+    Returns
+    -------
+    (n, q) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import combine
+    >>> combine(None, np.ones((2, 1)), np.array([[3.0]])).tolist()
+    [[3.0], [3.0]]
+    """
+    if target is None:
+        result = np.empty((len(tall), small.shape[1]))
+
+        def work(rows: slice) -> None:
+            np.matmul(tall[rows], small, out=result[rows])
+    else:
+        result = target
+
+        def work(rows: slice) -> None:
+            result[rows] -= tall[rows] @ small
+
+    run_all(functools.partial(work, rows) for rows in _rows(tall))
+    return result
+
+
+def _rows(tall: FloatArray) -> list[slice]:
+    return [slice(start, start + _ROWS) for start in range(0, len(tall), _ROWS)]

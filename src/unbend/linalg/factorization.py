@@ -32,7 +32,7 @@ _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a 
 _CHOLMOD_PAYS = 500_000  # below, qdldl factorises as fast and our solves are faster
 _SMALLEST_PIVOT = 1e-13  # relative to the diagonal it came from; less is cancellation
 _LARGEST_ERROR = 1e-4  # share of an error that a refinement step may leave
-_BACKWARD_ERROR = 1e-14  # solves less exact than this are refined
+_BACKWARD_ERROR = 1e-13  # solves less exact than this are refined: without growth they are not
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +144,9 @@ def factorize(matrix: SparseMatrix, *, indefinite: bool = False) -> Factorizatio
             error, residual = _probe(matrix, solve)
             if not error <= _LARGEST_ERROR:  # also when it is not a number
                 break
-            exact = shift == 0 and residual <= _BACKWARD_ERROR * size
-            steps = 0 if exact else math.ceil(math.log(1e-16) / math.log(max(error, 1e-16)))
+            steps = 0
+            if residual > _BACKWARD_ERROR * size:  # refine to rounding
+                steps = math.ceil(math.log(1e-16 * size / residual) / math.log(max(error, 1e-16)))
             return Factorization(int((pivots < 0).sum()), name, matrix, solve, steps)
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
 
