@@ -68,6 +68,9 @@ def collapse_short_edges(
         joins_plane = border[b] and not border[a]
         if joins_plane and any(border[u] and u not in ring_b for u in ring_a - {b}):
             continue
+        # No limb may become a triangular tube, which smoothing would pinch off.
+        if any(ring(u) & (ring_b - ring_a - {a}) for u in ring_a - ring_b - {b}):
+            continue
         if not _keeps_normals(vertices, triangles, around[a] - shared, a, b):
             continue
         for f in shared:
