@@ -142,25 +142,25 @@ def test_meshings_differ_but_describe_one_surface():
 
 
 def test_same_arguments_same_shape():
-    first = make_biped(None, n_vertices=700, random_state=4)
+    first = make_biped(None, n_vertices=500, random_state=4)
     from unbend.datasets.shape import _rest_body
 
     _rest_body.cache_clear()
-    second = make_biped(None, n_vertices=700, random_state=4)
+    second = make_biped(None, n_vertices=500, random_state=4)
     np.testing.assert_array_equal(first.mesh.vertices, second.mesh.vertices)
     np.testing.assert_array_equal(first.mesh.faces, second.mesh.faces)
-    third = make_biped(None, n_vertices=700, random_state=5)
+    third = make_biped(None, n_vertices=500, random_state=5)
     assert np.abs(first.mesh.vertices - third.mesh.vertices).max() > 0.05
 
 
 def test_own_pose_and_proportions():
     shape = make_quadruped(
-        {"neck": (20, 0, 0), "left_thigh": (-10, 0, 0)}, n_vertices=600, legs=1.3
+        {"neck": (20, 0, 0), "left_thigh": (-10, 0, 0)}, n_vertices=500, legs=1.3
     )
-    plain = make_quadruped({}, n_vertices=600, legs=1.3)
+    plain = make_quadruped({}, n_vertices=500, legs=1.3)
     np.testing.assert_array_equal(plain.mesh.vertices, plain.rest)
     assert np.abs(shape.mesh.vertices - plain.mesh.vertices).max() > 0.02
-    dog = make_quadruped(n_vertices=600)
+    dog = make_quadruped(n_vertices=500)
     assert np.ptp(plain.rest[:, 1]) > 1.1 * np.ptp(dog.rest[:, 1])
     head = plain.labels == plain.parts.index("head")
     assert plain.rest[head, 2].mean() > 0.3
