@@ -199,7 +199,7 @@ def _nearest_rotation(cross: FloatArray, reflect: bool) -> FloatArray:
     if not reflect and np.linalg.det(rotation) < 0:
         left[:, -1] *= -1
         rotation = right.T @ left.T
-    return rotation
+    return np.asarray(rotation)
 
 
 def _subset(points: FloatArray) -> FloatArray:
