@@ -204,7 +204,7 @@ def _nearest_rotation(cross: FloatArray, reflect: bool) -> FloatArray:
 
 def _subset(points: FloatArray) -> FloatArray:
     rows = np.unique(np.linspace(0, len(points) - 1, min(_START_POINTS, len(points))).astype(int))
-    return points[rows]
+    return np.asarray(points[rows])
 
 
 def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list[FloatArray]:

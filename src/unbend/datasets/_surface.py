@@ -149,7 +149,7 @@ def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, F
 def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
     """One solid without cavities, grown until no two of its voxels touch by an edge or corner only.
 
-    The surface net of such a solid is a manifold (Latecki, Eckhardt, Rosenfeld 1995).
+    The surface net of such a solid is a manifold (Latecki 1997).
     """
     for _ in range(50):
         if symmetric:
