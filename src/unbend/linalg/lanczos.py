@@ -14,7 +14,6 @@ from unbend.linalg._krylov import KrylovBasis, Operator
 from unbend.linalg._threads import combine, inner, one_blas_thread
 from unbend.linalg.factorization import Factorization, factorize
 
-_DENSE = 400  # up to this size the dense solver is faster, and it never misses a pair
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _ROUNDING = 10 * np.finfo(np.float64).eps
@@ -45,8 +44,9 @@ def smallest_eigenpairs(
         Number of eigenpairs, 1 <= k <= n.
     tol : float
         Largest relative residual: |W x - value A x| / |value A x| in the norm of A^-1. Values
-        close to 0 count as if they were the mean distance between the first k. What rounding in
-        the product ``stiffness @ x`` makes unavoidable comes on top.
+        close to 0 count as if they were the mean distance between the first k (if all k are 0: as
+        1e-6 of the largest entry of A^-1/2 W A^-1/2). What rounding in the product W x makes
+        unavoidable comes on top.
     random_state : int
         Seed of the starting vectors. The same input gives the same output.
     progress : callable, optional
@@ -96,7 +96,7 @@ def smallest_eigenpairs(
     if not np.isfinite(scaled.data).all():
         raise InputError("the stiffness matrix holds NaN or infinite values")
     with one_blas_thread():
-        if n <= max(_DENSE, 2 * k + 100):
+        if _dense_is_faster(n, k):
             values, vectors = scipy.linalg.eigh(scaled.toarray(), subset_by_index=(0, k - 1))
         else:
             values, vectors = _inverse_lanczos(scaled, k, tol, random_state, progress)
@@ -178,6 +178,10 @@ def largest_eigenpairs(
         return values[: -k - 1 : -1], basis.combine(vectors[:, : -k - 1 : -1])
 
 
+def _dense_is_faster(n: int, k: int) -> bool:
+    return n <= max(400, 2 * k + 100)
+
+
 def _inverse_lanczos(
     matrix: SparseMatrix,
     k: int,
@@ -191,6 +195,7 @@ def _inverse_lanczos(
     below = factor.n_negative
     block_size = 4 if k <= 20 else 8
     basis = KrylovBasis(factor.solve, n, block_size, np.random.default_rng(random_state))
+    size = abs(matrix).max()
     wanted = max(k, below)
     usual = 1.6 * wanted + 75  # columns that surfaces need, measured
     check = min(wanted + 40, n)
@@ -207,16 +212,19 @@ def _inverse_lanczos(
         values, coordinates, residuals = _near_pairs(basis, shift, below)
         if len(values) < wanted:
             continue
-        floor = max(values[k - 1], shift) / k
-        if (residuals[:wanted] > goal * np.maximum(values[:wanted], floor)).any():
+        # What counts for values near 0: the mean distance, or next to nothing where all are 0.
+        floor = values[k - 1] / k if values[k - 1] > 1e-12 * size else 1e-6 * size
+        converged = residuals <= goal * np.maximum(values, floor)
+        if not converged[:wanted].all():
             continue
         if below < k and not counted:
             counted = _none_missed(matrix, values, residuals, k)
             if not counted:
                 basis.add_random(block_size)
                 continue
-        rough = basis.combine(coordinates[:, :k])
-        values, vectors, reached = _polish(matrix, factor, rough, floor, tol)
+        known = int(np.argmin(np.append(converged, False)))
+        rough = basis.combine(coordinates[:, :known])
+        values, vectors, reached = _polish(matrix, factor, rough, k, floor, tol)
         if reached <= tol:
             return values, vectors
         goal /= 10
@@ -234,7 +242,7 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
     """
     share = 1.1 if k <= _FEW else 0.5
     shift = 4 * np.pi * share * k
-    best = None
+    best, last = None, -1
     for _ in range(20):
         try:
             factor = _shifted(matrix, shift)
@@ -244,8 +252,9 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
         below = factor.n_negative
         if best is None or abs(below - share * k) < abs(best[1].n_negative - share * k):
             best = shift, factor
-        if 0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4:
-            break
+        if (0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4) or below == last:
+            break  # as it should be, or a gap: the eigenvalue 0 of many pieces
+        last = below
         shift *= min(max(share * k / max(below, 0.1), 1e-3), 1e3)
     if best is None:
         raise SolverError("the shifted stiffness matrix could not be factorised")
@@ -298,9 +307,16 @@ def _none_missed(matrix: SparseMatrix, values: FloatArray, residuals: FloatArray
 
 
 def _polish(
-    matrix: SparseMatrix, factor: Factorization, vectors: FloatArray, floor: float, tol: float
+    matrix: SparseMatrix,
+    factor: Factorization,
+    vectors: FloatArray,
+    k: int,
+    floor: float,
+    tol: float,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Make the vectors orthonormal Ritz vectors of the matrix; measure the largest residual.
+    """Make k orthonormal Ritz vectors of the matrix; measure their largest residual.
+
+    All that is known near the shift takes part, or the corrections would bring it back in.
 
     Sliver triangles have huge entries, and a solve's rounding errors, however small, are rough:
     the matrix makes much of them. A step of inverse iteration, written as a correction so that
@@ -313,9 +329,9 @@ def _polish(
         vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
         image -= vectors * values
         rounding = np.linalg.norm(magnitude @ np.abs(vectors), axis=0) * _ROUNDING
-        excess = np.maximum(np.linalg.norm(image, axis=0) - rounding, 0)
-        reached = float((excess / np.maximum(values, floor)).max())
+        excess = np.maximum(np.linalg.norm(image, axis=0) - rounding, 0)[:k]
+        reached = float((excess / np.maximum(values[:k], floor)).max())
         if reached <= tol or attempt == 2:
             break
         vectors = vectors - factor.solve(image)
-    return values, vectors, reached
+    return values[:k], vectors[:, :k], reached
