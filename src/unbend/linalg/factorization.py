@@ -79,6 +79,8 @@ class Factorization:
             raise InputError(
                 f"the right-hand side has shape {rhs.shape}; it must be ({n},) or ({n}, r)"
             )
+        if rhs.size == 0:
+            return rhs.copy()
         block = np.ascontiguousarray(rhs.reshape(n, -1))
         if not _all_finite(block):
             raise InputError("the right-hand side holds NaN or infinite values")
@@ -137,7 +139,7 @@ def factorize(matrix: SparseMatrix, *, indefinite: bool = False) -> Factorizatio
         for name, decompose in _backends(n, indefinite):
             try:
                 order, pivots, solve = decompose(shifted)
-            except (RuntimeError, ArithmeticError):  # a zero pivot, or not positive definite
+            except (RuntimeError, ValueError, ArithmeticError):  # a zero pivot, or not definite
                 continue
             if shift == 0 and _cancelled(matrix, order, pivots):
                 break

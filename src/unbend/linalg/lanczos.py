@@ -241,9 +241,10 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
     above them costs a factorisation. For few, it lies above them, where the count comes free.
     """
     share = 1.1 if k <= _FEW else 0.5
-    shift = 4 * np.pi * share * k
+    size = abs(matrix).max()
+    shift = min(4 * np.pi * share * k, 2 * size)
     best, last = None, -1
-    for _ in range(20):
+    for _ in range(40):
         try:
             factor = _shifted(matrix, shift)
         except SolverError:  # an eigenvalue is hit
@@ -252,10 +253,12 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
         below = factor.n_negative
         if best is None or abs(below - share * k) < abs(best[1].n_negative - share * k):
             best = shift, factor
-        if (0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4) or below == last:
-            break  # as it should be, or a gap: the eigenvalue 0 of many pieces
+        if 0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4:
+            break
+        if shift < 1e-10 * size:
+            break  # the eigenvalue 0 of many pieces
+        shift *= min(max(share * k / max(below, 0.1), 1e-3), 1e3) if below != last else 1e-2
         last = below
-        shift *= min(max(share * k / max(below, 0.1), 1e-3), 1e3)
     if best is None:
         raise SolverError("the shifted stiffness matrix could not be factorised")
     return best
