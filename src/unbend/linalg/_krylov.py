@@ -121,9 +121,9 @@ class KrylovBasis:
             beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)
             scale = np.where(alive, lengths, 1.0)
             block /= scale
-            errors = self._errors[: self.size, : self.size] @ step @ rotation / scale
-            errors = np.abs(errors) + _ROUNDING * before / scale
-            if alive.all() and errors.max(initial=0) < _ORTHOGONAL:
+            noise = self._rng.standard_normal((self.size, room)) * (_ROUNDING * before)
+            errors = (noise - self._errors[: self.size, : self.size] @ step @ rotation) / scale
+            if alive.all() and np.abs(errors).max(initial=0) < _ORTHOGONAL:
                 break
             fresh = self._rng.standard_normal((self.n, int((~alive).sum())))
             block[:, ~alive] = fresh / np.sqrt(self.n)

@@ -16,7 +16,7 @@ from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
-_ROUNDING = 10 * np.finfo(np.float64).eps
+_ROUNDING = 20 * np.finfo(np.float64).eps
 
 
 def smallest_eigenpairs(
@@ -325,16 +325,16 @@ def _polish(
     the matrix makes much of them. A step of inverse iteration, written as a correction so that
     only the correction is rounded, removes them where the residual falls short.
     """
-    magnitude = abs(matrix)
-    for attempt in range(3):
+    for _ in range(3):
         image = matrix @ vectors
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
         image -= vectors * values
-        rounding = np.linalg.norm(magnitude @ np.abs(vectors), axis=0) * _ROUNDING
-        excess = np.maximum(np.linalg.norm(image, axis=0) - rounding, 0)[:k]
-        reached = float((excess / np.maximum(values[:k], floor)).max())
-        if reached <= tol or attempt == 2:
+        lengths = np.linalg.norm(image[:, :k], axis=0)
+        best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
+        if (lengths <= tol * ranks).all():
             break
         vectors = vectors - factor.solve(image)
-    return values[:k], vectors[:, :k], reached
+    else:
+        lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * _ROUNDING
+    return values[:k], best, float(np.maximum(lengths / ranks, 0).max())
