@@ -224,7 +224,7 @@ def _inverse_lanczos(
                 continue
         known = int(np.argmin(np.append(converged, False)))
         rough = basis.combine(coordinates[:, :known])
-        values, vectors, reached = _polish(matrix, factor, rough, k, floor, tol)
+        values, vectors, reached = _polish(matrix, factor, values[:known], rough, k, floor, tol)
         if reached <= tol:
             return values, vectors
         goal /= 10
@@ -312,6 +312,7 @@ def _none_missed(matrix: SparseMatrix, values: FloatArray, residuals: FloatArray
 def _polish(
     matrix: SparseMatrix,
     factor: Factorization,
+    values: FloatArray,
     vectors: FloatArray,
     k: int,
     floor: float,
@@ -325,6 +326,9 @@ def _polish(
     the matrix makes much of them. A step of inverse iteration, written as a correction so that
     only the correction is rounded, removes them where the residual falls short.
     """
+    image = matrix @ vectors - vectors * values
+    if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
+        vectors = vectors - factor.solve(image)
     for _ in range(3):
         image = matrix @ vectors
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
