@@ -129,7 +129,8 @@ def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
         try:
             factor = factorize(sp.csc_array(matrix * 10.0**unit))
         except SolverError:
-            assert smallest < 1e-5 * largest or largest == 0
+            # Without pivoting, an indefinite matrix is refused a little earlier.
+            assert smallest < (1e-5 if definite else 1e-3) * largest or largest == 0
             return
     assert factor.n_negative == (eigenvalues < 0).sum()
     np.testing.assert_allclose(

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from tests.linalg.problems import copies, icosphere, laplacian, scattered, square
 from unbend.errors import InputError, SolverError
-from unbend.linalg import lanczos
+from unbend.linalg import _inverse, lanczos
+from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg.lanczos import largest_eigenpairs, smallest_eigenpairs
 
 
@@ -143,13 +144,13 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
 def test_the_basis_grows_as_long_as_it_must(monkeypatch):
     """A hundred times the usual accuracy takes more columns, not another path."""
     sizes = []
-    combine = lanczos.KrylovBasis.combine
+    combine = KrylovBasis.combine
 
     def spy(basis, coordinates):
         sizes.append(basis.done)
         return combine(basis, coordinates)
 
-    monkeypatch.setattr(lanczos.KrylovBasis, "combine", spy)
+    monkeypatch.setattr(KrylovBasis, "combine", spy)
     problem = laplacian(*scattered(600, 4))
     check(*problem, 40, tol=1e-3)
     check(*problem, 40, tol=1e-9)
@@ -161,10 +162,10 @@ def test_a_missed_pair_is_noticed():
     weights = sp.diags_array(areas**-0.5)
     matrix = weights @ stiffness @ weights
     values = scipy.linalg.eigh(matrix.toarray(), eigvals_only=True)[:60]
-    assert lanczos._none_missed(matrix, values, np.zeros(60), 40)
-    assert not lanczos._none_missed(matrix, np.delete(values, 33), np.zeros(59), 40)
+    assert _inverse._none_missed(matrix, values, np.zeros(60), 40)
+    assert not _inverse._none_missed(matrix, np.delete(values, 33), np.zeros(59), 40)
     blurred = np.full(60, np.ptp(values))
-    assert not lanczos._none_missed(matrix, values, blurred, 40)  # no gap to count below
+    assert not _inverse._none_missed(matrix, values, blurred, 40)  # no gap to count below
 
 
 def test_unreachable_accuracy_is_an_error():

@@ -40,6 +40,8 @@ class KrylovBasis:
         Number of columns in the first block.
     rng : numpy.random.Generator
         Source of the starting block.
+    capacity : int
+        Number of columns to make room for; more are made when they are needed.
 
     Examples
     --------
@@ -55,13 +57,19 @@ class KrylovBasis:
     """
 
     def __init__(
-        self, operator: Operator, n: int, block_size: int, rng: np.random.Generator
+        self,
+        operator: Operator,
+        n: int,
+        block_size: int,
+        rng: np.random.Generator,
+        capacity: int = 64,
     ) -> None:
         self.n, self.done, self.size = n, 0, 0
         self._operator, self._rng = operator, rng
         self._columns = np.empty((n, 0), order="F")
         self._projection = np.zeros((0, 0))
         self._errors = np.zeros((0, 0))  # the estimate of E
+        self._reserve(min(capacity, n))
         self.add_random(block_size)
 
     def add_random(self, count: int) -> None:
@@ -139,7 +147,7 @@ class KrylovBasis:
     def _reserve(self, size: int) -> None:
         if size <= self._columns.shape[1]:
             return
-        capacity = min(self.n, max(size, 3 * self._columns.shape[1] // 2, 64))
+        capacity = min(self.n, max(size, 3 * self._columns.shape[1] // 2))
         columns = np.empty((self.n, capacity), order="F")
         columns[:, : self.size] = self._columns[:, : self.size]
         self._columns = columns
