@@ -231,7 +231,7 @@ def _cancelled(matrix: SparseMatrix, order: Any, pivots: FloatArray) -> bool:
 
 def _probe(matrix: SparseMatrix, solve: _Solve) -> tuple[float, float]:
     """Measure the share of an error that a refinement step leaves, and the largest residual."""
-    known = np.random.default_rng(0).choice([-1.0, 1.0], (matrix.shape[0], 1))
+    known = np.random.default_rng(0).standard_normal((matrix.shape[0], 1))
     with np.errstate(all="ignore"):
         first = known - solve(matrix @ known)
         residual = matrix @ first
