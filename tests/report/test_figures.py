@@ -126,9 +126,8 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     path.write_text("old")
 
     class Broken:
-        def savefig(self, name):
-            with open(name, "w") as file:
-                file.write("half")
+        def savefig(self, file, format):
+            file.write(b"half")
             raise OSError("disk full")
 
     with pytest.raises(FileError, match="disk full"):
