@@ -1,8 +1,21 @@
-"""Sparse symmetric factorisation behind one small interface."""
+"""Sparse symmetric factorisation behind one small interface.
+
+Backends, chosen in :func:`_backends` and nowhere else:
+
+- ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), solves of our own.
+- ``"qdldl"``: the same with qdldl's solves, for systems too small to pay for importing Numba.
+- ``"cholmod"``: supernodal Cholesky where scikit-sparse is installed, for large positive definite
+  systems.
+- ``"superlu"``: SciPy's, in symmetric mode, where qdldl is missing.
+"""
 
 from __future__ import annotations
 
+import functools
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -10,7 +23,16 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from unbend._types import FloatArray, SparseMatrix
-from unbend.errors import SolverError
+from unbend.errors import InputError, SolverError
+from unbend.linalg._threads import run_all
+
+_Solve = Callable[[FloatArray], FloatArray]
+_CHUNK = 16  # right-hand sides side by side: one row is two cache lines
+_NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
+_CHOLMOD_PAYS = 500_000  # below, qdldl factorises as fast and our solves are faster
+_SMALLEST_PIVOT = 1e-13  # relative to the diagonal it came from; less is cancellation
+_LARGEST_ERROR = 1e-4  # share of an error that a refinement step may leave
+_BACKWARD_ERROR = 1e-13  # solves less exact than this are refined: without growth they are not
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,24 +43,69 @@ class Factorization:
     ----------
     n_negative : int
         Number of negative eigenvalues of the matrix (Sylvester's law of inertia).
+    backend : str
+        What did the work: ``"qdldl+numba"``, ``"qdldl"``, ``"cholmod"`` or ``"superlu"``.
     """
 
     n_negative: int
-    _lu: Any
+    backend: str
+    _matrix: Any
+    _solve: _Solve
+    _n_refinements: int
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solve for one right-hand side (n,) or a block of them (n, r)."""
-        solution: FloatArray = self._lu.solve(np.asarray(rhs, dtype=np.float64))
-        return solution
+        """Solve for one right-hand side or for a block of them.
+
+        Safe to call from several threads. Blocks are faster than columns one by one.
+
+        Parameters
+        ----------
+        rhs : (n,) or (n, r) array of float64
+
+        Returns
+        -------
+        array of float64, shaped like ``rhs``
+
+        Raises
+        ------
+        InputError
+            If ``rhs`` has the wrong shape or holds NaN or infinity.
+        SolverError
+            If the solution overflows.
+        """
+        rhs = np.asarray(rhs, dtype=np.float64)
+        n = self._matrix.shape[0]
+        if rhs.ndim not in (1, 2) or rhs.shape[0] != n:
+            raise InputError(
+                f"the right-hand side has shape {rhs.shape}; it must be ({n},) or ({n}, r)"
+            )
+        block = np.ascontiguousarray(rhs.reshape(n, -1))
+        if not _all_finite(block):
+            raise InputError("the right-hand side holds NaN or infinite values")
+        solution = self._solve(block)
+        for _ in range(self._n_refinements):
+            solution = solution + self._solve(block - self._matrix @ solution)
+        if not _all_finite(solution):
+            raise SolverError("the solution overflows; scale the matrix or the right-hand side")
+        return solution.reshape(rhs.shape)
 
 
-def factorize(matrix: SparseMatrix) -> Factorization:
+def factorize(matrix: SparseMatrix, *, indefinite: bool = False) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix.
+
+    Pivots are taken from the diagonal in an order that keeps the factor sparse, which for an
+    indefinite matrix may go wrong. So every factorisation is tried out: two solves with a known
+    solution measure which share of an error a step of iterative refinement leaves. A small share
+    proves that the matrix is far from singular and that the inertia is right (all matrices
+    between the given one and the one factorised are non-singular then); a larger one leads to a
+    second try with a slightly shifted diagonal, refined in every solve, and then to an error.
 
     Parameters
     ----------
     matrix : (n, n) sparse matrix of float64
         Symmetric; may be indefinite.
+    indefinite : bool
+        A hint that the matrix is not positive definite: spares attempts bound to fail.
 
     Returns
     -------
@@ -46,8 +113,10 @@ def factorize(matrix: SparseMatrix) -> Factorization:
 
     Raises
     ------
+    InputError
+        If the matrix is not square, is empty, or holds NaN or infinity.
     SolverError
-        If the matrix is singular.
+        If the matrix is singular, nearly so, or not symmetric.
 
     Examples
     --------
@@ -56,13 +125,122 @@ def factorize(matrix: SparseMatrix) -> Factorization:
     >>> factorize(sp.csc_array([[2.0, 1.0], [1.0, 3.0]])).solve([3.0, 4.0])
     array([1., 1.])
     """
+    matrix = sp.csc_matrix(matrix, dtype=np.float64)
+    n = matrix.shape[0]
+    if matrix.shape != (n, n) or n == 0:
+        raise InputError(f"the matrix has shape {matrix.shape}; it must be square and not empty")
+    if not _all_finite(matrix.data):
+        raise InputError("the matrix holds NaN or infinite values")
+    size = abs(matrix).sum(axis=0).max()
+    for shift in (0.0, 1e-10 * size):
+        shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
+        for name, decompose in _backends(n, indefinite):
+            try:
+                order, pivots, solve = decompose(shifted)
+            except (RuntimeError, ArithmeticError):  # a zero pivot, or not positive definite
+                continue
+            if shift == 0 and _cancelled(matrix, order, pivots):
+                break
+            error, residual = _probe(matrix, solve)
+            if not error <= _LARGEST_ERROR:  # also when it is not a number
+                break
+            steps = 0
+            if residual > _BACKWARD_ERROR * size:  # refine to rounding
+                steps = math.ceil(math.log(1e-16 * size / residual) / math.log(max(error, 1e-16)))
+            return Factorization(int((pivots < 0).sum()), name, matrix, solve, steps)
+    raise SolverError("the matrix is singular, too close to singular, or not symmetric")
+
+
+def _backends(n: int, indefinite: bool) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Name the backends to try, best first."""
+    if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
+        yield "cholmod", _cholmod
+    if not _installed("qdldl"):
+        yield "superlu", _superlu
+    elif n >= _NUMBA_PAYS and _installed("numba"):
+        yield "qdldl+numba", functools.partial(_qdldl, compiled=True)
+    else:
+        yield "qdldl", functools.partial(_qdldl, compiled=False)
+
+
+def _installed(package: str) -> bool:
+    return find_spec(package) is not None
+
+
+def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _Solve]:
+    import qdldl
+
+    solver = qdldl.Solver(matrix)
+    lower, pivots, order = solver.factors()
+    if not compiled:
+        return order, pivots, lambda rhs: np.column_stack([solver.solve(c) for c in rhs.T])
+    factor = (
+        np.asarray(order, dtype=np.int64),
+        np.asarray(lower.indptr, dtype=np.int64),
+        np.asarray(lower.indices, dtype=np.int32),
+        lower.data,
+        1 / pivots,
+    )
+    return order, pivots, functools.partial(_solve_in_chunks, factor)
+
+
+def _solve_in_chunks(factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
+    from unbend.linalg._triangular import chunk_solver
+
+    solution = np.empty_like(rhs)
+    count = rhs.shape[1]
+    # One column, half a chunk or a chunk: eight columns cost little more than one.
+    width = 1 if count == 1 else _CHUNK // 2 if count <= _CHUNK // 2 else _CHUNK
+    solve = chunk_solver(width)
+    run_all(
+        functools.partial(solve, *factor, rhs, solution, first) for first in range(0, count, width)
+    )
+    return solution
+
+
+def _cholmod(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
+    from sksparse import cholmod
+
     try:
-        lu = spla.splu(
-            sp.csc_matrix(matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise SolverError(f"the matrix is singular and cannot be factorised ({error})") from None
-    return Factorization(n_negative=int((lu.U.diagonal() < 0).sum()), _lu=lu)
+        factor = cholmod.cholesky(matrix, ordering_method="amd")
+    except cholmod.CholmodError as error:
+        raise ArithmeticError("not positive definite") from error
+    return factor.P(), factor.D(), factor
+
+
+def _superlu(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
+    factor = spla.splu(
+        matrix,
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+    if not np.array_equal(factor.perm_r, factor.perm_c):
+        raise ArithmeticError("a pivot off the diagonal: the inertia would be lost")
+    return np.argsort(factor.perm_c), factor.U.diagonal(), factor.solve
+
+
+def _cancelled(matrix: SparseMatrix, order: Any, pivots: FloatArray) -> bool:
+    """Tell whether some pivot is nothing but rounding errors."""
+    diagonal = np.abs(matrix.diagonal()[order])
+    return bool((np.abs(pivots) <= _SMALLEST_PIVOT * diagonal).any())
+
+
+def _probe(matrix: SparseMatrix, solve: _Solve) -> tuple[float, float]:
+    """Measure the share of an error that a refinement step leaves, and the largest residual."""
+    known = np.random.default_rng(0).choice([-1.0, 1.0], (matrix.shape[0], 1))
+    with np.errstate(all="ignore"):
+        first = known - solve(matrix @ known)
+        residual = matrix @ first
+        second = first - solve(residual)
+        size = np.linalg.norm(first)
+        # An error within rounding of the solution is as good as none: its share says nothing.
+        floor = 1e-15 * np.linalg.norm(known)
+        share = float(np.linalg.norm(second) / max(size, floor))
+        return share, float(np.abs(residual).max())
+
+
+def _all_finite(values: FloatArray) -> bool:
+    # The sum is one pass without a temporary; only an overflow needs the second look.
+    with np.errstate(all="ignore"):
+        return bool(np.isfinite(values.sum()) or np.isfinite(values).all())

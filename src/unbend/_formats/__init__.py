@@ -1,0 +1,161 @@
+"""One file per mesh format: ``read(data) -> Contents`` and ``write(file, mesh, ...)``.
+
+These readers are unbend's own because vertex order is sacred: general loaders merge, split or
+reorder vertices when a file has texture coordinates, and accept truncated files in silence.
+They raise FileError and MeshError without the file's name; :mod:`unbend.io` puts it in front.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError, MeshError
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What a reader found: positions, triangles, and what it did to get them."""
+
+    vertices: FloatArray
+    faces: IntArray
+    notes: tuple[str, ...] = ()
+
+
+NO_FACES: IntArray = np.empty((0, 3), dtype=np.int64)
+
+
+def text_lines(data: bytes, format_name: str) -> list[str]:
+    """Split a text file into lines, whatever its line ends, or say why it is not text."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise FileError("this is UTF-16 text; save it again as UTF-8")
+    if b"\0" in data:
+        raise FileError(f"holds binary data, so it is not a text {format_name} file")
+    # Old files carry comments and names in other encodings. They do no harm there; inside the
+    # data, the replacement character fails as "not a number" and is reported with its place.
+    text = data.removeprefix(b"\xef\xbb\xbf").decode("utf-8", errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def data_lines(data: bytes, format_name: str) -> list[str]:
+    """Lines of a text file without ``#`` comments and blank lines."""
+    lines = text_lines(data, format_name)
+    if b"#" in data:
+        lines = [line.partition("#")[0] for line in lines]
+    return [line for line in lines if line and not line.isspace()]
+
+
+def count(token: str, what: str) -> int:
+    """Read a count written in a header."""
+    try:
+        value = int(token)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise FileError(f"{token[:40]!r} is not a number of {what}; correct the header")
+    return value
+
+
+def positions(rows: Sequence[Sequence[str]], what: str = "vertex") -> FloatArray:
+    """Turn the first three words of each row into a position."""
+    return _numbers([row[:3] for row in rows], np.float64, "number", what)
+
+
+def _numbers(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) -> npt.NDArray[Any]:
+    """Convert rows of three words; if that fails, find and name the first bad one."""
+    if not rows:
+        return np.empty((0, 3), dtype=dtype)
+    try:
+        array = np.array(rows, dtype=dtype)
+        if array.shape == (len(rows), 3):
+            return array
+    except (ValueError, OverflowError):
+        pass
+    for index, row in enumerate(rows):
+        if len(row) < 3:
+            raise FileError(f"{what} {index} has {len(row)} numbers instead of 3")
+        for word in row:
+            try:
+                np.array([word], dtype=dtype)
+            except (ValueError, OverflowError):
+                raise FileError(f"{what} {index} holds {word[:40]!r}, not a {kind}") from None
+    raise FileError(f"{what} rows do not form a table of numbers")  # pragma: no cover
+
+
+def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArray, list[str]]:
+    """Triangles from rows that hold a count, that many vertex indices, and perhaps more."""
+    if all(row[0] == "3" and len(row) > 3 for row in rows):
+        return _numbers([row[1:4] for row in rows], np.int64, "vertex index", "face"), []
+    sizes = []
+    for index, row in enumerate(rows):
+        size = int(row[0]) if row[0].isdecimal() and len(row[0]) < 10 else -1
+        if size < 0:
+            raise FileError(f"face {index} holds {row[0][:40]!r}, not a number of vertices")
+        if len(row) <= size:
+            raise FileError(f"face {index} promises {size} vertices but names {len(row) - 1}")
+        sizes.append(size)
+    words = [row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)]
+    try:
+        flat = np.array([int(word) for word in chain.from_iterable(words)], dtype=np.int64)
+    except (ValueError, OverflowError):
+        for index, row in enumerate(words):
+            for word in row:
+                if not word.removeprefix("-").isdecimal() or len(word) > 18:
+                    raise FileError(
+                        f"face {index} holds {word[:40]!r}, not a vertex index"
+                    ) from None
+        raise
+    return triangulate(np.array(sizes, dtype=np.int64), flat, n_vertices)
+
+
+def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[IntArray, list[str]]:
+    """Split polygons into fans of triangles, in order.
+
+    Parameters
+    ----------
+    sizes : (m,) ndarray of int64
+        Corners of each polygon.
+    corners : (sum(sizes),) ndarray of int64
+        Their vertex indices, one polygon after the other.
+    n_vertices : int
+        Number of vertices, to refuse an index here: after splitting, the faces count differently
+        from the file's.
+
+    Returns
+    -------
+    faces : (k, 3) ndarray of int64
+    notes : list of str
+        What was done, empty if all were triangles.
+    """
+    starts = np.cumsum(sizes) - sizes
+    outside = np.flatnonzero((corners < 0) | (corners >= n_vertices))
+    if len(outside):
+        face = int(np.searchsorted(starts + sizes, outside[0], side="right"))
+        raise MeshError(
+            f"face {face} names vertex {corners[outside[0]]}, but the vertices are numbered "
+            f"0 to {n_vertices - 1}; correct or remove that face"
+        )
+    n_triangles = np.maximum(sizes - 2, 0)
+    owner = np.repeat(np.arange(len(sizes)), n_triangles)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
+    apex = starts[owner]
+    faces = np.column_stack([corners[apex], corners[apex + step + 1], corners[apex + step + 2]])
+    notes = []
+    if n_polygons := int((sizes > 3).sum()):
+        notes.append(f"{plural(n_polygons, 'polygon')} split into triangles")
+    if n_lines := int((sizes < 3).sum()):
+        notes.append(f"{plural(n_lines, 'face')} with fewer than 3 vertices left out")
+    return faces.reshape(-1, 3), notes
+
+
+def table(array: npt.NDArray[Any], prefix: str = "") -> bytes:
+    """Write rows as text in which every number reads back exactly."""
+    lines = [f"{prefix}{' '.join(map(repr, row))}\n" for row in array.tolist()]
+    return "".join(lines).encode()

@@ -1,0 +1,179 @@
+"""Edges, components and fans of a triangle mesh, as whole-array operations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from unbend._types import BoolArray, FloatArray, IntArray
+
+# A face is degenerate when its height over its longest edge is at most this fraction of that
+# edge. It is about the square root of double precision: below it, the cotangent of the smallest
+# angle has lost half of its digits and outweighs every other face.
+DEGENERATE_HEIGHT = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The undirected edges of a mesh.
+
+    Attributes
+    ----------
+    ends : (n_edges, 2) ndarray of int64
+        Vertex indices, the lower one first.
+    n_faces : (n_edges,) ndarray of int64
+        Faces at each edge.
+    n_upward : (n_edges,) ndarray of int64
+        How many of them walk from the lower to the higher vertex index.
+    of_side : (3 * m,) ndarray of int64
+        Edge of side ``k`` (from corner ``k`` to the next one) of face ``i``, at ``3 * i + k``.
+    """
+
+    ends: IntArray
+    n_faces: IntArray
+    n_upward: IntArray
+    of_side: IntArray
+
+
+def find_edges(faces: IntArray, n_vertices: int) -> Edges:
+    """Collect the edges of faces that name three different vertices."""
+    tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    low, high = np.minimum(tail, head), np.maximum(tail, head)
+    key = low * n_vertices + high
+    order = np.argsort(key)
+    ordered = key[order]
+    is_new = np.ones(len(key), dtype=bool)
+    is_new[1:] = ordered[1:] != ordered[:-1]
+    starts = np.flatnonzero(is_new)
+    of_side = np.empty(len(key), dtype=np.int64)
+    of_side[order] = np.cumsum(is_new) - 1
+    representative = order[starts]
+    return Edges(
+        ends=np.column_stack([low[representative], high[representative]]),
+        n_faces=np.diff(np.append(starts, len(key))),
+        n_upward=np.bincount(of_side[tail < head], minlength=len(starts)),
+        of_side=of_side,
+    )
+
+
+def group_rows(rows: IntArray, n_groups: int) -> IntArray:
+    """Label rows so that rows that share a group, directly or through others, share a label.
+
+    Parameters
+    ----------
+    rows : (m, k) ndarray of int64
+        The groups that each row belongs to, 0 to ``n_groups - 1``.
+
+    Returns
+    -------
+    (m + n_groups,) ndarray of int64
+        Labels of the rows, then of the groups; a group without rows has a label of its own.
+    """
+    m, k = rows.shape
+    # Rows and groups are the nodes of a bipartite graph whose CSR arrays need no sorting.
+    indptr = np.concatenate([np.arange(m + 1) * k, np.full(n_groups, m * k)])
+    size = m + n_groups
+    data = np.ones(m * k, dtype=np.int8)
+    graph = csr_matrix((data, rows.ravel() + m, indptr), shape=(size, size))
+    labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """The connected components, largest first.
+
+    Attributes
+    ----------
+    of_vertex : (n,) ndarray of int64
+        Component of each vertex, -1 for vertices that no face uses.
+    n_vertices, n_faces : (n_components,) ndarray of int64
+    """
+
+    of_vertex: IntArray
+    n_vertices: IntArray
+    n_faces: IntArray
+
+
+def find_components(faces: IntArray, n_vertices: int) -> Components:
+    """Group the vertices that faces connect."""
+    label = group_rows(faces, n_vertices)[len(faces) :]
+    used = np.zeros(n_vertices, dtype=bool)
+    used[faces] = True
+    labels, first, number = np.unique(label[used], return_index=True, return_inverse=True)
+    vertex_count = np.bincount(number, minlength=len(labels))
+    compact = np.full(n_vertices, -1, dtype=np.int64)
+    compact[used] = number
+    face_count = np.bincount(compact[faces[:, 0]], minlength=len(labels))
+    # Most vertices first, then most faces, then the earliest vertex: never up to chance.
+    order = np.lexsort([first, -face_count, -vertex_count])
+    rank = np.empty(len(labels), dtype=np.int64)
+    rank[order] = np.arange(len(labels))
+    of_vertex = np.full(n_vertices, -1, dtype=np.int64)
+    of_vertex[used] = rank[number]
+    return Components(of_vertex, vertex_count[order], face_count[order])
+
+
+def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
+    """Count vertices whose faces form more than one fan.
+
+    Two faces at a vertex are in the same fan if a chain of edges at that vertex joins them.
+    """
+    if len(faces) == 0:
+        return 0
+    side = edges.of_side.reshape(-1, 3)
+    # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
+    leaving, arriving = side, side[:, [2, 0, 1]]
+    pairs = np.stack(
+        [
+            2 * leaving + (edges.ends[leaving, 1] == faces),
+            2 * arriving + (edges.ends[arriving, 1] == faces),
+        ],
+        axis=-1,
+    )
+    fan = group_rows(pairs.reshape(-1, 2), 2 * len(edges.ends))[: faces.size]
+    corner_of_fan = np.unique(fan, return_index=True)[1]
+    fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
+    return int((fans_at_vertex > 1).sum())
+
+
+def has_repeated_index(faces: IntArray) -> BoolArray:
+    """Which faces name a vertex twice."""
+    a, b, c = faces.T
+    repeated: BoolArray = (a == b) | (b == c) | (c == a)
+    return repeated
+
+
+def proper_faces(faces: IntArray) -> IntArray:
+    """Select the faces that name three different vertices: only they have edges."""
+    repeated = has_repeated_index(faces)
+    return faces[~repeated] if repeated.any() else faces
+
+
+def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
+    """Which faces are degenerate (see ``DEGENERATE_HEIGHT``), and the area of all.
+
+    Lengths are measured in units of the longest, so that no product overflows or vanishes in
+    whatever unit of length the mesh comes.
+    """
+    if len(faces) == 0:
+        return np.empty(0, dtype=bool), 0.0
+    a, b, c = (vertices[faces[:, k]] / 4 for k in range(3))  # / 4: no difference overflows
+    u, v = b - a, c - a
+    scale = float(max(u.max(), -u.min(), v.max(), -v.min()))
+    if scale > 0:
+        u /= scale
+        v /= scale
+    normal = np.empty_like(u)  # np.cross, without its temporaries
+    normal[:, 0] = u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]
+    normal[:, 1] = u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]
+    normal[:, 2] = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    twice_area = np.sqrt(np.einsum("ij,ij->i", normal, normal))
+    w = v - u
+    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", x, x) for x in (u, v, w)])
+    degenerate: BoolArray = twice_area <= DEGENERATE_HEIGHT * longest_squared
+    area = float(twice_area.sum()) / 2 * (4 * scale) * (4 * scale)
+    return degenerate | has_repeated_index(faces), area

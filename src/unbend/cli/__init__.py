@@ -1,0 +1,90 @@
+"""The command line: one file per command, no numerics.
+
+To add a command, write ``cli/NAME.py`` with a function that takes typer parameters, and add it to
+``COMMANDS``. Import numerical modules inside that function: ``unbend --help`` must not wait for
+them. End its docstring with examples as in ``check.py``. Raise :class:`unbend.errors.UnbendError`
+for anything the user can put right; it is turned into one sentence and exit code 2 here, in one
+place.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from unbend import __version__
+from unbend.cli import check
+from unbend.cli._common import EXIT_REFUSED, print_warning, say
+from unbend.errors import UnbendError
+
+COMMANDS = (check.check,)
+
+_EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
+_EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away
+
+
+class _Group(TyperGroup):
+    """Turns what a command raises into a sentence and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            with warnings.catch_warnings():
+                warnings.showwarning = print_warning  # type: ignore[assignment]
+                result = super().invoke(ctx)
+                sys.stdout.flush()  # a closed pipe shows here rather than at exit
+                return result
+        except UnbendError as error:
+            say("error", str(error))
+            raise typer.Exit(EXIT_REFUSED) from None
+        except KeyboardInterrupt:
+            say("interrupted", "no file was left half-written")
+            raise typer.Exit(_EXIT_INTERRUPTED) from None
+        except BrokenPipeError:
+            # Python would flush stdout again at exit and complain; give it somewhere to write.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+
+
+app = typer.Typer(
+    name="unbend",
+    cls=_Group,
+    help="Pose-free canonical forms of deformable 3-D shapes.",
+    epilog="unbend COMMAND --help explains a command and shows examples.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,  # plain help: rich would double the time it takes
+    pretty_exceptions_enable=False,
+)
+for _command in COMMANDS:
+    app.command()(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"unbend {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Take the options that come before a command."""
+
+
+def main() -> None:
+    """Run the command line; the ``unbend`` script calls this."""
+    try:
+        app()
+    except KeyboardInterrupt:  # before a command began
+        raise SystemExit(_EXIT_INTERRUPTED) from None

@@ -1,0 +1,143 @@
+"""A growing orthonormal basis of a Krylov space, with the operator projected onto it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+
+from unbend._types import FloatArray
+from unbend.errors import SolverError
+from unbend.linalg._threads import combine, inner
+
+Operator = Callable[[FloatArray], FloatArray]
+
+_KEPT = 1e-4  # a block that loses more of its length to the basis is orthogonalised again
+_PERIOD = 8  # two blocks in so many are orthogonalised twice: see KrylovBasis
+_LOST = 1e-13  # a direction that loses all but this lies in the basis: rounding errors remain
+
+
+class KrylovBasis:
+    """Orthonormal columns Q and the projection T = Q^T op(Q) of a symmetric operator.
+
+    Block Lanczos without restarts and with full orthogonalisation. The operator has been applied
+    to the first ``done`` columns, so ``op(Q[:, :done]) = Q T[:, :done]`` holds to rounding; the
+    columns after them are the next block. T is kept whole, not as a band, which lets a random
+    block enter at any time.
+
+    One pass of orthogonalisation leaves errors that grow from block to block by a small factor.
+    Two blocks in a row orthogonalised twice start that growth anew, as each is computed from
+    the two before it; to do so now and then costs much less than doing everything twice.
+
+    Parameters
+    ----------
+    operator : callable
+        Symmetric; takes (n, b) arrays.
+    n : int
+        Size of the operator.
+    block_size : int
+        Number of columns in the first block.
+    rng : numpy.random.Generator
+        Source of the starting block.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._krylov import KrylovBasis
+    >>> diagonal = np.arange(9.0)[:, None]
+    >>> basis = KrylovBasis(lambda x: diagonal * x, 9, 2, np.random.default_rng(0))
+    >>> for _ in range(4):
+    ...     basis.grow()
+    >>> values, vectors, coupling = basis.ritz()
+    >>> vectors.shape, coupling.shape
+    ((8, 8), (1, 8))
+    """
+
+    def __init__(
+        self, operator: Operator, n: int, block_size: int, rng: np.random.Generator
+    ) -> None:
+        self.n, self.done, self.size = n, 0, 0
+        self._steps = 0
+        self._operator, self._rng = operator, rng
+        self._columns = np.empty((n, 0), order="F")
+        self._projection = np.zeros((0, 0))
+        self.add_random(block_size)
+
+    def add_random(self, count: int) -> None:
+        """Put random columns into the next block: new directions for what the old ones miss."""
+        self._append(self._rng.standard_normal((self.n, min(count, self.n - self.size))))
+
+    def grow(self) -> None:
+        """Apply the operator to the next block, and append what is new in the result."""
+        block = slice(self.done, self.size)
+        image = self._operator(np.ascontiguousarray(self._columns[:, block]))
+        if not np.isfinite(image.sum()):
+            raise SolverError("the operator returned NaN or infinite values")
+        self.done = self.size
+        self._steps += 1
+        coefficients = self._append(np.array(image, dtype=np.float64))
+        self._projection[: self.size, block] = coefficients
+
+    def ritz(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Diagonalise the projection.
+
+        Returns
+        -------
+        values : (done,) array, ascending
+        vectors : (done, done) array
+            Coordinates of the Ritz vectors in the basis.
+        coupling : (size - done, done) array
+            Coordinates of the residuals ``op(x) - value * x`` in the next block.
+        """
+        square = self._projection[: self.done, : self.done]
+        if np.abs(square - square.T).max() > 1e-6 * np.abs(square).max():
+            raise SolverError("the operator is not symmetric")
+        values, vectors = scipy.linalg.eigh((square + square.T) / 2, driver="evd")
+        return values, vectors, self._projection[self.done : self.size, : self.done] @ vectors
+
+    def combine(self, coordinates: FloatArray) -> FloatArray:
+        """Form the vectors with these coordinates in the basis."""
+        return combine(None, self._columns[:, : len(coordinates)], coordinates)
+
+    def _append(self, block: FloatArray) -> FloatArray:
+        """Append the block's new directions; return its coordinates in the basis so extended."""
+        count = block.shape[1]
+        room = min(count, self.n - self.size)
+        old = self._columns[:, : self.size]
+        along = np.zeros((self.size, count))
+        beyond = np.eye(count)
+        before = np.linalg.norm(block, axis=0).max()
+        thorough = self._steps % _PERIOD < 2
+        while True:
+            step = inner(old, block)
+            along += step @ beyond
+            combine(block, old, step)
+            # Rotate to the principal directions. The Gram matrix resolves short ones poorly, which
+            # is why their lengths are measured anew and the next pass starts from unit vectors.
+            rotation = np.linalg.eigh(inner(block, block))[1][:, ::-1][:, :room]
+            block = combine(None, block, rotation)
+            lengths = np.linalg.norm(block, axis=0)
+            alive = lengths > _LOST * before
+            beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)
+            block /= np.where(alive, lengths, 1.0)
+            if not thorough and (lengths > _KEPT * before).all():
+                break
+            thorough = False
+            fresh = self._rng.standard_normal((self.n, int((~alive).sum())))
+            block[:, ~alive] = fresh / np.sqrt(self.n)
+            before = 1.0
+        self._reserve(self.size + room)
+        self._columns[:, self.size : self.size + room] = block
+        self.size += room
+        return np.concatenate([along, beyond])
+
+    def _reserve(self, size: int) -> None:
+        if size <= self._columns.shape[1]:
+            return
+        capacity = min(self.n, max(size, 3 * self._columns.shape[1] // 2, 64))
+        columns = np.empty((self.n, capacity), order="F")
+        columns[:, : self.size] = self._columns[:, : self.size]
+        projection = np.zeros((capacity, capacity))
+        projection[: self.size, : self.size] = self._projection[: self.size, : self.size]
+        self._columns, self._projection = columns, projection

@@ -1,0 +1,167 @@
+"""Threads for work that releases the GIL, and matrix products over tall arrays."""
+
+from __future__ import annotations
+
+import functools
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import threadpoolctl
+
+from unbend._types import FloatArray
+
+_ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
+_pinned = threading.Lock()
+_pins: list[Any] = []
+
+
+def n_threads() -> int:
+    """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import n_threads
+    >>> n_threads() >= 1
+    True
+    """
+    asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
+    """Run every task, in threads where there are several tasks and several cores.
+
+    The threads live for this call only: a lasting pool would be dead, and its callers stuck,
+    in a forked process. Ctrl-C drops the tasks that have not begun.
+
+    Parameters
+    ----------
+    tasks : iterable of callables without arguments
+
+    Returns
+    -------
+    list
+        What they returned, in their order.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import run_all
+    >>> run_all([lambda: 1, lambda: 2])
+    [1, 2]
+    """
+    pending = list(tasks)
+    workers = min(n_threads(), len(pending))
+    if workers <= 1:
+        return [task() for task in pending]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(lambda task: task(), pending))
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Pin BLAS to one thread: its own threads lose more by waiting than narrow products gain.
+
+    Several threads may be inside at once; the last one out restores what the first one found.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import one_blas_thread
+    >>> with one_blas_thread():
+    ...     pass
+    """
+    with _pinned:
+        _pins.append(_blas().limit(limits=1, user_api="blas") if not _pins else None)
+    try:
+        yield
+    finally:
+        with _pinned:
+            # The limit was put first; take a later place instead while others are inside.
+            if len(_pins) > 1:
+                _pins.pop()
+            else:
+                _pins.pop().restore_original_limits()
+
+
+@functools.cache
+def _blas() -> Any:
+    return threadpoolctl.ThreadpoolController()  # it looks at every library loaded: slow
+
+
+def inner(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Compute ``left.T @ right`` of tall arrays, rows split among threads.
+
+    Parameters
+    ----------
+    left : (n, p) array of float64
+    right : (n, q) array of float64
+
+    Returns
+    -------
+    (p, q) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import inner
+    >>> inner(np.ones((4, 1)), np.ones((4, 2)))
+    array([[4., 4.]])
+    """
+    parts = run_all(
+        functools.partial(lambda rows: left[rows].T @ right[rows], rows) for rows in _rows(left)
+    )
+    total: FloatArray = functools.reduce(np.add, parts)
+    return total
+
+
+def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> FloatArray:
+    """Compute ``tall @ small``, or subtract it from ``target`` in place, in threads.
+
+    Parameters
+    ----------
+    target : (n, q) array of float64, or None
+        Changed in place; a new array is made for None.
+    tall : (n, p) array of float64
+    small : (p, q) array of float64
+
+    Returns
+    -------
+    (n, q) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import combine
+    >>> combine(None, np.ones((2, 1)), np.array([[3.0]])).tolist()
+    [[3.0], [3.0]]
+    """
+    if target is None:
+        result = np.empty((len(tall), small.shape[1]))
+
+        def work(rows: slice) -> None:
+            np.matmul(tall[rows], small, out=result[rows])
+    else:
+        result = target
+
+        def work(rows: slice) -> None:
+            result[rows] -= tall[rows] @ small
+
+    run_all(functools.partial(work, rows) for rows in _rows(tall))
+    return result
+
+
+def _rows(tall: FloatArray) -> list[slice]:
+    return [slice(start, start + _ROWS) for start in range(0, len(tall), _ROWS)]

@@ -1,0 +1,113 @@
+"""``unbend check`` says what is wrong, what will be done about it, and what to do next."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend.cli import app
+from unbend.io import write_mesh
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    return tmp_path
+
+
+def check(*arguments: str) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, ["check", *arguments])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_healthy_mesh(folder: Path) -> None:
+    write_mesh("t.off", (VERTICES, FACES))
+    code, out, err = check("t.off")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].split() == ["t.off", "found", "what", "unbend", "does"]
+    assert lines[1].split() == ["vertices", "4"]
+    assert lines[4].split() == ["boundary", "edges", "0", "closed"]
+    assert lines[-2:] == ["This mesh is healthy.", "Next: unbend canonical t.off OUT.ply"]
+    assert "degenerate" not in out
+
+
+def test_two_components_need_an_option(folder: Path) -> None:
+    write_mesh("two meshes.off", (np.vstack([VERTICES, VERTICES]), np.vstack([FACES, FACES + 4])))
+    code, out, _ = check("two meshes.off")
+    assert code == 0
+    assert "needs --component largest (vertices: 4, 4)" in out
+    assert "one component of this mesh" in out
+    assert "Next: unbend canonical 'two meshes.off' OUT.ply --component largest" in out
+
+
+def test_everything_at_once(folder: Path) -> None:
+    vertices = np.vstack([VERTICES, VERTICES[:1], [[9, 9, 9]]])
+    faces = np.vstack([FACES, FACES[:1], [[3, 3, 3]], [[1, 2, 4]]])
+    write_mesh("[odd].off", (vertices, faces))
+    code, out, _ = check("[odd].off")
+    assert code == 0
+    assert "[odd].off" in out
+    for what in ("degenerate faces", "non-manifold edges", "unreferenced vertices"):
+        assert what in out
+    assert "duplicate vertices" in out
+    assert "uses the robust Laplacian" in out
+    assert "unbend can work with this mesh." in out
+
+
+def test_a_refusal_says_why(folder: Path) -> None:
+    write_mesh("three.off", (VERTICES[:3], FACES[:1] * 0 + [0, 1, 2]))
+    code, out, _ = check("three.off")
+    assert code == 2
+    assert "unbend cannot work with this mesh: three.off: faces use only 3 vertices" in out
+    assert "Next" not in out
+
+
+def test_notes_of_the_reader_are_shown(folder: Path) -> None:
+    write_mesh("t.stl", (VERTICES, FACES))
+    assert "welded" in check("t.stl")[1]
+
+
+def test_points(folder: Path) -> None:
+    write_mesh("p.xyz", VERTICES)
+    code, out, _ = check("p.xyz")
+    assert code == 0
+    assert "treated as a point cloud" in out
+
+
+def test_an_unreadable_file_is_one_sentence(folder: Path) -> None:
+    (folder / "cut.off").write_text("OFF\n9 9 9\n")
+    code, out, err = check("cut.off")
+    assert (code, out) == (2, "")
+    assert err.startswith("error: cut.off: truncated")
+    assert err.count("\n") == 1
+
+
+def test_json(folder: Path) -> None:
+    write_mesh("p.xyz", VERTICES)
+    code, out, _ = check("p.xyz", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert (found["n_vertices"], found["edge_min"], found["usable"]) == (4, None, True)
+    write_mesh("p.xyz", VERTICES[:2])
+    code, out, _ = check("p.xyz", "--json")
+    assert code == 2
+    assert json.loads(out)["usable"] is False
+
+
+def test_real_shapes() -> None:
+    if "UNBEND_DATA" not in os.environ:
+        pytest.skip("UNBEND_DATA is unset: it names a folder with tosca_remeshed/*.off")
+    path = Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed" / "david0.off"
+    code, out, _ = check(str(path))
+    assert code == 0
+    assert "5,000" in out

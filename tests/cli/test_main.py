@@ -1,0 +1,157 @@
+"""The command line as a whole: help is quick, mistakes are one sentence, tracebacks are bugs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import unbend
+from unbend.cli import _common, app, main
+from unbend.errors import InputError, MeshError, UnbendWarning
+
+RUN = [sys.executable, "-c", "from unbend.cli import main; main()"]
+
+
+@pytest.fixture
+def run_command(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], None]], object]:
+    """Run a function as if it were a command."""
+
+    def run(function: Callable[[], None]) -> object:
+        monkeypatch.setattr(app, "registered_commands", list(app.registered_commands))
+        app.command("try")(function)
+        return CliRunner().invoke(app, ["try"])
+
+    return run
+
+
+def test_help_imports_no_numerics() -> None:
+    code = (
+        "import sys\nfrom unbend.cli import main\n"
+        "try: main()\nexcept SystemExit as e: assert not e.code\n"
+        "heavy = {'numpy', 'scipy', 'trimesh', 'numba', 'matplotlib'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "check" in done.stdout
+
+
+def test_without_arguments_help_is_shown() -> None:
+    assert "Commands" in CliRunner().invoke(app, []).output
+
+
+def test_every_command_shows_examples() -> None:
+    for command in app.registered_commands:
+        assert command.callback is not None
+        result = CliRunner().invoke(app, [command.callback.__name__, "--help"])
+        assert result.exit_code == 0
+        lines = [line.strip() for line in result.output.splitlines()]
+        example = lines[lines.index("Examples:") + 1]
+        assert example.startswith(f"unbend {command.callback.__name__} ")
+
+
+def test_version() -> None:
+    assert CliRunner().invoke(app, ["--version"]).output == f"unbend {unbend.__version__}\n"
+
+
+def test_an_unknown_command() -> None:
+    assert CliRunner().invoke(app, ["chek"]).exit_code == 2
+
+
+def test_mistakes_are_one_sentence(run_command: Callable[..., object]) -> None:
+    def fail() -> None:
+        raise MeshError("cat.off: vertex 3 is not finite")
+
+    result = run_command(fail)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == "error: cat.off: vertex 3 is not finite\n"
+
+
+def test_an_interruption_is_one_line(run_command: Callable[..., object]) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    result = run_command(interrupt)
+    assert result.exit_code == 130
+    assert result.stderr == "interrupted: no file was left half-written\n"
+
+
+def test_warnings_are_one_line(run_command: Callable[..., object]) -> None:
+    def warn() -> None:
+        warnings.simplefilter("always")
+        warnings.warn("3 vertices were dropped", UnbendWarning, stacklevel=1)
+        warnings.warn("of other origin", RuntimeWarning, stacklevel=1)
+
+    result = run_command(warn)
+    assert result.stderr == (
+        "warning: 3 vertices were dropped\nwarning (RuntimeWarning): of other origin\n"
+    )
+
+
+def test_bugs_stay_tracebacks(run_command: Callable[..., object]) -> None:
+    def bug() -> None:
+        raise ZeroDivisionError
+
+    assert isinstance(run_command(bug).exception, ZeroDivisionError)
+
+
+def test_a_closed_pipe_is_quiet() -> None:
+    code = (
+        "import typer, unbend.cli as c\n"
+        "@c.app.command()\ndef many():\n"
+        "    for i in range(100_000): typer.echo(i)\n"
+        "c.main()"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "many"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() == 141
+
+
+def test_an_interruption_before_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(typer.Typer, "__call__", interrupt)
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 130
+
+
+def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    np = pytest.importorskip("numpy")
+    _common.print_json({"a": np.array([1.5, np.nan]), "b": (np.int64(3), float("inf")), "c": "x"})
+    assert json.loads(capsys.readouterr().out) == {"a": [1.5, None], "b": [3, None], "c": "x"}
+
+
+def test_components_are_largest_or_numbers() -> None:
+    assert _common.parse_component(None) is None
+    assert _common.parse_component("largest") == "largest"
+    assert _common.parse_component("12") == 12
+    with pytest.raises(InputError, match="largest or a number"):
+        _common.parse_component("-1")
+
+
+def test_notes_and_times_go_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    _common.print_notes(["one", "two"])
+    with _common.timed("factorisation"):
+        pass
+    with _common.timed("nothing", quiet=True):
+        pass
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("note: one\nnote: two\ntime: factorisation 0.0")
+    assert "nothing" not in captured.err
