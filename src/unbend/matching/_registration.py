@@ -13,13 +13,18 @@ import scipy.sparse as sp
 
 from unbend._kernels import edge_covariances, rotated_divergence, walk
 from unbend._types import FloatArray, IntArray
-from unbend.linalg.factorization import factorize
+from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching._shape import Shape, vertex_normals
 
-_STEPS = 20
-# Pull towards the target, in units of 1 / area: the square of this is a length over which
-# stiffness and pull balance, from a fifth of sqrt(area) down to a thirtieth.
-_PULL = (30.0, 1000.0)
+# Pull towards the target, in units of 1 / area: stiffness and pull balance over a length that is
+# the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
+_PULLS = (300.0, 1000.0, 3000.0)
+_STEPS_PER_PULL = 5
+# Rotations are averaged over about this length: limbs turn as wholes, which keeps their ends
+# from sliding, yet joints still bend.
+_TURNING_LENGTH = 0.03
+# Closest points are sought from where the last step leads to, which speeds up a slow slide.
+_MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
 
 
@@ -50,21 +55,28 @@ def register(
     basis = source.basis[:, :k]
     posed = basis @ (functional_map @ target.position_coefficients[:k])
     smooth = basis @ source.position_coefficients[:k]
-    rotations = _rotations(source, smooth, posed)
-    forward, backward = source_to_target, target_to_source
     spokes = source.spokes
     stiffness = sp.diags(np.asarray(spokes.sum(axis=1)).ravel()) - spokes
-    for step, pull in enumerate(np.geomspace(*_PULL, _STEPS)):
-        if step:
-            forward, backward = _closest(source, target, posed, forward, backward)
-        weights = source.areas + np.bincount(backward, target.areas, len(source.areas))
-        goal = source.areas[:, None] * target.vertices[forward]
-        goal += _scatter(backward, target.areas[:, None] * target.vertices, len(goal))
-        right = rotated_divergence(
-            spokes.indptr, spokes.indices, spokes.data, source.vertices, rotations
-        )
-        posed = factorize(stiffness + sp.diags(pull * weights)).solve(right + pull * goal)
-        rotations = _rotations(source, source.vertices, posed)
+    mass = sp.diags(source.areas)
+    average = factorize(mass + _TURNING_LENGTH**2 * stiffness)
+    rotations = _rotations(source, average, smooth, posed)
+    forward, backward = source_to_target, target_to_source
+    ahead = posed
+    for stage, pull in enumerate(_PULLS):
+        # Both directions pull, each with the whole area: on average twice a vertex's own.
+        system = factorize(stiffness + 2 * pull * mass)
+        for step in range(_STEPS_PER_PULL):
+            if stage + step:
+                forward, backward = _closest(source, target, ahead, forward, backward)
+            force = source.areas[:, None] * (target.vertices[forward] + ahead)
+            force += _scatter(backward, target.areas[:, None] * target.vertices, len(ahead))
+            force -= np.bincount(backward, target.areas, len(ahead))[:, None] * ahead
+            turned = rotated_divergence(
+                spokes.indptr, spokes.indices, spokes.data, source.vertices, rotations
+            )
+            before, posed = posed, system.solve(turned + pull * force)
+            rotations = _rotations(source, average, source.vertices, posed)
+            ahead = posed + _MOMENTUM * (posed - before)
     for _ in range(2):
         forward, backward = _closest(source, target, posed, forward, backward)
     return forward, backward, posed
@@ -150,10 +162,13 @@ def _closest(
     return walk(left, right, forward, *ours, *theirs), walk(right, left, backward, *theirs, *ours)
 
 
-def _rotations(source: Shape, rest: FloatArray, posed: FloatArray) -> FloatArray:
+def _rotations(
+    source: Shape, average: Factorization, rest: FloatArray, posed: FloatArray
+) -> FloatArray:
     """Rotation of each vertex's neighbourhood that best explains its edges, (n, 3, 3)."""
     spokes = source.spokes
     cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, posed)
+    cross = average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
     left, _, right = np.linalg.svd(cross)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
     return np.asarray(np.matmul(right.transpose(0, 2, 1), left.transpose(0, 2, 1)))

@@ -56,9 +56,9 @@ def search(
     maps = _diagonals(k)
     pairs = pairs_of(maps)
     last = min(_LAST, available)
-    for k in [*range(k + 2, last, 2), last]:
-        sized = forms[0][:, :k], forms[1][:, :k]
-        starts = np.concatenate([orthogonal_maps(*sized, pairs), _extended(maps, k)])
+    for size in [*range(k + 2, last, 2), last]:
+        sized = forms[0][:, :size], forms[1][:, :size]
+        starts = np.concatenate([orthogonal_maps(*sized, pairs), _extended(maps, size)])
         pairs = pairs_of(starts)
         best = np.argsort(pairs.residual, kind="stable")[: 4 * beam]
         pairs = pairs_of(orthogonal_maps(*sized, _take(pairs, best)))
@@ -66,7 +66,7 @@ def search(
         best = _distinct(maps, np.argsort(pairs.residual, kind="stable"), beam)
         maps, pairs = maps[best], _take(pairs, best)
         if on_step is not None:
-            on_step(k / last)
+            on_step(size / last)
     return maps
 
 

@@ -129,7 +129,7 @@ def make_shape(
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Unit normals at vertices: area-weighted mean of the faces', (n, 3)."""
+    """Average the faces' normals, weighted by area, at each vertex: (n, 3), unit length."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     n = len(vertices)
