@@ -10,14 +10,42 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from unbend.canonical import CanonicalForm as CanonicalForm
+    from unbend.canonical import canonical_form as canonical_form
+    from unbend.diagnosis import Diagnosis as Diagnosis
+    from unbend.diagnosis import diagnose as diagnose
+    from unbend.distances import distance as distance
+    from unbend.estimator import SpectralMDS as SpectralMDS
+    from unbend.interpolation import interpolate as interpolate
+    from unbend.io import read_mesh as read_mesh
+    from unbend.io import write_mesh as write_mesh
+    from unbend.laplace import Laplacian as Laplacian
+    from unbend.laplace import laplacian as laplacian
     from unbend.mesh import Mesh as Mesh
     from unbend.mesh import as_mesh as as_mesh
+    from unbend.sampling import farthest_point_sampling as farthest_point_sampling
+    from unbend.spectra import Spectrum as Spectrum
+    from unbend.spectra import spectrum as spectrum
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "CanonicalForm": "canonical",
+    "Diagnosis": "diagnosis",
+    "Laplacian": "laplace",
     "Mesh": "mesh",
+    "SpectralMDS": "estimator",
+    "Spectrum": "spectra",
     "as_mesh": "mesh",
+    "canonical_form": "canonical",
+    "diagnose": "diagnosis",
+    "distance": "distances",
+    "farthest_point_sampling": "sampling",
+    "interpolate": "interpolation",
+    "laplacian": "laplace",
+    "read_mesh": "io",
+    "spectrum": "spectra",
+    "write_mesh": "io",
 }
 
 __all__ = sorted(_HOME)

@@ -98,6 +98,8 @@ class Mesh:
 
 
 def _vertex_array(vertices: Any, name: str) -> FloatArray:
+    if np.iscomplexobj(vertices):
+        raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
     try:
         array = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:

@@ -37,7 +37,7 @@ def test_a_healthy_mesh(folder: Path) -> None:
     assert lines[0].split() == ["t.off", "found", "what", "unbend", "does"]
     assert lines[1].split() == ["vertices", "4"]
     assert lines[4].split() == ["boundary", "edges", "0", "closed"]
-    assert lines[-2:] == ["This mesh is healthy.", "Next: unbend canonical t.off OUT.ply"]
+    assert lines[-2:] == ["This mesh is healthy.", "Next: unbend canonical t.off -o OUT.ply"]
     assert "degenerate" not in out
 
 
@@ -47,7 +47,7 @@ def test_two_components_need_an_option(folder: Path) -> None:
     assert code == 0
     assert "needs --component largest (vertices: 4, 4)" in out
     assert "one component of this mesh" in out
-    assert "Next: unbend canonical 'two meshes.off' OUT.ply --component largest" in out
+    assert "Next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
 
 
 def test_everything_at_once(folder: Path) -> None:

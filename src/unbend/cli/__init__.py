@@ -18,11 +18,11 @@ import typer
 from typer.core import TyperGroup
 
 from unbend import __version__
-from unbend.cli import check
+from unbend.cli import cache, canonical, check, distance
 from unbend.cli._common import EXIT_REFUSED, print_warning, say
-from unbend.errors import UnbendError
+from unbend.errors import UnbendError, UnbendWarning
 
-COMMANDS = (check.check,)
+COMMANDS = (check.check, canonical.canonical, distance.distance)
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
 _EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away
@@ -35,6 +35,7 @@ class _Group(TyperGroup):
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = print_warning  # type: ignore[assignment]
+                warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
                 sys.stdout.flush()  # a closed pipe shows here rather than at exit
                 return result
@@ -62,6 +63,7 @@ app = typer.Typer(
 )
 for _command in COMMANDS:
     app.command()(_command)
+app.add_typer(cache.app, name="cache")
 
 
 def _print_version(wanted: bool) -> None:

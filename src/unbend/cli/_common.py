@@ -1,16 +1,17 @@
-"""What commands share: messages on stderr, JSON on stdout, the --component option."""
+"""What commands share: options, messages on stderr, rows and JSON on stdout."""
 
 from __future__ import annotations
 
 import json
 import math
-import time
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 
+from unbend.choices import LaplacianKind
 from unbend.errors import InputError, UnbendWarning
 
 EXIT_REFUSED = 2
@@ -26,6 +27,18 @@ ComponentOption = Annotated[
         metavar="largest|NUMBER",
         help="Which connected component to keep; numbers count from 0, largest first.",
     ),
+]
+
+LaplacianOption = Annotated[
+    LaplacianKind,
+    typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
+]
+TimeOption = Annotated[
+    float, typer.Option("--time", help="Diffusion time, in units of the mesh's area.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of whatever is left to chance.")]
+CacheOption = Annotated[
+    bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for the next time.")
 ]
 
 
@@ -72,10 +85,20 @@ def parse_component(text: str | None) -> str | int | None:
     raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
 
 
+def print_rows(rows: Mapping[str, str]) -> None:
+    """Print names and values in two aligned columns to stdout."""
+    width = max(map(len, rows)) + 2
+    for name, value in rows.items():
+        typer.echo(f"{name:<{width}}{value}")
+
+
 @contextmanager
-def timed(what: str, *, quiet: bool = False) -> Iterator[None]:
-    """Say on stderr how long a step took."""
-    began = time.perf_counter()
-    yield
-    if not quiet:
-        say("time", f"{what} {time.perf_counter() - began:.2f} s")
+def steps_on_stderr() -> Iterator[Callable[[str], None]]:
+    """Show the step that is under way on stderr, if a person is watching."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as status:
+        yield lambda name: status.update(f"{name} ...")

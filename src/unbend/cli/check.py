@@ -71,7 +71,7 @@ def judge(shape: Mesh, path: str) -> Verdict:
     from unbend.errors import InputError
     from unbend.preparation import prepare
 
-    command = f"unbend canonical {shlex.quote(path)} OUT.ply"
+    command = f"unbend canonical {shlex.quote(path)} -o OUT.ply"
     try:
         prepared = prepare(shape)
     except InputError as refusal:

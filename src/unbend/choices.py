@@ -1,0 +1,15 @@
+"""The names that options take. Imports nothing, so that the command line can list them fast."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+LaplacianKind = Literal["auto", "cotangent", "robust"]
+AreaKind = Literal["voronoi", "barycentric"]
+DistanceKind = Literal["biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"]
+Method = Literal["auto", "exact", "sampled"]
+Weighting = Literal["uniform", "area"]
+Interpolation = Literal["projection", "least-squares"]
+
+# Diffusion time, in units of a surface's area, unless another is asked for.
+DIFFUSION_TIME = 0.1

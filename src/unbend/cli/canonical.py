@@ -1,0 +1,197 @@
+"""``unbend canonical``: the canonical form of a mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from unbend.choices import (
+    DIFFUSION_TIME,
+    DistanceKind,
+    Interpolation,
+    Method,
+    Weighting,
+)
+from unbend.cli._common import (
+    CacheOption,
+    ComponentOption,
+    JsonOption,
+    LaplacianOption,
+    MeshArgument,
+    SeedOption,
+    TimeOption,
+    parse_component,
+    print_json,
+    print_notes,
+    print_rows,
+    steps_on_stderr,
+)
+
+if TYPE_CHECKING:
+    from unbend.canonical import CanonicalForm
+    from unbend.mesh import Mesh
+
+_MESH_SUFFIXES = (".ply", ".off", ".obj")
+_TABLE_SUFFIXES = (".npy", ".csv")
+
+
+def canonical(
+    mesh: MeshArgument,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="OUT",
+            help="Where to write the form: .ply, .off or .obj with the mesh's faces "
+            "(dimension 3), .npy or .csv (any dimension).",
+        ),
+    ] = None,
+    dim: Annotated[int, typer.Option("--dim", help="Dimension of the form.")] = 3,
+    distance: Annotated[
+        DistanceKind, typer.Option("--distance", help="The distance that the form keeps.")
+    ] = "biharmonic",
+    method: Annotated[
+        Method,
+        typer.Option("--method", help="auto: exact where it exists (all but the geodesics)."),
+    ] = "auto",
+    weighting: Annotated[
+        Weighting, typer.Option("--weighting", help="Count vertices alike, or by their area.")
+    ] = "uniform",
+    eigenpairs: Annotated[
+        int, typer.Option("--eigenpairs", help="Eigenfunctions, in the sampled method.")
+    ] = 100,
+    samples: Annotated[
+        int, typer.Option("--samples", help="Sampled vertices, in the sampled method.")
+    ] = 200,
+    mu: Annotated[
+        float, typer.Option("--mu", help="Weight of samples over smoothness, likewise.")
+    ] = 1e4,
+    interpolation: Annotated[
+        Interpolation,
+        typer.Option("--interpolation", help="The paper's Eq. 15 or Eq. 14, likewise."),
+    ] = "projection",
+    time: TimeOption = DIFFUSION_TIME,
+    laplacian: LaplacianOption = "auto",
+    component: ComponentOption = None,
+    keep_scale: Annotated[
+        bool,
+        typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
+    ] = False,
+    seed: SeedOption = 0,
+    cache: CacheOption = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Unbend a mesh: its pose-free form, whose straight distances are the mesh's intrinsic ones.
+
+    The form has the mesh's vertices, in their order, and is at unit area unless --keep-scale is
+    given.
+
+    \b
+    Examples:
+      unbend canonical cat.off -o cat_canonical.ply
+      unbend canonical cat.off -o cat.npy --dim 10 --weighting area
+      unbend canonical cat.off --distance geodesic --samples 300 --json
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.canonical import canonical_form
+    from unbend.errors import InputError
+    from unbend.io import read_mesh
+
+    if out is not None:
+        suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
+        if suffix in _MESH_SUFFIXES and dim != 3:
+            raise InputError(
+                f"{suffix} files hold 3 dimensions, not {dim}; write the form as .npy or .csv"
+            )
+    with steps_on_stderr() as progress:
+        progress("reading")
+        shape = read_mesh(mesh)
+        form = canonical_form(
+            shape,
+            n_components=dim,
+            distance=distance,
+            method=method,
+            weighting=weighting,
+            n_eigenpairs=eigenpairs,
+            n_samples=samples,
+            mu=mu,
+            interpolation=interpolation,
+            time=time,
+            laplacian=laplacian,
+            component=parse_component(component),
+            keep_scale=keep_scale,
+            random_state=seed,
+            cache=cache,
+            progress=progress,
+        )
+        if out is not None:
+            progress("writing")
+            write_form(out, shape, form)
+    print_notes(shape.notes)
+    if as_json:
+        _print_json(mesh, shape, form, out)
+    else:
+        _print_summary(shape, form, out)
+
+
+def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
+    """Write a form in the format that the file's suffix names."""
+    import numpy as np
+
+    from unbend._files import atomic_write
+    from unbend.io import write_mesh
+    from unbend.mesh import Mesh
+
+    suffix = Path(out).suffix.lower()
+    if suffix in _MESH_SUFFIXES:
+        # Faces outside the chosen component have lost their vertices: no viewer could draw them.
+        whole = np.isfinite(form.points[shape.faces]).all(axis=(1, 2))
+        write_mesh(out, Mesh(form.points, shape.faces[whole]))
+        return
+    with atomic_write(out) as file:
+        if suffix == ".npy":
+            np.save(file, form.points)
+        else:
+            names = ",".join(f"x{i + 1}" for i in range(form.points.shape[1]))
+            np.savetxt(file, form.points, "%.17g", ",", header=names, comments="")
+
+
+def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, out: str | None) -> None:
+    print_json(
+        {
+            "mesh": mesh,
+            "out": out,
+            "vertices": shape.n_vertices,
+            "faces": shape.n_faces,
+            "method": form.method,
+            "distance": form.distance,
+            "weighting": form.weighting,
+            "laplacian": form.laplacian,
+            "area": form.area,
+            "eigenvalues": form.eigenvalues,
+            "stress": form.stress,
+            "seconds": form.seconds,
+            "warnings": [*shape.notes, *form.notes],
+        }
+    )
+
+
+def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None) -> None:
+    kind = f"{shape.n_faces:,} faces" if shape.n_faces else "a point cloud"
+    shown = [f"{value:.5g}" for value in form.eigenvalues[:8]]
+    rows = {
+        "mesh": f"{shape.name}, {shape.n_vertices:,} vertices, {kind}",
+        "form": f"{form.method} {form.distance}, {form.weighting} weights, "
+        f"{form.laplacian} Laplacian",
+        "eigenvalues": "  ".join(shown + ["..."] * (len(form.eigenvalues) > len(shown))),
+        "stress": f"{form.stress:.3f}",
+        "time": f"{sum(form.seconds.values()):.2f} s",
+    }
+    if out is None:
+        rows["next"] = "add -o OUT.ply to write the form"
+    else:
+        rows["written"] = out
+    print_rows(rows)

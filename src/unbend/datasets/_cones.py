@@ -1,0 +1,129 @@
+"""Rounded cones and the smooth implicit surface of their union."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+
+_CHUNK = 200_000  # point-cone pairs measured at once: what keeps the arrays in cache
+_CREASE = 0.2  # blend within a chain, as a share of the blend between chains
+
+
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """Rounded cones (convex hulls of two balls each) that flow into each other.
+
+    Cone ``i`` is flattened along the unit vector ``flats[i]`` by the factor ``1 + extra[i]``.
+    Cones of one chain are joined almost without rounding: they share a ball at each joint, and
+    rounding would swell it. Chains are joined over a distance of about ``blend``.
+    """
+
+    heads: FloatArray
+    tails: FloatArray
+    head_radii: FloatArray
+    tail_radii: FloatArray
+    flats: FloatArray
+    extra: FloatArray
+    chains: IntArray
+    blend: float
+
+    def turned(self, rotation: FloatArray, shift: FloatArray) -> Cones:
+        """Rotate the body, then shift it."""
+        return replace(
+            self,
+            heads=self.heads @ rotation.T + shift,
+            tails=self.tails @ rotation.T + shift,
+            flats=self.flats @ rotation.T,
+        )
+
+    def measure(
+        self, cones: IntArray, points: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distance, its gradient, and the radius nearby, for each cone with each point.
+
+        ``cones`` and ``points`` broadcast: (m,) with (m, 3), or (b, 1) with (n, 3).
+        """
+        flats, extra = self.flats[cones], self.extra[cones]
+        heads = self.heads[cones]
+        axes = _squeezed(self.tails[cones] - heads, flats, extra)
+        lengths = np.maximum(np.sqrt(_dot(axes, axes)), 1e-9)
+        axes = axes / lengths[..., None]
+        radii = self.head_radii[cones]
+        slopes = np.clip((self.tail_radii[cones] - radii) / lengths, -0.95, 0.95)
+        offsets = _squeezed(points - heads, flats, extra)
+        along = _dot(offsets, axes)
+        across = np.sqrt(np.maximum(_dot(offsets, offsets) - along**2, 0))
+        # The closest of the cone's balls: where |p - c(t)| - r(t) is smallest.
+        nearest = along + slopes / np.sqrt(1 - slopes**2) * across
+        nearest = np.clip(nearest, 0, lengths)
+        offsets -= nearest[..., None] * axes
+        far = np.sqrt(_dot(offsets, offsets))
+        offsets /= np.maximum(far, 1e-12)[..., None]
+        ball = radii + slopes * nearest
+        return far - ball, _squeezed(offsets, flats, extra), ball / (1 + extra)
+
+    def distances(self, points: FloatArray, cones: Sequence[int] | None = None) -> FloatArray:
+        """Signed distances, (n_cones, n_points)."""
+        which = np.arange(len(self.heads)) if cones is None else np.asarray(cones)
+        step = max(1, _CHUNK // len(which))
+        parts = [
+            self.measure(which[:, None], points[i : i + step])[0]
+            for i in range(0, len(points), step)
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def thickness(self, points: FloatArray) -> FloatArray:
+        """Radius of the cone nearest to each point, there; (n_points,)."""
+        return self.measure(self.distances(points).argmin(axis=0), points)[2]
+
+    def local_field(
+        self, near: FloatArray
+    ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+        """Blend the cones into one function that holds for points that stay close to ``near``.
+
+        Returns a function of (n, 3) points that gives its value (negative inside) and gradient.
+        """
+        distances = self.distances(near)
+        cutoff = distances.min(axis=0) + 7 * self.blend + 0.02
+        # Pairs are sorted by point and, within a point, by chain: what reduceat needs.
+        by_chain = np.argsort(self.chains, kind="stable")
+        point, position = np.nonzero((distances < cutoff)[by_chain].T)
+        cone = by_chain[position]
+        key = point * (self.chains.max() + 1) + self.chains[cone]
+        chain_start = np.flatnonzero(np.diff(key, prepend=-1))
+        chain_of = np.cumsum(np.diff(key, prepend=-1) != 0) - 1
+        point_of = point[chain_start]
+        point_start = np.flatnonzero(np.diff(point_of, prepend=-1))
+
+        def field(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+            values, gradients, _ = self.measure(cone, points[point])
+            values, share = _soft_min(values, chain_start, chain_of, self.blend * _CREASE)
+            gradients = np.add.reduceat(gradients * share[:, None], chain_start)
+            values, share = _soft_min(values, point_start, point_of, self.blend)
+            return values, np.add.reduceat(gradients * share[:, None], point_start)
+
+        return field
+
+
+def _soft_min(
+    values: FloatArray, starts: IntArray, group: IntArray, blend: float
+) -> tuple[FloatArray, FloatArray]:
+    """Smooth minimum of each group, and each member's share in its gradient."""
+    low = np.minimum.reduceat(values, starts)
+    share = np.exp((low[group] - values) / blend)
+    total = np.add.reduceat(share, starts)
+    return low - blend * np.log(total), share / total[group]
+
+
+def _squeezed(vectors: FloatArray, flats: FloatArray, extra: FloatArray) -> FloatArray:
+    result: FloatArray = vectors + (extra * _dot(vectors, flats))[..., None] * flats
+    return result
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return result

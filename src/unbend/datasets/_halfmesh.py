@@ -1,0 +1,172 @@
+"""Edge collapses and flips that keep a triangle mesh a manifold.
+
+The mesh may be one side of a symmetric surface: its border then lies on the mirror plane, and
+no operation may join two border vertices by an inner edge, which reflection would double.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unbend._types import BoolArray, FloatArray, IntArray
+
+
+def edges_of(faces: IntArray) -> IntArray:
+    """All edges once, (e, 2), the smaller index first."""
+    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    n = int(faces.max()) + 1
+    keys = np.unique(pairs[:, 0] * n + pairs[:, 1])
+    return np.stack([keys // n, keys % n], axis=1)
+
+
+def collapse_short_edges(
+    vertices: FloatArray,
+    faces: IntArray,
+    on_plane: BoolArray,
+    sizes: FloatArray,
+    excess: int,
+    symmetric: bool,
+) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Remove up to ``excess`` vertices of the whole surface by collapsing short edges.
+
+    ``sizes`` (n,) is the edge length in keeping with each vertex: edges that are short for
+    their place go first.
+    """
+    edges = edges_of(faces)
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    lengths /= sizes[edges].mean(axis=1)
+    order = np.argsort(lengths, kind="stable")
+    order = order[lengths[order] < 2.5 * np.median(lengths)]
+    triangles = faces.tolist()
+    around: list[set[int]] = [set() for _ in range(len(vertices))]
+    for f, triangle in enumerate(triangles):
+        for vertex in triangle:
+            around[vertex].add(f)
+    border = on_plane.tolist()
+    touched = [False] * len(vertices)
+    gone = np.zeros(len(vertices), dtype=bool)
+    dead = np.zeros(len(faces), dtype=bool)
+
+    def ring(vertex: int) -> set[int]:
+        return {u for f in around[vertex] for u in triangles[f]} - {vertex}
+
+    for a, b in edges[order].tolist():
+        if excess <= 0:
+            break
+        if touched[a] or touched[b]:
+            continue
+        if border[a] and not border[b]:
+            a, b = b, a  # the vertex on the plane stays
+        cost = 1 if border[a] or not symmetric else 2
+        shared = around[a] & around[b]
+        if cost > excess or (border[a] and border[b] and len(shared) == 2):
+            continue
+        ring_a, ring_b = ring(a), ring(b)
+        common = ring_a & ring_b
+        if len(common) != len(shared) or _too_few_left(common, border, around):
+            continue
+        joins_plane = border[b] and not border[a]
+        if joins_plane and any(border[u] and u not in ring_b for u in ring_a - {b}):
+            continue
+        if not _keeps_normals(vertices, triangles, around[a] - shared, a, b):
+            continue
+        for f in shared:
+            dead[f] = True
+            for vertex in triangles[f]:
+                around[vertex].discard(f)
+        for f in around[a]:
+            triangles[f] = [b if vertex == a else vertex for vertex in triangles[f]]
+        around[b] |= around[a]
+        around[a] = set()
+        gone[a] = True
+        excess -= cost
+        for vertex in (a, b, *common):
+            touched[vertex] = True
+    number = np.cumsum(~gone) - 1
+    kept = np.array(triangles, dtype=np.int64)[~dead]
+    return vertices[~gone], number[kept], on_plane[~gone]
+
+
+def _too_few_left(common: set[int], border: list[bool], around: list[set[int]]) -> bool:
+    """Whether a vertex opposite the edge would be left with too few faces."""
+    return any(len(around[u]) <= (2 if border[u] else 4) for u in common)
+
+
+def _keeps_normals(
+    vertices: FloatArray, triangles: list[list[int]], kept: set[int], a: int, b: int
+) -> bool:
+    """Whether no face turns by more than about 75 degrees when ``a`` moves onto ``b``."""
+    (bx, by, bz), (ax, ay, az) = vertices[b].tolist(), vertices[a].tolist()
+    for f in kept:
+        triangle = triangles[f]
+        i = triangle.index(a)
+        px, py, pz = vertices[triangle[i - 2]].tolist()
+        qx, qy, qz = vertices[triangle[i - 1]].tolist()
+        ex, ey, ez = qx - px, qy - py, qz - pz
+        old = _cross(ex, ey, ez, ax - px, ay - py, az - pz)
+        new = _cross(ex, ey, ez, bx - px, by - py, bz - pz)
+        dot = old[0] * new[0] + old[1] * new[1] + old[2] * new[2]
+        sizes = sum(x * x for x in old) * sum(x * x for x in new)
+        if dot <= 0.25 * sizes**0.5:
+            return False
+    return True
+
+
+def _cross(
+    ax: float, ay: float, az: float, bx: float, by: float, bz: float
+) -> tuple[float, float, float]:
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+def delaunay_flips(
+    vertices: FloatArray, faces: IntArray, on_plane: BoolArray, rounds: int = 6
+) -> IntArray:
+    """Flip edges whose two opposite angles add up to more than 180 degrees."""
+    faces = faces.copy()
+    n = len(vertices)
+    for _ in range(rounds):
+        tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+        apexes = faces[:, [2, 0, 1]].ravel()
+        keys = tails * n + heads
+        order = np.argsort(keys)
+        twin = np.searchsorted(keys, heads * n + tails, sorter=order)
+        twin = order[np.minimum(twin, len(order) - 1)]
+        paired = (keys[twin] == heads * n + tails) & (tails < heads)
+        one = np.flatnonzero(paired)
+        two = twin[one]
+        a, b, c, d = tails[one], heads[one], apexes[one], apexes[two]
+        excess = _angle(vertices, c, a, b) + _angle(vertices, d, b, a) - np.pi
+        valid = (excess > 1e-6) & ~(on_plane[c] & on_plane[d])
+        new_keys = np.minimum(c, d) * n + np.maximum(c, d)
+        valid &= ~np.isin(new_keys, np.minimum(tails, heads) * n + np.maximum(tails, heads))
+        first, second = _normal(vertices, c, a, d), _normal(vertices, d, b, c)
+        old = _normal(vertices, a, b, c) + _normal(vertices, b, a, d)
+        valid &= (np.einsum("ni,ni->n", first, old) > 0) & (np.einsum("ni,ni->n", second, old) > 0)
+        valid &= np.einsum("ni,ni->n", first, second) > 0
+        # A face takes part in one flip at a time: its edge with the largest excess.
+        score = np.where(valid, excess, -1.0)
+        best = np.full(len(faces), -1.0)
+        np.maximum.at(best, one // 3, score)
+        np.maximum.at(best, two // 3, score)
+        chosen = np.flatnonzero(valid & (score == best[one // 3]) & (score == best[two // 3]))
+        chosen = chosen[np.unique(new_keys[chosen], return_index=True)[1]]
+        used: IntArray = np.concatenate([one[chosen] // 3, two[chosen] // 3])
+        clash = np.bincount(used, minlength=len(faces)) > 1
+        chosen = chosen[~clash[one[chosen] // 3] & ~clash[two[chosen] // 3]]
+        if len(chosen) == 0:
+            break
+        faces[one[chosen] // 3] = np.stack([c[chosen], a[chosen], d[chosen]], axis=1)
+        faces[two[chosen] // 3] = np.stack([d[chosen], b[chosen], c[chosen]], axis=1)
+    return faces
+
+
+def _angle(vertices: FloatArray, apex: IntArray, p: IntArray, q: IntArray) -> FloatArray:
+    u, v = vertices[p] - vertices[apex], vertices[q] - vertices[apex]
+    across = np.linalg.norm(np.cross(u, v), axis=1)
+    angle: FloatArray = np.arctan2(across, np.einsum("ni,ni->n", u, v))
+    return angle
+
+
+def _normal(vertices: FloatArray, p: IntArray, q: IntArray, r: IntArray) -> FloatArray:
+    normal: FloatArray = np.cross(vertices[q] - vertices[p], vertices[r] - vertices[p])
+    return normal

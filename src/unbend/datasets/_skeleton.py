@@ -1,0 +1,189 @@
+"""Bones: what gives a body its shape at rest and moves its skin into a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from unbend._types import FloatArray
+from unbend.datasets._cones import Cones
+from unbend.errors import InputError
+
+Point = tuple[float, float, float]
+Pose = Mapping[str, Point]
+
+_BLEND = 0.016  # how far two parts reach to flow into each other
+_SPREAD = 0.03  # the same for the motion of two bones
+
+
+class Bone(NamedTuple):
+    """A rounded cone that turns about its head.
+
+    Lengths are in units of roughly a body's length; x points to the animal's left, y up,
+    z forward. ``flat`` is the direction in which the cone is flattened, its length the factor.
+    """
+
+    name: str
+    parent: str | None
+    head: Point
+    tail: Point
+    head_radius: float
+    tail_radius: float
+    part: str
+    flat: Point = (1.0, 0.0, 0.0)
+    chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
+
+
+def chosen_proportions(
+    species: Mapping[str, Mapping[str, float]],
+    defaults: Mapping[str, float],
+    name: str,
+    given: Mapping[str, float],
+) -> dict[str, float]:
+    """Take a species' proportions, with the caller's own on top.
+
+    Raises
+    ------
+    InputError
+        If there is no such species or proportion, or a factor is not positive and finite.
+    """
+    if name not in species:
+        raise InputError(f"there is no species {name!r}; the species are {', '.join(species)}")
+    for key, value in given.items():
+        if key not in defaults:
+            raise InputError(
+                f"there is no proportion {key!r}; the proportions are {', '.join(defaults)}"
+            )
+        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
+            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
+    return {**defaults, **species[name], **given}
+
+
+def mirrored(bone: Bone) -> Bone:
+    """Make the right-hand twin of a left-hand bone."""
+
+    def flip(point: Point) -> Point:
+        return (-point[0], point[1], point[2])
+
+    return bone._replace(
+        name=bone.name.replace("left", "right"),
+        parent=bone.parent.replace("left", "right") if bone.parent else None,
+        head=flip(bone.head),
+        tail=flip(bone.tail),
+        part=bone.part.replace("left", "right"),
+        chain=bone.chain.replace("left", "right"),
+        flat=flip(bone.flat),
+    )
+
+
+def both_sides(bones: Sequence[Bone]) -> list[Bone]:
+    """Follow each bone whose name speaks of the left by its twin."""
+    doubled = [(b, mirrored(b)) if "left" in b.name else (b,) for b in bones]
+    return [bone for pair in doubled for bone in pair]
+
+
+def cones_of(bones: Sequence[Bone], *, for_motion: bool = False) -> Cones:
+    """Give the body its shape; or, for motion, the same with bones pulled back from their joints.
+
+    Pulling back makes the difference of two bones' distances grow linearly across their joint,
+    so that a bend is spread evenly over the skin around it.
+    """
+    heads = np.array([bone.head for bone in bones], dtype=np.float64)
+    tails = np.array([bone.tail for bone in bones], dtype=np.float64)
+    head_radii = np.array([bone.head_radius for bone in bones])
+    tail_radii = np.array([bone.tail_radius for bone in bones])
+    if for_motion:
+        axes = tails - heads
+        lengths = np.linalg.norm(axes, axis=1)
+        axes /= np.maximum(lengths, 1e-9)[:, None]
+        heads = heads + np.minimum(0.35 * lengths, head_radii)[:, None] * axes
+        tails = tails - np.minimum(0.35 * lengths, tail_radii)[:, None] * axes
+    flats = np.array([bone.flat for bone in bones], dtype=np.float64)
+    factors = np.linalg.norm(flats, axis=1)
+    flats /= factors[:, None]
+    names = [bone.chain or bone.name for bone in bones]
+    order = list(dict.fromkeys(names))
+    chains = np.array([order.index(name) for name in names])
+    return Cones(heads, tails, head_radii, tail_radii, flats, factors - 1, chains, _BLEND)
+
+
+def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
+    """How much each bone moves each point of the resting skin, (n_points, n_bones); rows sum to 1.
+
+    A function of position alone, so that every meshing of a body moves in the same way.
+    """
+    distances = cones_of(bones, for_motion=True).distances(points)
+    weights = np.exp((distances.min(axis=0) - distances) / _SPREAD)
+    weights = np.maximum(weights - 0.01, 0).T
+    result: FloatArray = weights / weights.sum(axis=1, keepdims=True)
+    return result
+
+
+def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
+    """Each bone's own rotation, (n_bones, 3, 3), from angles in degrees about x, y and z.
+
+    A name without its side ("thigh" for "left_thigh" and "right_thigh") turns both, mirrored.
+
+    Raises
+    ------
+    InputError
+        If the pose names no bone of this body, or angles are not three finite numbers.
+    """
+    angles = {bone.name: np.zeros(3) for bone in bones}
+    for name, given in pose.items():
+        turn = np.asarray(given, dtype=np.float64)
+        if turn.shape != (3,) or not np.isfinite(turn).all():
+            raise InputError(f"the angles of {name!r} must be three finite numbers, not {given!r}")
+        if name in angles:
+            angles[name] = angles[name] + turn
+        elif f"left_{name}" in angles and f"right_{name}" in angles:
+            angles[f"left_{name}"] = angles[f"left_{name}"] + turn
+            angles[f"right_{name}"] = angles[f"right_{name}"] + turn * [1, -1, -1]
+        else:
+            raise InputError(f"no bone is called {name!r}; the bones are {', '.join(angles)}")
+    stacked = np.stack(list(angles.values()))
+    matrices: FloatArray = Rotation.from_euler("xyz", stacked, degrees=True).as_matrix()
+    return matrices
+
+
+def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
+    """Carry points of the resting skin into a pose.
+
+    The bones' rigid motions are blended as dual quaternions (Kavan et al. 2007), which keeps
+    the limbs' volume at bends and twists.
+    """
+    own = joint_rotations(bones, pose)
+    index = {bone.name: i for i, bone in enumerate(bones)}
+    turns = np.empty((len(bones), 3, 3))
+    shifts = np.empty((len(bones), 3))
+    for i, bone in enumerate(bones):
+        head = np.array(bone.head)
+        if bone.parent is None:
+            turns[i] = own[i]
+            shifts[i] = head - own[i] @ head
+        else:
+            p = index[bone.parent]
+            turns[i] = turns[p] @ own[i]
+            shifts[i] = turns[p] @ head + shifts[p] - turns[i] @ head
+    weights = skin_weights(bones, points)
+    real = Rotation.from_matrix(turns).as_quat()[:, [3, 0, 1, 2]]
+    dual = 0.5 * _multiply(np.column_stack([np.zeros(len(bones)), shifts]), real)
+    leader = real[weights.argmax(axis=1)]
+    signed = weights * np.where(leader @ real.T < 0, -1.0, 1.0)
+    q, d = signed @ real, signed @ dual
+    norm = np.linalg.norm(q, axis=1, keepdims=True)
+    q, d = q / norm, d / norm
+    shift = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
+    rotated: FloatArray = Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift
+    return rotated
+
+
+def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:
+    """Products of quaternions, scalar first."""
+    a, u = p[:, :1], p[:, 1:]
+    b, v = q[:, :1], q[:, 1:]
+    scalar = a * b - np.einsum("ni,ni->n", u, v)[:, None]
+    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)

@@ -1,0 +1,258 @@
+"""From a body made of rounded cones to an even, closed triangle mesh of its skin.
+
+A body is a smooth union of rounded cones. Its skin is found on a grid (naive surface nets,
+Gibson 1998), thinned by collapsing the shortest edges until the number of vertices is right,
+and evened out by Delaunay flips and tangential smoothing on the exact implicit surface.
+A body with left-right symmetry is meshed on the side x >= 0 only and then reflected, which is
+what makes the mirror map exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.spatial.transform import Rotation
+
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.datasets._cones import Cones
+from unbend.datasets._halfmesh import collapse_short_edges, delaunay_flips, edges_of
+from unbend.errors import InputError
+
+_COARSEST = 0.025  # grid spacing that no part of a body slips through
+
+
+def skin(
+    cones: Cones, n_vertices: int, *, symmetric: bool, meshing: int
+) -> tuple[FloatArray, IntArray, IntArray | None]:
+    """Mesh the skin of a body.
+
+    Parameters
+    ----------
+    cones : Cones
+        The body; symmetric about x = 0 if ``symmetric``.
+    n_vertices : int
+        Exact number of vertices wanted.
+    symmetric : bool
+        Mesh one side and reflect it.
+    meshing : int
+        Seed of the grid's orientation and offset; other seeds, other vertices.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+    mirror : (n,) ndarray of int64, or None
+
+    Raises
+    ------
+    InputError
+        If no grid tried gives a surface without handles.
+    """
+    rng = np.random.default_rng(meshing)
+    # A turn about x keeps the left-right symmetry; so does any shift in y and z.
+    turns = [0.0, 0.0, 0.0] if meshing == 0 else [rng.uniform(0.2, 1.3), 0.0, 0.0]
+    if not symmetric and meshing:
+        turns[1:] = rng.uniform(-0.6, 0.6, 2)
+    rotation = Rotation.from_euler("xyz", turns).as_matrix()
+    shift = rng.uniform(0, 0.01, 3) * [not symmetric, 1, 1]
+    turned = cones.turned(rotation, shift)
+    spacing = _COARSEST
+    for _ in range(8):
+        vertices, faces = surface_net(turned, spacing, symmetric)
+        on_plane = (vertices[:, 0] == 0) & symmetric
+        count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
+        sphere = len(vertices) - len(edges_of(faces)) + len(faces) == (1 if symmetric else 2)
+        if sphere and count >= n_vertices:
+            break
+        spacing *= 0.95 if count >= n_vertices else min(0.95, (count / (1.15 * n_vertices)) ** 0.5)
+    else:
+        raise InputError("these proportions make parts of the body touch; choose milder ones")
+    vertices, faces = _even_out(turned, vertices, faces, on_plane, n_vertices, symmetric)
+    vertices = (vertices - shift) @ rotation
+    if not symmetric:
+        return vertices, faces, None
+    return _reflect(vertices, faces)
+
+
+def surface_net(cones: Cones, spacing: float, symmetric: bool) -> tuple[FloatArray, IntArray]:
+    """One vertex per grid cell that the skin passes, one quad (two triangles) per crossed edge."""
+    inside, origin = _inside(cones, spacing, symmetric)
+    inside = _well_composed(inside, symmetric)
+    corners = np.stack(
+        [
+            inside[
+                i : len(inside) - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k
+            ]
+            for i in (0, 1)
+            for j in (0, 1)
+            for k in (0, 1)
+        ]
+    )
+    mixed = corners.any(axis=0) & ~corners.all(axis=0)
+    number = np.full(mixed.shape, -1)
+    number[mixed] = np.arange(mixed.sum())
+    vertices = (np.argwhere(mixed) + 0.5) * spacing + origin
+    if symmetric:
+        vertices[np.argwhere(mixed)[:, 0] == 0, 0] = 0.0
+    quads = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        low, high = [slice(None)] * 3, [slice(None)] * 3
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        crossed = inside[tuple(low)] != inside[tuple(high)]
+        if axis != 0:
+            crossed[0] = False  # the plane x = -spacing / 2 belongs to the mirror image
+        nodes = np.argwhere(crossed)
+        ring = []
+        for du, dv in ((0, 0), (-1, 0), (-1, -1), (0, -1)):
+            cell = nodes.copy()
+            cell[:, u] += du
+            cell[:, v] += dv
+            ring.append(number[tuple(cell.T)])
+        ring_array = np.stack(ring, axis=1)
+        outward = inside[tuple(low)][crossed]
+        ring_array[~outward] = ring_array[~outward][:, ::-1]
+        quads.append(ring_array)
+    quad = np.concatenate(quads)[:, ::-1]
+    return vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])[:, ::-1].copy()
+
+
+def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, FloatArray]:
+    """Which grid nodes are inside the body, and the position of node (0, 0, 0)."""
+    reach = np.maximum(cones.head_radii, cones.tail_radii) * 1.0 + 5 * cones.blend
+    low = np.minimum(cones.heads, cones.tails) - reach[:, None]
+    high = np.maximum(cones.heads, cones.tails) + reach[:, None]
+    origin: FloatArray = low.min(axis=0) - 2 * spacing
+    if symmetric:
+        origin[0] = -0.5 * spacing
+    shape: IntArray = np.ceil((high.max(axis=0) - origin) / spacing).astype(np.int64) + 3
+    total = np.zeros(shape)
+    for chain in range(cones.chains.max() + 1):
+        members = np.flatnonzero(cones.chains == chain)
+        first = np.floor((low[members].min(axis=0) - origin) / spacing).astype(int)
+        last = np.ceil((high[members].max(axis=0) - origin) / spacing).astype(int) + 1
+        first, last = np.clip(first, 0, shape), np.clip(last, 0, shape)
+        if (first >= last).any():
+            continue
+        axes = [origin[i] + spacing * np.arange(first[i], last[i]) for i in range(3)]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        distance = np.full(len(points.reshape(-1, 3)), np.inf)
+        for member in members:
+            np.minimum(distance, cones.distances(points.reshape(-1, 3), [member])[0], out=distance)
+        box = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
+        total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(points.shape[:3])
+    return total > 1, origin
+
+
+def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
+    """One solid without cavities, grown until no two of its voxels touch by an edge or corner only.
+
+    The surface net of such a solid is a manifold (Latecki, Eckhardt, Rosenfeld 1995).
+    """
+    for _ in range(50):
+        if symmetric:
+            inside[0] = inside[1]
+        before = int(inside.sum())
+        for axis in range(3):
+            rolled = np.moveaxis(inside, axis, 0)
+            a, b = rolled[:, :-1, :-1], rolled[:, 1:, 1:]
+            c, d = rolled[:, :-1, 1:], rolled[:, 1:, :-1]
+            critical = (a == b) & (c == d) & (a != c)
+            for view in (a, b, c, d):
+                view |= critical
+        views = [
+            inside[
+                i : len(inside) - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k
+            ]
+            for i in (0, 1)
+            for j in (0, 1)
+            for k in (0, 1)
+        ]
+        count = np.sum(views, axis=0)
+        for near in range(4):
+            pair = views[near], views[7 - near]
+            alone = (count == 2) & pair[0] & pair[1]
+            missing = (count == 6) & ~pair[0] & ~pair[1]
+            for view in views:
+                view |= alone | missing
+        if int(inside.sum()) == before:
+            break
+    pieces, n_pieces = ndimage.label(inside)
+    if n_pieces > 1:
+        inside = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
+    return ndimage.binary_fill_holes(inside) if not symmetric else _fill(inside)
+
+
+def _fill(inside: BoolArray) -> BoolArray:
+    doubled = np.concatenate([inside[:0:-1], inside[1:]])
+    filled: BoolArray = ndimage.binary_fill_holes(doubled)[len(inside) - 2 :]
+    return filled
+
+
+def _even_out(
+    cones: Cones,
+    vertices: FloatArray,
+    faces: IntArray,
+    on_plane: BoolArray,
+    n_vertices: int,
+    symmetric: bool,
+) -> tuple[FloatArray, IntArray]:
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    area = (1 + symmetric) * 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    even = (1.15 * area / n_vertices) ** 0.5  # edge length if all triangles were equilateral
+    vertices = _relax(cones, vertices, faces, on_plane, 4)
+    while True:
+        count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
+        if count <= n_vertices:
+            break
+        goal = max(n_vertices, int(0.8 * count))
+        # A limb needs about six vertices around it, however coarse the mesh.
+        sizes = np.clip(cones.thickness(vertices), 0.4 * even, even)
+        vertices, faces, on_plane = collapse_short_edges(
+            vertices, faces, on_plane, sizes, count - goal, symmetric
+        )
+        faces = delaunay_flips(vertices, faces, on_plane)
+        vertices = _relax(cones, vertices, faces, on_plane, 1)
+    for _ in range(4):
+        faces = delaunay_flips(vertices, faces, on_plane)
+        vertices = _relax(cones, vertices, faces, on_plane, 2)
+    return vertices, faces
+
+
+def _relax(
+    cones: Cones, vertices: FloatArray, faces: IntArray, on_plane: BoolArray, rounds: int
+) -> FloatArray:
+    """Move every vertex towards the middle of its neighbours, staying on the implicit surface."""
+    edges = edges_of(faces)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    # Seen from the plane, a neighbour off the plane counts twice: itself and its mirror image.
+    weights = np.where(on_plane[both[:, 0]] & ~on_plane[both[:, 1]], 2.0, 1.0)
+    mean = sparse.csr_array((weights, both.T), shape=(len(vertices),) * 2)
+    degrees = mean.sum(axis=1)
+    field = cones.local_field(vertices)
+    reach = 0.4 * cones.thickness(vertices)
+    for _ in range(rounds):
+        _, gradients = field(vertices)
+        gradients /= np.linalg.norm(gradients, axis=1, keepdims=True)
+        move = (mean @ vertices) / degrees[:, None] - vertices
+        move -= np.einsum("ni,ni->n", move, gradients)[:, None] * gradients
+        length = np.maximum(np.linalg.norm(move, axis=1), 1e-12)
+        vertices = vertices + (np.minimum(0.7 * length, reach) / length)[:, None] * move
+        vertices[on_plane, 0] = 0
+        for _ in range(2):
+            values, gradients = field(vertices)
+            step = values / np.einsum("ni,ni->n", gradients, gradients)
+            vertices = vertices - np.clip(step, -0.02, 0.02)[:, None] * gradients
+            vertices[on_plane, 0] = 0
+    return vertices
+
+
+def _reflect(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Join the side x >= 0 with its mirror image along the plane."""
+    n_half = len(vertices)
+    off_plane = np.flatnonzero(vertices[:, 0] != 0)
+    mirror = np.arange(n_half)
+    mirror[off_plane] = n_half + np.arange(len(off_plane))
+    images = vertices[off_plane] * [-1, 1, 1]
+    faces = np.concatenate([faces, mirror[faces][:, ::-1]])
+    return np.concatenate([vertices, images]), faces, np.concatenate([mirror, off_plane])

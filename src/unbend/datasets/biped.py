@@ -1,0 +1,221 @@
+"""Two-legged, human-like figures."""
+
+from __future__ import annotations
+
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
+from unbend.datasets.shape import Shape, make_shape
+
+_SPECIES: dict[str, dict[str, float]] = {
+    "human": {},
+    "child": {"legs": 0.72, "arms": 0.72, "torso": 0.78, "head": 1.02, "girth": 0.88},
+    "ape": {"legs": 0.66, "arms": 1.3, "torso": 1.02, "head": 1.0, "girth": 1.25},
+}
+_DEFAULTS = {"legs": 1.0, "arms": 1.0, "torso": 1.0, "head": 1.0, "girth": 1.0, "hands": 1.0}
+
+# Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
+_POSES: dict[str, Pose] = {
+    "standing": {"upper_arm": (0, 0, -26), "forearm": (-8, -6, 4), "thigh": (0, 0, -3)},
+    "spread": {"upper_arm": (0, 0, 42), "thigh": (0, 0, 8)},
+    "walking": {
+        "left_upper_arm": (26, 0, -24), "right_upper_arm": (-30, 0, 24),
+        "left_forearm": (-12, -9, 0), "right_forearm": (-22, 17, 0),
+        "left_thigh": (-26, 0, -3), "left_shin": (8, 0, 0), "left_foot": (-8, 0, 0),
+        "right_thigh": (20, 0, 3), "right_shin": (24, 0, 0), "right_foot": (14, 0, 0),
+        "chest": (2, -8, 0), "head": (0, 4, 0),
+    },
+    "running": {
+        "pelvis": (8, 0, 0), "waist": (4, 4, 0), "chest": (4, 8, 0), "head": (-10, -6, 0),
+        "left_upper_arm": (-44, 0, -24), "right_upper_arm": (46, 0, 26),
+        "left_forearm": (-58, -42, 0), "right_forearm": (-56, 40, 0),
+        "left_thigh": (26, 0, -3), "left_shin": (52, 0, 0), "left_foot": (24, 0, 0),
+        "right_thigh": (-54, 0, 3), "right_shin": (58, 0, 0), "right_foot": (-6, 0, 0),
+    },
+    "sitting": {
+        "waist": (-2, 0, 0), "chest": (4, 0, 0), "upper_arm": (-22, 0, -24),
+        "forearm": (-38, -28, 0), "thigh": (-82, 0, 2), "shin": (82, 0, 0),
+    },
+    "squatting": {
+        "pelvis": (22, 0, 0), "waist": (8, 0, 0), "chest": (6, 0, 0), "head": (-22, 0, 0),
+        "thigh": (-86, 12, 4), "shin": (82, 0, 0), "foot": (-16, 0, 0),
+        "upper_arm": (-64, 0, -16), "forearm": (-16, -12, 0),
+    },
+    "waving": {
+        "left_upper_arm": (-6, 0, 52), "left_forearm": (0, 0, 68), "left_hand": (0, 0, 8),
+        "right_upper_arm": (0, 0, 26), "chest": (0, 0, -4), "head": (0, 8, -4),
+    },
+    "kicking": {
+        "pelvis": (-10, 10, 0), "chest": (6, 0, 0), "left_thigh": (-72, 0, 0),
+        "left_shin": (10, 0, 0), "left_foot": (14, 0, 0), "right_thigh": (8, 0, 6),
+        "right_shin": (6, 0, 0), "left_upper_arm": (16, 14, 16),
+        "right_upper_arm": (-44, 14, -10), "forearm": (-22, -18, 0), "head": (12, -8, 0),
+    },
+    "lunging": {
+        "left_thigh": (-60, 0, 2), "left_shin": (58, 0, 0), "right_thigh": (34, 0, 4),
+        "right_shin": (6, 0, 0), "right_foot": (-24, 0, 0), "upper_arm": (0, 0, 44),
+        "chest": (0, 16, 0), "waist": (0, 8, 0), "head": (0, -10, 0),
+    },
+    "bowing": {
+        "pelvis": (26, 0, 0), "waist": (16, 0, 0), "chest": (14, 0, 0), "neck": (8, 0, 0),
+        "head": (8, 0, 0), "thigh": (-26, 0, -3), "upper_arm": (-20, 0, -24),
+        "forearm": (-8, -6, 0),
+    },
+    "dancing": {
+        "waist": (0, 8, 6), "chest": (-4, 10, 8), "head": (0, -8, -8),
+        "left_upper_arm": (0, -12, 66), "left_forearm": (-22, -26, 22),
+        "right_upper_arm": (0, -18, -26), "right_forearm": (-24, 24, 0),
+        "left_thigh": (-38, -24, 22), "left_shin": (76, 0, 0), "left_foot": (24, 0, 0),
+        "right_thigh": (0, 0, 8),
+    },
+}  # fmt: skip
+
+
+def make_biped(
+    pose: str | Pose | None = "standing",
+    *,
+    n_vertices: int = 5000,
+    species: str = "human",
+    asymmetric: bool = False,
+    meshing: int = 0,
+    random_state: int | None = None,
+    **proportions: float,
+) -> Shape:
+    """Make a two-legged figure: human, child, ape, or one of your own proportions.
+
+    Parameters
+    ----------
+    pose : str, mapping, or None, default="standing"
+        "standing", "spread", "walking", "running", "sitting", "squatting", "waving",
+        "kicking", "lunging", "bowing" or "dancing";
+        a mapping from bone names to angles in degrees about x, y and z (``"thigh"`` turns both
+        sides, ``"left_thigh"`` one; an unknown name lists them all); or None: a random pose
+        between two named ones.
+    n_vertices : int, default=5000
+        Number of vertices, met exactly; 500 to 200000.
+    species : str, default="human"
+        "human", "child" or "ape".
+    asymmetric : bool, default=False
+        Make the left forearm and hand much bigger. The mesh is then
+        not mirror symmetric either and ``mirror`` is None.
+    meshing : int, default=0
+        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
+        relates meshings. Posed surfaces of two meshings agree up to about an edge length.
+    random_state : int or None, default=None
+        Seed of a random pose; unused otherwise. None: another pose each time.
+    **proportions : float
+        Factors on the species' proportions: ``legs``, ``arms``, ``torso``, ``head``,
+        ``girth``, ``hands``. From about 0.7 to 1.4 of the species' own they look natural.
+
+    Returns
+    -------
+    Shape
+        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
+        alike in all poses of one body and meshing. A human is
+        1.7 units (metres) tall.
+
+    Raises
+    ------
+    InputError
+        If a pose, bone, species or proportion does not exist (the message lists those that do),
+        a number is out of range, or the proportions make parts of the body touch.
+
+    See Also
+    --------
+    make_quadruped, make_octopus, rest_map
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_biped
+    >>> shape = make_biped("walking", n_vertices=600)
+    >>> shape.mesh
+    Mesh(600 vertices, 1196 faces)
+    >>> bool((shape.mirror[shape.mirror] == range(600)).all())
+    True
+    """
+    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
+    return make_shape(
+        _bones(sizes, asymmetric),
+        _POSES,
+        pose,
+        n_vertices=n_vertices,
+        symmetric=not asymmetric,
+        meshing=meshing,
+        random_state=random_state,
+        name=species,
+    )
+
+
+def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+    girth, head, torso = p["girth"], p["head"], p["torso"]
+    crotch = 0.9 * p["legs"]
+    wide, deep = 0.5 + 0.5 * girth, girth
+
+    def trunk(x: float, y: float, z: float) -> Point:
+        return (x * girth, crotch + (y - 0.9) * torso, z)
+
+    def leg(x: float, y: float, z: float) -> Point:
+        return (x * girth, y * p["legs"], z)
+
+    shoulder = trunk(0.175, 1.375, -0.01)
+
+    def arm(x: float, y: float, z: float) -> Point:
+        s = p["arms"]
+        return (shoulder[0] + s * (x - 0.175), shoulder[1] + s * (y - 1.375), z)
+
+    top = trunk(0, 1.5, 0)[1]
+
+    def face(x: float, y: float, z: float) -> Point:
+        return (x * head, top + (y - 1.5) * head, z * head)
+
+    flat, palm = (0.0, 0.0, 1.42), (1.25, 1.0, 0.0)
+    hand = p["hands"]
+    left = [
+        Bone("pelvis", None, trunk(0, 0.93, 0), trunk(0, 1.0, 0), 0.158 * girth, 0.155 * girth,
+             "torso", flat, "spine"),
+        Bone("waist", "pelvis", trunk(0, 1.0, 0), trunk(0, 1.13, 0), 0.155 * girth, 0.14 * girth,
+             "torso", flat, "spine"),
+        Bone("chest", "waist", trunk(0, 1.13, 0), trunk(0, 1.31, -0.005), 0.14 * girth,
+             0.168 * girth, "torso", flat, "spine"),
+        Bone("left_collar", "chest", trunk(0.06, 1.375, -0.015), trunk(0.15, 1.38, -0.01),
+             0.062 * deep, 0.06 * wide, "torso"),
+        Bone("neck", "chest", trunk(0, 1.40, -0.015), face(0, 1.53, 0.005), 0.06 * wide,
+             0.054 * wide, "head"),
+        Bone("head", "neck", face(0, 1.585, 0), face(0, 1.64, -0.004), 0.088 * head, 0.1 * head,
+             "head", (1.2, 0, 0)),
+        Bone("jaw", "head", face(0, 1.575, 0.03), face(0, 1.535, 0.065), 0.06 * head,
+             0.034 * head, "head"),
+        Bone("nose", "head", face(0, 1.61, 0.085), face(0, 1.585, 0.104), 0.013 * head,
+             0.019 * head, "head"),
+        Bone("left_ear", "head", face(0.082, 1.60, -0.01), face(0.09, 1.625, -0.02), 0.024 * head,
+             0.03 * head, "head", (1.7, 0, 0.4)),
+        Bone("left_upper_arm", "left_collar", arm(0.175, 1.375, -0.01), arm(0.36, 1.16, -0.015),
+             0.06 * wide, 0.044 * wide, "left_arm", chain="left_arm"),
+        Bone("left_forearm", "left_upper_arm", arm(0.36, 1.16, -0.015), arm(0.53, 0.955, 0.005),
+             0.046 * wide, 0.031 * wide, "left_arm", chain="left_arm"),
+        Bone("left_hand", "left_forearm", arm(0.545, 0.935, 0.01), arm(0.585, 0.885, 0.012),
+             0.042 * hand, 0.046 * hand, "left_arm", palm),
+        Bone("left_fingers", "left_hand", arm(0.585, 0.885, 0.012), arm(0.637, 0.818, 0.012),
+             0.046 * hand, 0.03 * hand, "left_arm", palm),
+        Bone("left_thumb", "left_hand", arm(0.552, 0.925, 0.03), arm(0.585, 0.895, 0.085),
+             0.022 * hand, 0.018 * hand, "left_arm"),
+        Bone("left_thigh", "pelvis", leg(0.085, 0.9, 0), leg(0.125, 0.5, 0.012), 0.098 * girth,
+             0.062 * wide, "left_leg", chain="left_leg"),
+        Bone("left_shin", "left_thigh", leg(0.125, 0.5, 0.012), leg(0.15, 0.1, -0.025),
+             0.062 * wide, 0.037 * wide, "left_leg", chain="left_leg"),
+        Bone("left_calf", "left_shin", leg(0.128, 0.4, -0.018), leg(0.138, 0.27, -0.022),
+             0.05 * wide, 0.04 * wide, "left_leg"),
+        Bone("left_foot", "left_shin", leg(0.15, 0.055, -0.04), leg(0.165, 0.04, 0.08),
+             0.042, 0.04, "left_leg"),
+        Bone("left_toes", "left_foot", leg(0.165, 0.04, 0.08), leg(0.17, 0.034, 0.145), 0.042,
+             0.032, "left_leg"),
+    ]  # fmt: skip
+    bones = both_sides(left)
+    if asymmetric:
+        grown = {"left_hand": 1.7, "left_fingers": 1.9, "left_forearm": 1.25}
+        bones = [
+            bone._replace(
+                head_radius=bone.head_radius * grown.get(bone.name, 1),
+                tail_radius=bone.tail_radius * grown.get(bone.name, 1),
+            )
+            for bone in bones
+        ]
+    return bones

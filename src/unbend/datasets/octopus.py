@@ -1,0 +1,188 @@
+"""Eight-armed animals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
+from unbend.datasets.shape import Shape, make_shape
+
+_SPECIES: dict[str, dict[str, float]] = {
+    "octopus": {},
+    "squid": {"arms": 0.72, "mantle": 1.9, "girth": 0.8, "eyes": 0.85},
+}
+_DEFAULTS = {"arms": 1.0, "mantle": 1.0, "girth": 1.0, "eyes": 1.0}
+_N_SEGMENTS = 9
+_AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees from the front
+
+
+def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Point) -> Pose:
+    """Make a pose from a rule for the arms.
+
+    ``bend(s, arm, side)`` gives the droop (positive: downward) and the sideways turn (positive:
+    towards the animal's back) of the segment at share ``s`` of the arm's length, in degrees;
+    ``arm`` is 1 (front) to 4 (back), ``side`` +1 (left) or -1.
+    """
+    pose: dict[str, Point] = dict(others)
+    for side, word in ((1, "left"), (-1, "right")):
+        for arm, azimuth in _AZIMUTHS.items():
+            angle = np.deg2rad(azimuth) * side
+            axis = np.array([np.cos(angle), 0, -np.sin(angle)])
+            for segment in range(_N_SEGMENTS):
+                droop, turn = bend(segment / (_N_SEGMENTS - 1), arm, side)
+                rotation = Rotation.from_rotvec(np.deg2rad(droop * axis + [0, turn * side, 0]))
+                x, y, z = rotation.as_euler("xyz", degrees=True)
+                pose[f"{word}_arm_{arm}_{segment + 1}"] = (float(x), float(y), float(z))
+    return pose
+
+
+def _wave(s: float, arm: int, side: int) -> tuple[float, float]:
+    phase = 1.7 * arm + (0.9 if side < 0 else 0)
+    droop = 26 * (s < 0.2) - 13 * (0.2 < s < 0.6)
+    return droop, 15 * np.sin(phase + 5 * s) * (s > 0.1)
+
+
+def _spiral(s: float, arm: int, side: int) -> tuple[float, float]:
+    return 24 * (s < 0.2) - 16 * (0.2 < s < 0.5), (6 + 24 * s) * (s > 0.2)
+
+
+def _reach(s: float, arm: int, side: int) -> tuple[float, float]:
+    if arm == 1:
+        return -14 * (0.1 < s < 0.7) + 16 * (s > 0.7), 3 * (s < 0.6)
+    return _wave(s, arm, side)
+
+
+# "floating" is the rest pose: arms spread flat like the rays of a star.
+_POSES: dict[str, Pose] = {
+    "floating": {},
+    "crawling": _curled(_wave),
+    "resting": _curled(lambda s, arm, side: (30 * (s < 0.2) - 15 * (0.2 < s < 0.6), 9 * s)),
+    "swimming": _curled(
+        lambda s, arm, side: (34 * (s < 0.2) - 2 + 3 * (arm - 2.5) * s, 2.0), body=(38, 0, 0)
+    ),
+    "curled": _curled(_spiral, body=(-6, 0, 0)),
+    "reaching": _curled(_reach, body=(-8, 0, 0), mantle=(10, 0, 0)),
+    "dancing": _curled(
+        lambda s, arm, side: (-16 * np.cos(5 * s + arm), 12 * np.sin(4 * s + 2 * arm + side)),
+        mantle=(0, 0, 8),
+    ),
+    "standing": _curled(lambda s, arm, side: (22 * (s < 0.45) - 26 * (s > 0.6), 0.0)),
+}
+
+
+def make_octopus(
+    pose: str | Pose | None = "crawling",
+    *,
+    n_vertices: int = 5000,
+    species: str = "octopus",
+    asymmetric: bool = False,
+    meshing: int = 0,
+    random_state: int | None = None,
+    **proportions: float,
+) -> Shape:
+    """Make an eight-armed animal: octopus, squid, or one of your own proportions.
+
+    Parameters
+    ----------
+    pose : str, mapping, or None, default="crawling"
+        "floating" (the rest pose), "crawling", "resting", "swimming", "curled", "reaching",
+        "dancing" or "standing";
+        a mapping from bone names to angles in degrees about x, y and z (``"arm_1_2"`` turns both
+        sides, ``"left_arm_1_2"`` one; an unknown name lists them all); or None: a random pose
+        between two named ones.
+    n_vertices : int, default=5000
+        Number of vertices, met exactly; 500 to 200000.
+    species : str, default="octopus"
+        "octopus" or "squid".
+    asymmetric : bool, default=False
+        Make the second left arm half as long. The mesh is then
+        not mirror symmetric either and ``mirror`` is None.
+    meshing : int, default=0
+        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
+        relates meshings. Posed surfaces of two meshings agree up to about an edge length.
+    random_state : int or None, default=None
+        Seed of a random pose; unused otherwise. None: another pose each time.
+    **proportions : float
+        Factors on the species' proportions: ``arms``, ``mantle`` (their lengths),
+        ``girth``, ``eyes``. From about 0.7 to 1.4 of the species' own they look natural.
+
+    Returns
+    -------
+    Shape
+        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
+        alike in all poses of one body and meshing. Arms are
+        about 1 unit long.
+
+    Raises
+    ------
+    InputError
+        If a pose, bone, species or proportion does not exist (the message lists those that do),
+        a number is out of range, or the proportions make parts of the body touch.
+
+    See Also
+    --------
+    make_quadruped, make_biped, rest_map
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_octopus
+    >>> shape = make_octopus("curled", n_vertices=600)
+    >>> shape.mesh
+    Mesh(600 vertices, 1196 faces)
+    >>> bool((shape.mirror[shape.mirror] == range(600)).all())
+    True
+    """
+    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
+    return make_shape(
+        _bones(sizes, asymmetric),
+        _POSES,
+        pose,
+        n_vertices=n_vertices,
+        symmetric=not asymmetric,
+        meshing=meshing,
+        random_state=random_state,
+        name=species,
+    )
+
+
+def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+    girth, mantle, eye = p["girth"], p["mantle"], 0.045 * p["eyes"]
+    end = (0.0, 0.36 + 0.34 * mantle, -0.06 - 0.2 * mantle)
+    left = [
+        Bone("body", None, (0, 0.19, 0), (0, 0.33, 0.01), 0.14, 0.135 * girth, "head"),
+        Bone("mantle", "body", (0, 0.36, -0.02), end, 0.135 * girth, 0.205 * girth, "mantle"),
+        Bone("left_eye", "body", (0.09 * girth, 0.355, 0.075), (0.115 * girth, 0.38, 0.1), eye,
+             eye, "head"),
+    ]  # fmt: skip
+    for arm, azimuth in _AZIMUTHS.items():
+        left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"])
+    bones = both_sides(left)
+    if asymmetric:
+        short = _arm("left_arm_2", np.deg2rad(_AZIMUTHS[2]), 0.5 * p["arms"])
+        by_name = {bone.name: bone for bone in short}
+        bones = [by_name.get(bone.name, bone) for bone in bones]
+    return bones
+
+
+def _arm(name: str, azimuth: float, length: float) -> list[Bone]:
+    outward = np.array([np.sin(azimuth), 0, np.cos(azimuth)])
+    share = np.linspace(0, 1, _N_SEGMENTS + 1)
+    joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * length * share)[:, None] * outward
+    radii = 0.07 - 0.048 * share**0.8
+    points: list[Point] = [(float(x), float(y), float(z)) for x, y, z in joints]
+    return [
+        Bone(
+            f"{name}_{i + 1}",
+            f"{name}_{i}" if i else "body",
+            points[i],
+            points[i + 1],
+            float(radii[i]),
+            float(radii[i + 1]),
+            name,
+            chain=name,
+        )
+        for i in range(_N_SEGMENTS)
+    ]

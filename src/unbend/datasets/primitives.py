@@ -1,0 +1,65 @@
+"""Shapes whose spectra and distances are known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from unbend._types import FloatArray, IntArray
+from unbend.mesh import Mesh
+
+
+def make_sphere(subdivisions: int = 4) -> Mesh:
+    """Make a unit sphere by subdividing an icosahedron.
+
+    Parameters
+    ----------
+    subdivisions : int, default=4
+        Each one quadruples the faces; there are ``10 * 4**subdivisions + 2`` vertices.
+
+    Returns
+    -------
+    Mesh
+
+    Notes
+    -----
+    The Laplacian of the smooth sphere has the eigenvalue l (l + 1), 2 l + 1 times, for every l.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> make_sphere(1)
+    Mesh(42 vertices, 80 faces)
+    """
+    vertices, faces = _icosahedron()
+    for _ in range(subdivisions):
+        vertices, faces = _split_edges(vertices, faces)
+    return Mesh(vertices, faces, name="sphere")
+
+
+def _icosahedron() -> tuple[FloatArray, IntArray]:
+    golden = (1 + np.sqrt(5)) / 2
+    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    flat = np.column_stack([np.zeros(4), signs * [1, golden]])
+    vertices = np.concatenate([np.roll(flat, shift, axis=1) for shift in range(3)])
+    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    # Its faces are those of its convex hull; turn them all outward.
+    faces = ConvexHull(vertices).simplices.astype(np.int64)
+    inward = np.linalg.det(vertices[faces]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return vertices, faces
+
+
+def _split_edges(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Split each face into four at the middles of its edges, moved onto the unit sphere."""
+    edges = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]], axis=2)
+    unique, place = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    middles = vertices[unique].sum(axis=1)
+    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    a, b, c = faces.T
+    ab, bc, ca = np.roll(place.reshape(-1, 3) + len(vertices), -2, axis=1).T
+    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return (
+        np.concatenate([vertices, middles]),
+        np.concatenate([np.stack(corners, axis=1) for corners in quarters]),
+    )

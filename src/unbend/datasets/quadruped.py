@@ -1,0 +1,271 @@
+"""Four-legged animals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
+from unbend.datasets.shape import Shape, make_shape
+
+# Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
+_SPECIES: dict[str, dict[str, float]] = {
+    "dog": {"tail_lift": 35.0},
+    "cat": {
+        "legs": 0.8, "neck": 0.6, "tail": 1.6, "ears": 0.6, "muzzle": 0.42, "girth": 0.88,
+        "paws": 0.85, "tail_lift": 20.0, "ear_spread": 1.15, "head": 1.05, "body": 0.92,
+    },
+    "horse": {
+        "legs": 1.42, "neck": 1.85, "tail": 1.3, "ears": 0.6, "muzzle": 1.65, "girth": 1.3,
+        "body": 1.12, "paws": 0.5, "tail_lift": -62.0, "ear_spread": 0.85, "head": 1.1,
+    },
+    "bear": {
+        "legs": 0.85, "neck": 0.75, "tail": 0.3, "ears": 0.35, "muzzle": 0.75, "girth": 1.5,
+        "paws": 1.3, "tail_lift": -30.0, "ear_spread": 1.25, "head": 1.3,
+    },
+    "giraffe": {
+        "legs": 1.75, "neck": 3.9, "tail": 1.0, "ears": 0.5, "muzzle": 1.25, "girth": 1.15,
+        "paws": 0.5, "tail_lift": -60.0, "ear_spread": 1.0, "head": 0.95,
+    },
+}  # fmt: skip
+_DEFAULTS = {
+    "legs": 1.0, "neck": 1.0, "tail": 1.0, "ears": 1.0, "muzzle": 1.0, "girth": 1.0,
+    "body": 1.0, "paws": 1.0, "head": 1.0, "tail_lift": 35.0, "ear_spread": 1.0,
+}  # fmt: skip
+
+# Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
+_POSES: dict[str, Pose] = {
+    "standing": {},
+    "walking": {
+        "left_upper_arm": (-28, 0, 0), "left_forearm": (-5, 0, 0), "left_fore_paw": (12, 0, 0),
+        "right_upper_arm": (22, 0, 0), "right_forearm": (-12, 0, 0), "right_pastern": (25, 0, 0),
+        "left_thigh": (24, 0, 0), "left_shin": (5, 0, 0), "left_metatarsus": (-8, 0, 0),
+        "right_thigh": (-26, 0, 0), "right_shin": (22, 0, 0), "right_metatarsus": (-14, 0, 0),
+        "neck": (12, 6, 0), "tail_1": (0, 12, 0), "tail_2": (0, 12, 0), "chest": (0, 4, 0),
+    },
+    "galloping": {
+        "pelvis": (-4, 0, 0), "loin": (5, 0, 0), "chest": (3, 0, 0),
+        "left_upper_arm": (-62, 0, 0), "right_upper_arm": (-48, 0, 0), "forearm": (-8, 0, 0),
+        "pastern": (14, 0, 0),
+        "left_thigh": (52, 0, 0), "right_thigh": (40, 0, 0), "shin": (12, 0, 0),
+        "metatarsus": (8, 0, 0), "neck": (30, 0, 0), "head": (-24, 0, 0),
+        "tail_1": (-15, 0, 0),
+    },
+    "sitting": {
+        "pelvis": (-37, 0, 0), "loin": (-6, 0, 0), "chest": (-4, 0, 0),
+        "upper_arm": (38, 0, 4), "forearm": (4, 0, 0), "pastern": (-4, 0, 0),
+        "fore_paw": (6, 0, 0), "thigh": (-26, 8, 8), "shin": (74, 0, 0),
+        "metatarsus": (-66, 0, 0), "hind_paw": (30, 0, 0), "neck": (20, 0, 0),
+        "head": (26, 0, 0), "tail_1": (-10, 20, 0), "tail_2": (-10, 22, 0), "tail_3": (0, 22, 0),
+    },
+    "lying": {
+        "upper_arm": (-66, 6, 0), "forearm": (-14, 0, 0), "fore_paw": (12, 0, 0),
+        "thigh": (-58, 14, 12), "shin": (74, 0, 0), "metatarsus": (-62, 0, 0),
+        "hind_paw": (20, 0, 0), "loin": (4, 0, 0), "chest": (-4, 0, 0), "neck": (-6, 24, 0),
+        "head": (6, 10, 0), "tail_1": (24, -18, 0), "tail_2": (8, -20, 0), "tail_3": (4, -22, 0),
+    },
+    "stretching": {
+        "pelvis": (22, 0, 0), "loin": (10, 0, 0), "chest": (-4, 0, 0),
+        "upper_arm": (-78, 0, 0), "forearm": (-14, 0, 0), "pastern": (10, 0, 0),
+        "thigh": (-24, 0, 0), "shin": (4, 0, 0), "metatarsus": (-2, 0, 0), "neck": (-28, 0, 0),
+        "head": (-8, 0, 0), "tail_1": (30, 0, 0), "tail_2": (12, 0, 0),
+    },
+    "howling": {
+        "pelvis": (-8, 0, 0), "neck": (-30, 0, 0), "head": (-48, 0, 0), "thigh": (8, 0, 0),
+        "upper_arm": (8, 0, 0), "tail_1": (-20, 0, 0),
+    },
+    "grazing": {
+        "chest": (10, 0, 0), "neck": (74, 0, 0), "head": (22, 0, 0), "upper_arm": (-10, 0, 3),
+        "left_upper_arm": (-18, 0, 0), "right_upper_arm": (14, 0, 0),
+    },
+    "rearing": {
+        "pelvis": (-58, 0, 0), "loin": (-4, 0, 0), "thigh": (44, 0, 0), "shin": (8, 0, 0),
+        "metatarsus": (6, 0, 0), "left_upper_arm": (-34, 0, 0), "right_upper_arm": (-8, 0, 0),
+        "left_forearm": (18, 0, 0), "right_forearm": (8, 0, 0), "pastern": (60, 0, 0),
+        "neck": (24, 0, 0), "head": (28, 0, 0),
+    },
+    "scratching": {
+        "pelvis": (-40, 0, 0), "loin": (-6, 14, 0), "chest": (-4, 16, 0), "neck": (16, 26, 0),
+        "head": (18, 16, 10), "upper_arm": (42, 0, 0), "right_thigh": (-26, -8, -8),
+        "right_shin": (74, 0, 0), "right_metatarsus": (-66, 0, 0), "right_hind_paw": (30, 0, 0),
+        "left_thigh": (-66, 0, 24), "left_shin": (50, 0, 0), "left_metatarsus": (-50, 0, 0),
+        "tail_1": (-6, -20, 0),
+    },
+}  # fmt: skip
+
+
+def make_quadruped(
+    pose: str | Pose | None = "standing",
+    *,
+    n_vertices: int = 5000,
+    species: str = "dog",
+    asymmetric: bool = False,
+    meshing: int = 0,
+    random_state: int | None = None,
+    **proportions: float,
+) -> Shape:
+    """Make a four-legged animal: dog, cat, horse, or one of your own proportions.
+
+    Parameters
+    ----------
+    pose : str, mapping, or None, default="standing"
+        "standing", "walking", "galloping", "sitting", "lying", "stretching", "howling",
+        "grazing", "rearing" or "scratching";
+        a mapping from bone names to angles in degrees about x, y and z (``"thigh"`` turns both
+        sides, ``"left_thigh"`` one; an unknown name lists them all); or None: a random pose
+        between two named ones.
+    n_vertices : int, default=5000
+        Number of vertices, met exactly; 500 to 200000.
+    species : str, default="dog"
+        "dog", "cat", "horse", "bear" or "giraffe".
+    asymmetric : bool, default=False
+        Grow a horn on the left of the head. The mesh is then
+        not mirror symmetric either and ``mirror`` is None.
+    meshing : int, default=0
+        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
+        relates meshings. Posed surfaces of two meshings agree up to about an edge length.
+    random_state : int or None, default=None
+        Seed of a random pose; unused otherwise. None: another pose each time.
+    **proportions : float
+        Factors on the species' proportions: ``legs``, ``neck``, ``tail``, ``ears``,
+        ``muzzle``, ``girth``, ``body`` (its length), ``paws``, ``head``, ``ear_spread``; and
+        ``tail_lift``, the resting tail's angle above the horizontal in degrees. From about
+        0.7 to 1.4 of the species' own they look natural.
+
+    Returns
+    -------
+    Shape
+        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
+        alike in all poses of one body and meshing. A dog is 1.2
+        units long and 0.9 high.
+
+    Raises
+    ------
+    InputError
+        If a pose, bone, species or proportion does not exist (the message lists those that do),
+        a number is out of range, or the proportions make parts of the body touch.
+
+    See Also
+    --------
+    make_biped, make_octopus, rest_map
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_quadruped
+    >>> shape = make_quadruped("galloping", n_vertices=600)
+    >>> shape.mesh
+    Mesh(600 vertices, 1196 faces)
+    >>> bool((shape.mirror[shape.mirror] == range(600)).all())
+    True
+    """
+    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
+    return make_shape(
+        _bones(sizes, asymmetric),
+        _POSES,
+        pose,
+        n_vertices=n_vertices,
+        symmetric=not asymmetric,
+        meshing=meshing,
+        random_state=random_state,
+        name=species,
+    )
+
+
+def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+    legs, girth, paws, head = p["legs"], p["girth"], p["paws"], p["head"]
+    drop = 0.55 * (legs - 1)  # how much higher longer legs carry the body
+
+    def trunk(x: float, y: float, z: float) -> Point:
+        return (x * girth, y + drop, z * p["body"])
+
+    def leg(x: float, y: float, z: float) -> Point:
+        middle = 0.25 if z > 0 else -0.36
+        return (x * girth, y * legs, middle * p["body"] + (z - middle) * legs**0.5)
+
+    neck_base = np.array(trunk(0, 0.59, 0.30))
+    neck_top = neck_base + np.array([0, 0.155, 0.135]) * p["neck"]
+    skull = neck_top + np.array([0, 0.035, 0.03])
+    thick = girth * (0.75 + 0.25 * p["neck"])
+
+    def face(x: float, y: float, z: float) -> Point:
+        point = skull + np.array([x, y, z]) * head
+        return (float(point[0]), float(point[1]), float(point[2]))
+
+    m = p["muzzle"]
+    long = max(0.0, m - 1)  # a long muzzle points down, as a horse's does
+    tip = (0.0, -0.035 - 0.19 * long, 0.11 + 0.11 * min(m, 1.0) + 0.06 * long)
+    ears, spread = p["ears"] * head, p["ear_spread"]
+    ear = face(0.058 * spread, 0.055, -0.01)
+    ear_tip = (ear[0] + 0.035 * ears, ear[1] + 0.125 * ears, ear[2] - 0.02 * ears)
+    narrow = (1.18, 0.0, 0.0)
+    bones = [
+        Bone("pelvis", None, trunk(0, 0.55, -0.38), trunk(0, 0.56, -0.2), 0.09 * girth,
+             0.092 * girth, "torso", chain="spine"),
+        Bone("loin", "pelvis", trunk(0, 0.56, -0.2), trunk(0, 0.55, 0), 0.092 * girth,
+             0.11 * girth, "torso", chain="spine"),
+        Bone("chest", "loin", trunk(0, 0.55, 0), trunk(0, 0.535, 0.26), 0.12 * girth,
+             0.13 * girth, "torso", narrow, "spine"),
+        Bone("neck", "chest", _point(neck_base), _point(neck_top), 0.088 * thick,
+             0.066 * girth, "head"),
+        Bone("head", "neck", face(0, 0, 0), face(0, 0, 0.075), 0.08 * head, 0.07 * head, "head"),
+        Bone("muzzle", "head", face(0, -0.018, 0.08), face(*tip), 0.058 * head,
+             0.037 * head * m**0.5, "head"),
+        Bone("left_eye", "head", face(0.05, 0.032, 0.103), face(0.051, 0.034, 0.106), 0.023 * head,
+             0.023 * head, "head"),
+        Bone("left_ear", "head", ear, ear_tip, 0.046 * head, 0.019 * head, "head",
+             (0.25, -0.2, 1.75)),
+        *_tail(trunk(0, 0.59, -0.45), p),
+        Bone("left_upper_arm", "chest", leg(0.085, 0.5, 0.25), leg(0.1, 0.335, 0.21),
+             0.07 * girth, 0.045, "left_foreleg", chain="left_foreleg"),
+        Bone("left_forearm", "left_upper_arm", leg(0.1, 0.335, 0.21), leg(0.1, 0.125, 0.235),
+             0.045, 0.031, "left_foreleg", chain="left_foreleg"),
+        Bone("left_pastern", "left_forearm", leg(0.1, 0.125, 0.235), leg(0.1, 0.05, 0.245),
+             0.032, 0.031, "left_foreleg", chain="left_foreleg"),
+        Bone("left_fore_paw", "left_pastern", leg(0.1, 0.04, 0.25),
+             _ahead(leg(0.1, 0.034, 0.25), 0.055 * paws), 0.037, 0.034, "left_foreleg",
+             chain="left_foreleg"),
+        Bone("left_thigh", "pelvis", leg(0.075, 0.5, -0.37), leg(0.1, 0.34, -0.31),
+             0.088 * girth, 0.052, "left_hindleg", (1.15, 0, 0), "left_hindleg"),
+        Bone("left_shin", "left_thigh", leg(0.1, 0.34, -0.31), leg(0.1, 0.175, -0.43),
+             0.05, 0.032, "left_hindleg", chain="left_hindleg"),
+        Bone("left_metatarsus", "left_shin", leg(0.1, 0.175, -0.43), leg(0.1, 0.05, -0.41),
+             0.032, 0.031, "left_hindleg", chain="left_hindleg"),
+        Bone("left_hind_paw", "left_metatarsus", leg(0.1, 0.04, -0.405),
+             _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037, 0.034, "left_hindleg",
+             chain="left_hindleg"),
+    ]  # fmt: skip
+    bones = both_sides(bones)
+    if asymmetric:
+        horn = face(0.04, 0.075, 0.055)
+        up = (horn[0] + 0.05, horn[1] + 0.17 * head, horn[2] + 0.09 * head)
+        bones.append(Bone("left_horn", "head", horn, up, 0.036 * head, 0.018, "head"))
+    return bones
+
+
+def _tail(root: Point, p: dict[str, float]) -> list[Bone]:
+    lift = np.deg2rad(p["tail_lift"])
+    step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
+    joints = [np.array(root) + i * step for i in range(5)]
+    radii = np.linspace(0.034, 0.022, 5)
+    return [
+        Bone(
+            f"tail_{i + 1}",
+            f"tail_{i}" if i else "pelvis",
+            _point(joints[i]),
+            _point(joints[i + 1]),
+            float(radii[i]),
+            float(radii[i + 1]),
+            "tail",
+            chain="tail",
+        )
+        for i in range(4)
+    ]
+
+
+def _ahead(point: Point, length: float) -> Point:
+    return (point[0], point[1], point[2] + length)
+
+
+def _point(array: Any) -> Point:
+    return (float(array[0]), float(array[1]), float(array[2]))

@@ -1,0 +1,133 @@
+"""What the makers of synthetic shapes return, and how two of them correspond."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from unbend._types import FloatArray, IntArray
+from unbend.datasets._rigidity import restore_lengths
+from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin
+from unbend.datasets._surface import skin
+from unbend.errors import InputError
+from unbend.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A posed synthetic body with everything that is known about it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The body in its pose: one closed surface without handles, faces oriented outward.
+        x points to its left, y up, z forward.
+    rest : (n, 3) ndarray of float64, read-only
+        The same vertices in the rest pose.
+    mirror : (n,) ndarray of int64, read-only, or None
+        ``mirror[i]`` is the left-right mirror image of vertex ``i``, exactly so in the rest
+        pose. None for an asymmetric body.
+    labels : (n,) ndarray of int64, read-only
+        The body part of each vertex, an index into ``parts``.
+    parts : tuple of str
+        Names of the body parts.
+    """
+
+    mesh: Mesh
+    rest: FloatArray
+    mirror: IntArray | None
+    labels: IntArray
+    parts: tuple[str, ...]
+
+
+def rest_map(source: Shape, target: Shape) -> IntArray:
+    """Map one shape truly to another of the same body, whatever their poses and meshings.
+
+    Parameters
+    ----------
+    source, target : Shape
+        Made by the same maker with the same proportions.
+
+    Returns
+    -------
+    source_to_target : (n_source,) ndarray of int64
+        For each source vertex, the target vertex nearest to it in the rest pose.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_octopus, rest_map
+    >>> source = make_octopus("swimming", n_vertices=600)
+    >>> target = make_octopus("crawling", n_vertices=600, meshing=1)
+    >>> rest_map(source, target).shape
+    (600,)
+    """
+    nearest: IntArray = cKDTree(target.rest).query(source.rest)[1]
+    return nearest.astype(np.int64)
+
+
+def make_shape(
+    bones: Sequence[Bone],
+    poses: Mapping[str, Pose],
+    pose: str | Pose | None,
+    *,
+    n_vertices: int,
+    symmetric: bool,
+    meshing: int,
+    random_state: int | None,
+    name: str,
+) -> Shape:
+    """Mesh a body at rest and move it into a pose: what all makers do."""
+    if not 500 <= n_vertices <= 200_000:
+        raise InputError(f"n_vertices must be from 500 to 200000, not {n_vertices}")
+    angles = _angles(poses, pose, random_state)
+    rest, faces, mirror, labels, parts = _rest_body(tuple(bones), n_vertices, symmetric, meshing)
+    posed = rest
+    if angles:
+        posed = restore_lengths(rest, move_skin(bones, rest, angles), faces)
+    mesh = Mesh(posed, faces, name=name)
+    return Shape(mesh, rest, mirror, labels, parts)
+
+
+def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
+    if pose is None:
+        return random_pose(poses, np.random.default_rng(random_state))
+    if not isinstance(pose, str):
+        return pose
+    if pose not in poses:
+        raise InputError(f"there is no pose {pose!r}; the poses are {', '.join(poses)}")
+    return poses[pose]
+
+
+def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
+    """Mix two named poses and move every joint in use a little further at random."""
+    names = list(poses)
+    first, second = rng.choice(len(names), 2, replace=False)
+    share = rng.uniform(0.2, 0.8)
+    joints = sorted({joint for given in poses.values() for joint in given})
+    angles: dict[str, tuple[float, float, float]] = {}
+    for joint in joints:
+        a = np.array(poses[names[first]].get(joint, (0, 0, 0)), dtype=np.float64)
+        b = np.array(poses[names[second]].get(joint, (0, 0, 0)), dtype=np.float64)
+        turn = share * a + (1 - share) * b + rng.normal(0, 4, 3)
+        angles[joint] = (float(turn[0]), float(turn[1]), float(turn[2]))
+    return angles
+
+
+@lru_cache(maxsize=8)
+def _rest_body(
+    bones: tuple[Bone, ...], n_vertices: int, symmetric: bool, meshing: int
+) -> tuple[FloatArray, IntArray, IntArray | None, IntArray, tuple[str, ...]]:
+    """Posing is quick and meshing is not: the poses of one body share its resting mesh."""
+    cones = cones_of(bones)
+    rest, faces, mirror = skin(cones, n_vertices, symmetric=symmetric, meshing=meshing)
+    parts = tuple(dict.fromkeys(bone.part for bone in bones))
+    part_of_bone = np.array([parts.index(bone.part) for bone in bones])
+    labels = part_of_bone[cones.distances(rest).argmin(axis=0)]
+    for array in (rest, faces, mirror, labels):
+        if array is not None:
+            array.setflags(write=False)
+    return rest, faces, mirror, labels, parts

@@ -1,0 +1,285 @@
+"""Pictures of meshes for papers and reports, drawn with matplotlib and no display."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from unbend._types import FloatArray
+from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.mesh import Mesh, as_mesh
+from unbend.report._raster import VIEWS, rasterize, rgb_of, view_rotation
+
+__all__ = [
+    "VIEWS",
+    "CanonicalColumn",
+    "draw_canonical_forms",
+    "draw_mesh",
+    "new_figure",
+    "position_colors",
+    "save_figure",
+]
+
+
+class CanonicalColumn(NamedTuple):
+    """One shape in a figure of canonical forms.
+
+    Attributes
+    ----------
+    caption : str
+        Printed below the column.
+    original : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    canonical : (n, 3) array_like
+        The canonical form's points, one per vertex of the original.
+    colors : (n,) or (n, 3) array_like, optional
+        As for :func:`draw_mesh`. None: those of the first column if the numbers of vertices
+        agree, else from the original's positions.
+    """
+
+    caption: str
+    original: Any
+    canonical: Any
+    colors: Any = None
+
+
+def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
+    """Make a blank white figure that needs no display and touches no global state.
+
+    Parameters
+    ----------
+    width, height : float
+        In inches.
+    dpi : float, default=150
+        Pixels per inch.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from unbend.report.figures import new_figure
+    >>> new_figure(4, 3).dpi
+    150
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def position_colors(vertices: Any) -> FloatArray:
+    """Give each point a colour that changes smoothly over the shape and tells parts apart.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Positions; rows that are not finite become grey.
+
+    Returns
+    -------
+    colors : (n, 3) ndarray of float64
+        Red, green and blue from 0 to 1: the position within the bounding box.
+
+    Examples
+    --------
+    >>> from unbend.report.figures import position_colors
+    >>> position_colors([[0, 0, 0], [1, 2, 4]]).round(2).tolist()
+    [[0.18, 0.18, 0.18], [0.95, 0.95, 0.95]]
+    """
+    vertices = np.asarray(vertices, dtype=np.float64)
+    finite = np.isfinite(vertices).all(axis=1)
+    colors = np.full(vertices.shape, 0.6)
+    if finite.any():
+        low, high = vertices[finite].min(axis=0), vertices[finite].max(axis=0)
+        colors[finite] = 0.18 + 0.77 * (vertices[finite] - low) / np.maximum(high - low, 1e-300)
+    return colors
+
+
+def draw_mesh(
+    ax: Any,
+    mesh: Any,
+    *,
+    colors: Any = None,
+    view: str | tuple[float, float] = "three-quarter",
+) -> None:
+    """Draw a lit, smoothly shaded mesh into an axes, at equal scale and without ticks.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Its place in the figure decides the resolution; the shape fills it.
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces. Vertices that are not finite are
+        left out. y is up.
+    colors : (n,) or (n, 3) array_like, optional
+        Per vertex: a number (drawn with the viridis colours from the least to the greatest;
+        grey where not finite) or red, green and blue from 0 to 1. None: clay.
+    view : str or (azimuth, elevation), default="three-quarter"
+        A name in ``VIEWS`` or two angles in degrees: 0, 0 looks at the shape's face (along -z),
+        90, 0 at its left side, and an elevation of 90 from above.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, the view is unknown, or the colours do not fit the vertices.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_octopus
+    >>> from unbend.report.figures import draw_mesh, new_figure, position_colors
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> ax = new_figure(1, 1).add_subplot()
+    >>> draw_mesh(ax, mesh, colors=position_colors(mesh.vertices), view="front")
+    """
+    mesh = as_mesh(mesh)
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name} has no faces to draw")
+    _draw(ax, mesh.vertices, mesh, colors, view)
+
+
+def draw_canonical_forms(
+    columns: Sequence[CanonicalColumn | tuple[Any, ...]],
+    path: str | os.PathLike[str],
+    *,
+    view: str | tuple[float, float] = "three-quarter",
+    canonical_view: str | tuple[float, float] = "front",
+) -> None:
+    """Write a picture of shapes above their canonical forms, like Figure 1 of the paper.
+
+    Parameters
+    ----------
+    columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors])
+        The shapes, left to right. The same point has the same colour above and below.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+    view, canonical_view : str or (azimuth, elevation)
+        As for :func:`draw_mesh`, for the upper and the lower row.
+
+    Raises
+    ------
+    InputError
+        If there are no columns, or a canonical form does not fit its original.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    References
+    ----------
+    Yang, Obaseki, Chen, "Canonical forms of deformable 3-D shapes" (2019), Figure 1.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.datasets import make_octopus
+    >>> from unbend.report.figures import draw_canonical_forms
+    >>> shape = make_octopus(n_vertices=600)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "figure.png")
+    ...     draw_canonical_forms([("octopus", shape.mesh, shape.rest)], path)
+    ...     path.exists()
+    True
+    """
+    if not columns:
+        raise InputError("a figure of canonical forms needs at least one column")
+    filled = [CanonicalColumn(*column) for column in columns]
+    figure = new_figure(2.4 * len(filled), 5.2)
+    rows: list[list[Any]] = [[], []]
+    first_colors: Any = None
+    for i, (caption, original, canonical, colors) in enumerate(filled):
+        mesh = as_mesh(original)
+        points = np.asarray(canonical, dtype=np.float64)
+        if points.shape != mesh.vertices.shape:
+            raise InputError(
+                f"the canonical form of {caption!r} has shape {points.shape}, but its original "
+                f"has {mesh.n_vertices} vertices"
+            )
+        if colors is None:
+            fits = first_colors is not None and len(first_colors) == mesh.n_vertices
+            colors = first_colors if fits else position_colors(mesh.vertices)
+        first_colors = colors if first_colors is None else first_colors
+        for row, (vertices, seen_from) in enumerate(
+            ((mesh.vertices, view), (points, canonical_view))
+        ):
+            width = 0.96 / len(filled)
+            ax = figure.add_axes((0.02 + i * width, (0.53, 0.06)[row], width, 0.45))
+            _draw(ax, vertices, mesh, colors, seen_from)
+            rows[row].append(ax)
+        figure.text(0.02 + (i + 0.5) * width, 0.02, caption, ha="center", fontsize=9)
+    for row_axes in rows:
+        _same_scale(row_axes)
+    save_figure(figure, path)
+
+
+def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
+    """Write a figure to a file that is either complete or not there.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : path
+        The file to write or replace; its ending decides the format.
+
+    Raises
+    ------
+    FileError
+        If the folder does not exist or cannot be written, or the ending is not a format.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.report.figures import new_figure, save_figure
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
+    """
+    target = Path(path)
+    # A name of its own beside the target, so that the last step is one rename.
+    unfinished = target.with_name(f".{secrets.token_hex(6)}{target.suffix}")
+    try:
+        figure.savefig(unfinished)
+        os.replace(unfinished, target)
+    except (OSError, ValueError) as error:
+        raise FileError(f"{target} cannot be written: {error}") from None
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _draw(
+    ax: Any, vertices: FloatArray, mesh: Mesh, colors: Any, view: str | tuple[float, float]
+) -> None:
+    box = ax.get_window_extent()
+    seen = vertices @ view_rotation(view).T
+    picture, extent = rasterize(
+        seen, mesh.faces, rgb_of(colors, mesh), (max(16, int(box.width)), max(16, int(box.height)))
+    )
+    ax.imshow(
+        picture, extent=extent, origin="lower", interpolation="bilinear", interpolation_stage="rgba"
+    )
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+
+
+def _same_scale(axes: list[Any]) -> None:
+    """Give every axes of a row the same span, so that sizes can be compared."""
+    limits = [(ax.get_xlim(), ax.get_ylim()) for ax in axes]
+    span_x = max(x[1] - x[0] for x, _ in limits) / 2
+    span_y = max(y[1] - y[0] for _, y in limits) / 2
+    for ax, (x, y) in zip(axes, limits, strict=True):
+        ax.set_xlim(sum(x) / 2 - span_x, sum(x) / 2 + span_x)
+        ax.set_ylim(sum(y) / 2 - span_y, sum(y) / 2 + span_y)

@@ -1,0 +1,30 @@
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from unbend import spectrum
+from unbend.cli import app
+
+runner = CliRunner()
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def test_info_says_where_and_how_much(blob, folder):
+    spectrum(blob, 4)
+    found = json.loads(runner.invoke(app, ["cache", "info", "--json"]).stdout)
+    assert found["folder"] == str(folder)
+    assert found["spectra"] == 1
+    assert found["bytes"] > 642 * 4 * 8
+    assert str(folder) in runner.invoke(app, ["cache", "info"]).stdout
+
+
+def test_clear_empties_it(blob, folder):
+    spectrum(blob, 4)
+    assert "removed 1 spectra" in runner.invoke(app, ["cache", "clear"]).stdout
+    assert not list(folder.glob("*.npz"))

@@ -1,0 +1,128 @@
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import canonical_form, read_mesh, write_mesh
+from unbend.cli import app
+
+runner = CliRunner()
+
+
+def run(*arguments):
+    return runner.invoke(app, ["canonical", *map(str, arguments)])
+
+
+@pytest.fixture
+def mesh(blob, tmp_path):
+    write_mesh(tmp_path / "blob.off", blob)
+    return tmp_path / "blob.off"
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".off", ".obj"])
+def test_writes_the_form_with_the_same_faces_and_order(mesh, blob, tmp_path, suffix):
+    out = tmp_path / f"form{suffix}"
+    done = run(mesh, "-o", out)
+    assert done.exit_code == 0, done.output
+    written = read_mesh(out)
+    np.testing.assert_array_equal(written.faces, blob.faces)
+    np.testing.assert_array_equal(written.vertices, canonical_form(blob).points)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".csv"])
+def test_writes_any_dimension_as_a_table(mesh, blob, tmp_path, suffix):
+    out = tmp_path / f"form{suffix}"
+    assert run(mesh, "-o", out, "--dim", 5, "--weighting", "area").exit_code == 0
+    table = np.load(out) if suffix == ".npy" else np.loadtxt(out, delimiter=",", skiprows=1)
+    form = canonical_form(blob, n_components=5, weighting="area")
+    np.testing.assert_array_equal(table, form.points)
+
+
+def test_prints_aligned_rows_and_the_next_step(mesh):
+    done = run(mesh)
+    rows = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert rows["mesh"] == "blob.off, 642 vertices, 1,280 faces"
+    assert rows["form"] == "exact biharmonic, uniform weights, cotangent Laplacian"
+    assert rows["next"] == "add -o OUT.ply to write the form"
+    assert len({line.index(line.split(maxsplit=1)[1]) for line in done.stdout.splitlines()}) == 1
+
+
+def test_prints_one_json_object(mesh, blob):
+    done = run(mesh, "--json", "--method", "sampled", "--samples", 50, "--eigenpairs", 30)
+    found = json.loads(done.stdout)
+    form = canonical_form(blob, method="sampled", n_samples=50, n_eigenpairs=30)
+    assert found["eigenvalues"] == list(form.eigenvalues)
+    assert (found["vertices"], found["faces"]) == (642, 1280)
+    assert (found["method"], found["distance"]) == ("sampled", "biharmonic")
+    assert found["stress"] == form.stress
+    assert found["warnings"] == []
+    assert "scaling" in found["seconds"]
+
+
+def test_every_option_reaches_the_library(mesh, blob, tmp_path):
+    out = tmp_path / "form.npy"
+    options = (
+        "--dim 2 --distance diffusion --method sampled --weighting area --eigenpairs 40 "
+        "--samples 70 --mu 100 --interpolation least-squares --time 0.3 --laplacian robust "
+        "--keep-scale --seed 3 --no-cache"
+    )
+    assert run(mesh, "-o", out, *options.split()).exit_code == 0
+    form = canonical_form(
+        blob,
+        n_components=2,
+        distance="diffusion",
+        method="sampled",
+        weighting="area",
+        n_eigenpairs=40,
+        n_samples=70,
+        mu=100,
+        interpolation="least-squares",
+        time=0.3,
+        laplacian="robust",
+        keep_scale=True,
+        random_state=3,
+    )
+    np.testing.assert_allclose(np.load(out), form.points, atol=1e-9)
+
+
+def test_a_component_keeps_its_place_among_all_vertices(blob, tmp_path):
+    both = np.vstack([blob.vertices + 20, blob.vertices, [[9, 9, 9]]])
+    faces = np.vstack([blob.faces[:-2], blob.faces + blob.n_vertices])
+    write_mesh(tmp_path / "both.ply", (both, faces))
+    refused = run(tmp_path / "both.ply", "-o", tmp_path / "form.ply")
+    assert refused.exit_code == 2
+    assert "--component largest" in refused.stderr
+    assert not (tmp_path / "form.ply").exists()
+    done = run(tmp_path / "both.ply", "-o", tmp_path / "form.ply", "--component", 1)
+    assert done.exit_code == 0
+    assert "1 unreferenced vertex is NaN" in done.stderr
+    form = read_mesh(tmp_path / "form.ply")
+    assert form.n_vertices == 2 * blob.n_vertices + 1
+    assert np.isfinite(form.vertices).all(axis=1).sum() == blob.n_vertices
+    assert set(map(tuple, form.faces)) <= set(map(tuple, faces))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["missing.off"], "there is no such file"),
+        (["blob.off", "-o", "form.ply", "--dim", "4"], "write the form as .npy or .csv"),
+        (["blob.off", "-o", "form.stl"], 'unknown suffix ".stl"'),
+        (["blob.off", "-o", "nowhere/form.ply"], "there is no folder nowhere"),
+        (["blob.off", "-o", "form.npy", "--dim", "0"], "dimension must be 1 to 641"),
+        (["blob.off", "--component", "x"], "must be largest or a number"),
+        (["blob.off", "--distance", "geodesic", "--method", "exact"], "no exact form"),
+    ],
+)
+def test_mistakes_get_one_sentence_and_write_nothing(
+    mesh, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+    assert sorted(tmp_path.iterdir()) == before

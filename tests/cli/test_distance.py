@@ -1,0 +1,61 @@
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import distance, write_mesh
+from unbend.cli import app
+
+runner = CliRunner()
+
+
+@pytest.fixture
+def mesh(blob, tmp_path):
+    write_mesh(tmp_path / "blob.off", blob)
+    return str(tmp_path / "blob.off")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".csv", ".ply"])
+def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
+    out = tmp_path / f"field{suffix}"
+    options = ["--from", "12", "--from", "500", "--kind", "commute-time", "-o", str(out)]
+    done = runner.invoke(app, ["distance", mesh, *options])
+    assert done.exit_code == 0, done.output
+    expected = distance(blob, [12, 500], kind="commute-time").T
+    if suffix == ".ply":
+        import trimesh
+
+        data = trimesh.load(out, process=False).metadata["_ply_raw"]["vertex"]["data"]
+        found = np.stack([data["distance_12"], data["distance_500"]], axis=1).reshape(-1, 2)
+    elif suffix == ".npy":
+        found = np.load(out)
+    else:
+        assert out.read_text().splitlines()[0] == "distance_12,distance_500"
+        found = np.loadtxt(out, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_prints_the_farthest_vertex(mesh, blob):
+    field = distance(blob, 7, kind="geodesic", laplacian="robust")[0]
+    arguments = ["distance", mesh, "--from", "7", "--kind", "geodesic"]
+    done = runner.invoke(app, arguments)
+    assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout
+    found = json.loads(runner.invoke(app, [*arguments, "--json"]).stdout)
+    assert found["sources"][0]["farthest"] == field.argmax()
+    assert found["sources"][0]["distance"] == pytest.approx(field.max())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--from", "642"], "there is no vertex 642"),
+        (["--from", "0", "-o", "field.obj"], "use .ply, .npy or .csv"),
+        (["--from", "0", "--kind", "diffusion", "--time", "-1"], "time must be positive"),
+    ],
+)
+def test_mistakes_get_one_sentence(mesh, options, message):
+    done = runner.invoke(app, ["distance", mesh, *options])
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,186 @@
+"""Synthetic animals: closed surfaces, exact mirror maps, near-isometric poses."""
+
+import numpy as np
+import pytest
+
+from unbend.datasets import (
+    Shape,
+    biped,
+    make_biped,
+    make_octopus,
+    make_quadruped,
+    octopus,
+    quadruped,
+    rest_map,
+)
+from unbend.errors import InputError
+
+MAKERS = {make_quadruped: quadruped, make_biped: biped, make_octopus: octopus}
+SPECIES = [(maker, name) for maker, module in MAKERS.items() for name in module._SPECIES]
+POSES = [(maker, name) for maker, module in MAKERS.items() for name in module._POSES]
+
+
+def edge_array(faces):
+    return np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+
+
+def edge_lengths(vertices, edges):
+    return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+
+
+def signed_volume(vertices, faces):
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+
+
+def min_angles(vertices, faces):
+    corners = vertices[faces]
+    angles = []
+    for i in range(3):
+        u, v = corners[:, i - 1] - corners[:, i], corners[:, i - 2] - corners[:, i]
+        across = np.linalg.norm(np.cross(u, v), axis=1)
+        angles.append(np.degrees(np.arctan2(across, np.einsum("fi,fi->f", u, v))))
+    return np.min(angles, axis=0)
+
+
+def assert_sphere_like(shape: Shape) -> None:
+    """One closed, consistently oriented manifold without handles, facing outward."""
+    faces, n = shape.mesh.faces, shape.mesh.n_vertices
+    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    keys = directed[:, 0] * n + directed[:, 1]
+    assert len(np.unique(keys)) == len(keys)  # no edge twice in one direction
+    assert np.isin(directed[:, 1] * n + directed[:, 0], keys).all()  # each once in the other
+    assert n - len(edge_array(faces)) + len(faces) == 2
+    # The faces around each vertex form one ring: walking from face to face sees all of them.
+    after = dict(zip(map(tuple, directed.tolist()), np.roll(faces, 1, axis=1).ravel(), strict=True))
+    valence = np.bincount(faces.ravel(), minlength=n)
+    assert valence.min() >= 3
+    start = {}
+    for a, b in directed.tolist():
+        start.setdefault(a, b)
+    for vertex, first in start.items():
+        steps, now = 1, after[vertex, first]
+        while now != first:
+            steps, now = steps + 1, after[vertex, now]
+        assert steps == valence[vertex]
+    for vertices in (shape.rest, shape.mesh.vertices):
+        assert signed_volume(vertices, faces) > 0.01
+
+
+@pytest.mark.parametrize(("maker", "species"), SPECIES)
+def test_surface_is_closed_and_even(maker, species):
+    for n_vertices, meshing in ((500, 0), (1501, 3)):
+        shape = maker(species=species, n_vertices=n_vertices, meshing=meshing)
+        assert shape.mesh.n_vertices == n_vertices
+        assert_sphere_like(shape)
+        angles = min_angles(shape.rest, shape.mesh.faces)
+        assert np.percentile(angles, 5) > 20
+        assert angles.min() > 0.5
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_fine_meshes_and_odd_counts(maker):
+    shape = maker(n_vertices=8001)
+    assert shape.mesh.n_vertices == 8001
+    assert_sphere_like(shape)
+    assert np.percentile(min_angles(shape.rest, shape.mesh.faces), 1) > 25
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+@pytest.mark.parametrize("meshing", [0, 5])
+def test_mirror_is_an_exact_reflection(maker, meshing):
+    shape = maker(n_vertices=1500, meshing=meshing)
+    mirror = shape.mirror
+    np.testing.assert_array_equal(mirror[mirror], np.arange(1500))
+    np.testing.assert_allclose(shape.rest[mirror], shape.rest * [-1, 1, 1], atol=1e-12)
+    reflected = {frozenset(face) for face in mirror[shape.mesh.faces].tolist()}
+    assert reflected == {frozenset(face) for face in shape.mesh.faces.tolist()}
+    names = np.array(shape.parts)
+    swapped = [
+        name.replace("left", "*").replace("right", "left").replace("*", "right")
+        for name in names[shape.labels]
+    ]
+    assert np.mean(names[shape.labels][mirror] == swapped) > 0.995
+
+
+@pytest.mark.parametrize(("maker", "pose"), POSES)
+def test_poses_share_the_mesh_and_keep_lengths(maker, pose):
+    shape = maker(pose, n_vertices=2000)
+    other = maker("standing", n_vertices=2000)
+    np.testing.assert_array_equal(shape.mesh.faces, other.mesh.faces)
+    np.testing.assert_array_equal(shape.rest, other.rest)
+    edges = edge_array(shape.mesh.faces)
+    ratio = edge_lengths(shape.mesh.vertices, edges) / edge_lengths(shape.rest, edges)
+    change = np.abs(np.log(ratio))
+    assert np.median(change) < 0.04
+    assert np.percentile(change, 95) < 0.2
+    rest_volume = signed_volume(shape.rest, shape.mesh.faces)
+    volume = signed_volume(shape.mesh.vertices, shape.mesh.faces)
+    assert 0.9 < volume / rest_volume < 1.1
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_asymmetric_bodies_have_no_mirror(maker):
+    shape = maker(n_vertices=1500, asymmetric=True)
+    assert shape.mirror is None
+    assert_sphere_like(shape)
+    reflected = shape.rest * [-1, 1, 1]
+    gap = np.linalg.norm(reflected[:, None] - shape.rest[None], axis=2).min(axis=1)
+    assert gap.max() > 0.05
+
+
+def test_meshings_differ_but_describe_one_surface():
+    source = make_quadruped("walking", n_vertices=3000)
+    target = make_quadruped("walking", n_vertices=2000, meshing=7)
+    nearest = rest_map(source, target)
+    edge = edge_lengths(target.rest, edge_array(target.mesh.faces)).mean()
+    rest_gap = np.linalg.norm(source.rest - target.rest[nearest], axis=1)
+    assert rest_gap.max() < 2 * edge
+    assert np.median(rest_gap) > 0.1 * edge
+    posed_gap = np.linalg.norm(source.mesh.vertices - target.mesh.vertices[nearest], axis=1)
+    assert posed_gap.max() < 3 * edge
+    assert rest_map(source, source).tolist() == list(range(3000))
+
+
+def test_same_arguments_same_shape():
+    first = make_biped(None, n_vertices=700, random_state=4)
+    from unbend.datasets.shape import _rest_body
+
+    _rest_body.cache_clear()
+    second = make_biped(None, n_vertices=700, random_state=4)
+    np.testing.assert_array_equal(first.mesh.vertices, second.mesh.vertices)
+    np.testing.assert_array_equal(first.mesh.faces, second.mesh.faces)
+    third = make_biped(None, n_vertices=700, random_state=5)
+    assert np.abs(first.mesh.vertices - third.mesh.vertices).max() > 0.05
+
+
+def test_own_pose_and_proportions():
+    shape = make_quadruped(
+        {"neck": (20, 0, 0), "left_thigh": (-10, 0, 0)}, n_vertices=600, legs=1.3
+    )
+    plain = make_quadruped({}, n_vertices=600, legs=1.3)
+    np.testing.assert_array_equal(plain.mesh.vertices, plain.rest)
+    assert np.abs(shape.mesh.vertices - plain.mesh.vertices).max() > 0.02
+    dog = make_quadruped(n_vertices=600)
+    assert np.ptp(plain.rest[:, 1]) > 1.1 * np.ptp(dog.rest[:, 1])
+    head = plain.labels == plain.parts.index("head")
+    assert plain.rest[head, 2].mean() > 0.3
+    assert not plain.rest.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"pose": "flying"}, "galloping"),
+        ({"pose": {"wing": (1, 2, 3)}}, "left_thigh"),
+        ({"pose": {"neck": (1, 2)}}, "three finite numbers"),
+        ({"pose": {"neck": (1, 2, np.nan)}}, "three finite numbers"),
+        ({"species": "unicorn"}, "horse"),
+        ({"wings": 2.0}, "muzzle"),
+        ({"legs": -1.0}, "positive"),
+        ({"n_vertices": 20}, "500"),
+    ],
+)
+def test_unusable_arguments_are_named(arguments, message):
+    with pytest.raises(InputError, match=message):
+        make_quadruped(**arguments)

@@ -1,0 +1,80 @@
+import sys
+
+import numpy as np
+import pytest
+
+from unbend import distance
+from unbend.datasets import make_sphere
+from unbend.errors import InputError, MeshError, MissingExtraError, UnbendWarning
+
+
+@pytest.fixture(scope="module")
+def arcs():
+    """A fine sphere and the length of the great-circle arc from vertex 0 to every vertex."""
+    sphere = make_sphere(4)
+    return sphere, np.arccos(np.clip(sphere.vertices @ sphere.vertices[0], -1, 1))
+
+
+def test_heat_method_follows_great_circles(arcs):
+    sphere, expected = arcs
+    found = distance(sphere, 0, kind="geodesic")[0]
+    assert found[0] == 0
+    assert abs(found - expected).max() < 0.03 * np.pi
+
+
+def test_exact_geodesics_follow_great_circles(arcs):
+    sphere, expected = arcs
+    found = distance(sphere, 0, kind="geodesic-exact")[0]
+    assert abs(found - expected).max() < 2e-3 * np.pi
+
+
+def test_exact_geodesics_unfold_a_cube():
+    """Between opposite corners of the unit cube the shortest path has length sqrt(5)."""
+    import trimesh
+
+    cube = trimesh.creation.box()
+    opposite = np.argmax(np.linalg.norm(cube.vertices - cube.vertices[0], axis=1))
+    found = distance(cube, 0, kind="geodesic-exact")[0, opposite]
+    assert found == pytest.approx(np.sqrt(5), rel=1e-9)
+
+
+def test_heat_method_on_a_point_cloud(arcs):
+    sphere, expected = arcs
+    found = distance(sphere.vertices, 0, kind="geodesic")[0]
+    assert abs(found - expected).max() < 0.1 * np.pi
+
+
+def test_point_clouds_have_no_exact_geodesics():
+    with pytest.raises(MeshError, match="no exact geodesics"):
+        distance(make_sphere(2).vertices, 0, kind="geodesic-exact")
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygeodesic.geodesic", None)
+    with pytest.raises(MissingExtraError, match=r"unbend\[exact\]"):
+        distance(make_sphere(1), 0, kind="geodesic-exact")
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [(42, "there is no vertex 42"), (-1, "no vertex -1"), (0.5, "whole numbers")],
+)
+def test_sources_that_do_not_exist_are_refused(source, message):
+    with pytest.raises(InputError, match=message):
+        distance(make_sphere(1), source)
+
+
+def test_a_source_off_the_surface_is_refused():
+    sphere = make_sphere(1)
+    with (
+        pytest.warns(UnbendWarning, match="1 unreferenced"),
+        pytest.raises(InputError, match="vertex 42 is not part of the surface"),
+    ):
+        distance((np.vstack([sphere.vertices, [[5, 5, 5]]]), sphere.faces), 42)
+
+
+def test_unknown_distances_and_times_are_refused():
+    with pytest.raises(InputError, match="choose one of biharmonic, commute-time"):
+        distance(make_sphere(1), 0, kind="euclidean")
+    with pytest.raises(InputError, match="time must be positive"):
+        distance(make_sphere(1), 0, kind="diffusion", time=0)

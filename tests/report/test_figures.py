@@ -1,0 +1,158 @@
+"""The renderer draws the right thing in front, and files are whole or absent."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from unbend.datasets import make_octopus
+from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.mesh import Mesh
+from unbend.report._raster import rasterize, view_rotation
+from unbend.report.figures import (
+    VIEWS,
+    draw_canonical_forms,
+    draw_mesh,
+    new_figure,
+    position_colors,
+    save_figure,
+)
+
+RED, BLUE = [1.0, 0, 0], [0, 0, 1.0]
+SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
+TWO = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def pixels(ax):
+    return np.asarray(ax.get_images()[0].get_array())
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_nearer_square_hides_the_farther(order):
+    vertices = np.concatenate([SQUARE, 0.5 * SQUARE + [0, 0, 1]])
+    faces = np.concatenate([TWO, TWO + 4])[::order]
+    rgb = np.array([RED] * 4 + [BLUE] * 4)
+    picture, extent = rasterize(vertices, faces, rgb, (60, 60))
+    height, width = picture.shape[:2]
+    middle, side = picture[height // 2, width // 2], picture[height // 2, width // 6]
+    assert middle[2] > 0.3
+    assert middle[0] < 0.2
+    assert side[0] > 0.3
+    assert side[2] < 0.2
+    np.testing.assert_allclose(picture[..., 3].mean(), 1, atol=0.15)
+    np.testing.assert_allclose(extent, [-1, 1, -1, 1], atol=0.1)
+
+
+def test_crossing_triangles_are_hidden_pixel_by_pixel():
+    tilted = SQUARE @ np.array([[1, 0, 0.5], [0, 1, 0], [0, 0, 1]])  # nearer on the right
+    picture, _ = rasterize(
+        np.concatenate([SQUARE, tilted]),
+        np.concatenate([TWO, TWO + 4]),
+        np.array([RED] * 4 + [BLUE] * 4),
+        (40, 40),
+    )
+    row = picture[picture.shape[0] // 2]
+    assert row[len(row) // 4, 0] > row[len(row) // 4, 2]
+    assert row[3 * len(row) // 4, 2] > row[3 * len(row) // 4, 0]
+
+
+def test_corners_that_are_not_finite_are_left_out():
+    broken = SQUARE.copy()
+    broken[3] = np.nan
+    whole, _ = rasterize(SQUARE, TWO, np.ones((4, 3)), (40, 40))
+    half, _ = rasterize(broken, TWO, np.ones((4, 3)), (40, 40))
+    assert np.isfinite(half).all()
+    assert 0.4 < half[..., 3].sum() / whole[..., 3].sum() < 0.6
+    nothing, _ = rasterize(np.full((4, 3), np.nan), TWO, np.ones((4, 3)), (40, 40))
+    assert nothing[..., 3].sum() == 0
+
+
+def test_views_are_rotations_and_look_from_where_they_say():
+    for view in VIEWS:
+        rotation = view_rotation(view)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) > 0
+    towards_viewer = {name: view_rotation(name)[2] for name in VIEWS}
+    np.testing.assert_allclose(towards_viewer["front"], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(towards_viewer["side"], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(towards_viewer["top"], [0, 1, 0], atol=1e-12)
+
+
+def test_draw_mesh_takes_no_scalar_and_rgb_colors():
+    shape = make_octopus(n_vertices=600)
+    height = shape.rest[:, 1].copy()
+    height[0] = np.nan
+    seen = []
+    for colors in (None, height, position_colors(shape.rest)):
+        ax = new_figure(1, 1, dpi=80).add_subplot()
+        draw_mesh(ax, shape.mesh, colors=colors)
+        assert ax.get_aspect() == 1
+        assert np.isfinite(pixels(ax)).all()
+        seen.append(pixels(ax)[..., :3])
+    assert np.abs(seen[0] - seen[1]).max() > 0.1
+    assert np.abs(seen[1] - seen[2]).max() > 0.1
+
+
+def test_unreferenced_nan_vertices_are_no_trouble():
+    mesh = Mesh(np.concatenate([SQUARE, [[np.nan] * 3]]), TWO)
+    ax = new_figure(1, 1).add_subplot()
+    draw_mesh(ax, mesh, view="front", colors=position_colors(mesh.vertices))
+    assert pixels(ax)[..., 3].mean() > 0.8
+
+
+def test_position_colors_tell_points_apart():
+    rest = make_octopus(n_vertices=600).rest
+    colors = position_colors(rest)
+    assert colors.min() >= 0
+    assert colors.max() <= 1
+    assert len(np.unique(colors.round(6), axis=0)) == len(rest)
+
+
+def test_canonical_forms_figure(tmp_path):
+    shapes = [make_octopus(pose, n_vertices=600) for pose in ("crawling", "curled")]
+    columns = [(f"pose {i}", s.mesh, s.rest) for i, s in enumerate(shapes)]
+    path = tmp_path / "figure.png"
+    draw_canonical_forms(columns, path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
+    with pytest.raises(InputError, match="600 vertices"):
+        draw_canonical_forms([("a", shapes[0].mesh, shapes[0].rest[:9])], path)
+    with pytest.raises(InputError, match="at least one"):
+        draw_canonical_forms([], path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "figure.png"
+    path.write_text("old")
+
+    class Broken:
+        def savefig(self, name):
+            with open(name, "w") as file:
+                file.write("half")
+            raise OSError("disk full")
+
+    with pytest.raises(FileError, match="disk full"):
+        save_figure(Broken(), path)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
+    with pytest.raises(FileError, match="cannot be written"):
+        save_figure(new_figure(1, 1), tmp_path / "nowhere" / "figure.png")
+    with pytest.raises(FileError, match="cannot be written"):
+        save_figure(new_figure(1, 1), tmp_path / "figure.nonsense")
+
+
+def test_unusable_arguments_are_named():
+    mesh = Mesh(SQUARE, TWO)
+    ax = new_figure(1, 1).add_subplot()
+    with pytest.raises(InputError, match="three-quarter"):
+        draw_mesh(ax, mesh, view="below")
+    with pytest.raises(InputError, match="no faces"):
+        draw_mesh(ax, SQUARE)
+    with pytest.raises(InputError, match="colors"):
+        draw_mesh(ax, mesh, colors=np.ones(3))
+
+
+def test_missing_matplotlib_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtraError, match=r"unbend\[plot\]"):
+        new_figure(1, 1)

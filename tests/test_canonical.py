@@ -1,0 +1,196 @@
+import numpy as np
+import pytest
+import scipy.spatial.transform
+from hypothesis import given
+from hypothesis import strategies as st
+
+import dense
+from unbend import Mesh, canonical_form, distance
+from unbend.datasets import make_sphere
+from unbend.errors import InputError, MeshError, UnbendWarning
+
+METHODS = [
+    {},
+    {"weighting": "area"},
+    {"method": "sampled", "n_eigenpairs": 30, "n_samples": 60},
+    {"distance": "geodesic", "n_eigenpairs": 30, "n_samples": 60},
+    {"distance": "commute-time"},
+    {"distance": "diffusion"},
+]
+
+
+@pytest.mark.parametrize("options", METHODS)
+@given(rotation=st.integers(0, 2**32 - 1), scale=st.floats(1e-3, 1e3))
+def test_rigid_motion_and_scale_leave_the_form_alone(blob, options, rotation, scale):
+    turn = scipy.spatial.transform.Rotation.random(rng=rotation).as_matrix()
+    moved = Mesh(scale * (blob.vertices @ turn.T + 3), blob.faces)
+    before, after = canonical_form(blob, **options), canonical_form(moved, **options)
+    np.testing.assert_allclose(after.points, before.points, atol=1e-4)
+    np.testing.assert_allclose(after.eigenvalues, before.eigenvalues, rtol=1e-4)
+    assert after.area == pytest.approx(before.area * scale**2)
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_permuting_vertices_permutes_the_form(blob, options):
+    order = np.random.default_rng(5).permutation(blob.n_vertices)
+    permuted = Mesh(blob.vertices[order], np.argsort(order)[blob.faces])
+    before, after = canonical_form(blob, **options), canonical_form(permuted, **options)
+    np.testing.assert_allclose(after.points, before.points[order], atol=1e-4)
+
+
+def test_equal_input_gives_equal_output(blob):
+    np.testing.assert_array_equal(canonical_form(blob).points, canonical_form(blob).points)
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 5, 20])
+def test_a_form_of_any_dimension_extends_the_smaller_ones(blob, dimension):
+    form, larger = (canonical_form(blob, n_components=d) for d in (dimension, 21))
+    assert form.points.shape == (blob.n_vertices, dimension)
+    np.testing.assert_allclose(form.points, larger.points[:, :dimension], atol=1e-7)
+    np.testing.assert_allclose((form.points**2).sum(axis=0), form.eigenvalues, rtol=1e-9)
+    np.testing.assert_allclose(form.points.mean(axis=0), 0, atol=1e-10)
+
+
+def test_stress_falls_with_dimension_to_nothing(blob):
+    stresses = [canonical_form(blob, n_components=d).stress for d in (1, 3, 20, 300)]
+    assert stresses == sorted(stresses, reverse=True)
+    assert stresses[-1] < 5e-3
+
+
+def test_stress_is_its_definition_on_all_pairs(blob):
+    form = canonical_form(blob)
+    wanted = distance(blob, np.arange(blob.n_vertices)) / np.sqrt(form.area)
+    reached = np.linalg.norm(form.points[:, None] - form.points[None], axis=2)
+    whole = np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum())
+    assert form.stress == pytest.approx(whole, rel=0.15)  # 64 of the 642 vertices
+
+
+@pytest.mark.parametrize(
+    ("kind", "power"), [("biharmonic", 1), ("geodesic", 1), ("commute-time", 0), ("diffusion", -1)]
+)
+def test_keeping_the_scale_keeps_the_unit_of_the_distance(blob, kind, power):
+    large = Mesh(blob.vertices * 10, blob.faces)
+    unit, kept = (canonical_form(large, distance=kind, keep_scale=k) for k in (False, True))
+    factor = np.sqrt(unit.area) ** power
+    np.testing.assert_allclose(kept.points, unit.points * factor)
+    np.testing.assert_allclose((kept.points**2).sum(axis=0), kept.eigenvalues, rtol=1e-2)
+
+
+def test_sphere_unbends_to_a_sphere():
+    sphere = make_sphere(3)
+    points = canonical_form(sphere).points
+    radii = np.linalg.norm(points, axis=1)
+    assert np.ptp(radii) < 0.02 * radii.mean()
+    assert dense.relative_error(points / radii[:, None], sphere.vertices) < 0.02
+
+
+def test_geodesic_form_comes_closer_to_geodesic_distances(blob):
+    """The stress of a geodesic form in 3-D is small on a shape of this kind."""
+    assert canonical_form(blob, distance="geodesic").stress < 0.15
+
+
+def test_wolves_in_three_poses_have_one_form(real_data):
+    """Biharmonic forms of one animal agree to 0.999, and better than geodesic ones."""
+    wolves = [real_data / "tosca_original" / f"wolf{i}.off" for i in range(3)]
+    similarity = {}
+    for kind in ("biharmonic", "geodesic"):
+        forms = [canonical_form(wolf, distance=kind).points for wolf in wolves]
+        forms = [form - form.mean(axis=0) for form in forms]
+        similarity[kind] = [
+            (dense.aligned(a, b) * b).sum() / np.linalg.norm(a) / np.linalg.norm(b)
+            for a, b in ((forms[0], forms[1]), (forms[0], forms[2]), (forms[1], forms[2]))
+        ]
+    assert min(similarity["biharmonic"]) >= 0.999
+    assert (np.array(similarity["biharmonic"]) > similarity["geodesic"]).all()
+
+
+def split_at_centroids(mesh, chosen):
+    """Put a new vertex into the middle of the chosen faces."""
+    middles = mesh.vertices[mesh.faces[chosen]].mean(axis=1)
+    new = mesh.n_vertices + np.arange(len(middles))
+    a, b, c = mesh.faces[chosen].T
+    thirds = [np.stack(corners, axis=1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
+    return Mesh(np.vstack([mesh.vertices, middles]), np.vstack([mesh.faces[~chosen], *thirds]))
+
+
+def test_area_weights_do_not_see_how_densely_a_region_is_meshed(blob):
+    dense_half = split_at_centroids(blob, blob.vertices[blob.faces].mean(axis=1)[:, 0] > 0.3)
+    changes = {}
+    for weighting in ("area", "uniform"):
+        before = canonical_form(blob, weighting=weighting).points
+        after = canonical_form(dense_half, weighting=weighting).points[: blob.n_vertices]
+        after = after - after.mean(axis=0) + before.mean(axis=0)
+        changes[weighting] = dense.relative_error(after, before)
+    assert changes["area"] < 0.03
+    assert changes["area"] < changes["uniform"] / 2
+
+
+def test_unreferenced_vertices_are_nan_rows_and_bend_nothing(blob):
+    extended = Mesh(np.vstack([blob.vertices[:5], blob.vertices]), blob.faces + 5)
+    with pytest.warns(UnbendWarning, match="5 unreferenced vertices"):
+        form = canonical_form(extended)
+    assert np.isnan(form.points[:5]).all()
+    np.testing.assert_allclose(form.points[5:], canonical_form(blob).points, atol=1e-9)
+    assert any("5 unreferenced" in note for note in form.notes)
+
+
+def test_one_component_is_chosen_and_the_rest_is_nan(blob):
+    sphere = make_sphere(2)
+    both = Mesh(
+        np.vstack([sphere.vertices + 9, blob.vertices]),
+        np.vstack([sphere.faces, blob.faces + sphere.n_vertices]),
+        name="both.off",
+    )
+    with pytest.raises(MeshError, match=r"both\.off.*642.*162"):
+        canonical_form(both)
+    with pytest.warns(UnbendWarning):
+        largest, second = (canonical_form(both, component=c) for c in ("largest", 1))
+    np.testing.assert_allclose(
+        largest.points[sphere.n_vertices :], canonical_form(blob).points, atol=1e-9
+    )
+    assert np.isnan(largest.points[: sphere.n_vertices]).all()
+    assert np.isfinite(second.points[: sphere.n_vertices]).all()
+
+
+def test_degenerate_faces_are_handled_by_the_robust_laplacian(blob):
+    damaged = Mesh(blob.vertices, np.vstack([blob.faces, [[0, 0, 1], [4, 5, 5]]]))
+    with pytest.warns(UnbendWarning, match="degenerate"):
+        form = canonical_form(damaged)
+    assert form.laplacian == "robust"
+    assert dense.relative_error(form.points, canonical_form(blob).points) < 0.05
+
+
+def test_point_cloud_form_is_close_to_the_surface_s(blob):
+    form = canonical_form(blob.vertices)
+    assert form.laplacian == "robust"
+    assert dense.relative_error(form.points, canonical_form(blob).points) < 0.25
+
+
+def test_steps_are_timed_and_announced(blob):
+    announced = []
+    form = canonical_form(blob, method="sampled", progress=announced.append)
+    assert list(form.seconds) == announced
+    assert {"laplacian", "factorisation", "spectrum", "sampling", "scaling"} <= set(announced)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_components": 0}, "dimension must be 1 to 641"),
+        ({"n_components": 642}, "dimension must be 1 to 641"),
+        ({"method": "sampled", "n_eigenpairs": 5, "n_components": 5}, "must be 1 to 4"),
+        ({"method": "exact", "distance": "geodesic"}, 'use method="sampled"'),
+        ({"method": "quick"}, "method must be"),
+        ({"weighting": "none"}, "weighting must be"),
+        ({"distance": "euclid"}, "there is no distance 'euclid'"),
+        ({"interpolation": "x", "method": "sampled"}, "interpolation must be"),
+        ({"mu": -1, "method": "sampled"}, "mu must be positive"),
+        ({"time": 0.0}, "time must be positive"),
+        ({"n_samples": 0, "method": "sampled"}, "0 samples"),
+        ({"laplacian": "graph"}, "laplacian must be"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_sentence(blob, options, message):
+    with pytest.raises(InputError, match=message) as error:
+        canonical_form(blob, **options)
+    assert "\n" not in str(error.value)

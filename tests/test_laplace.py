@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from unbend import Mesh, laplacian
+from unbend.datasets import make_sphere
+from unbend.errors import InputError, MeshError
+
+
+def face_areas(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def test_is_symmetric_and_kills_constants(blob):
+    stiffness = laplacian(blob).stiffness
+    assert abs(stiffness - stiffness.T).max() == 0
+    assert abs(stiffness @ np.ones(blob.n_vertices)).max() < 1e-12
+    assert np.linalg.eigvalsh(stiffness.toarray())[0] > -1e-12
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_quadratic_form_is_the_energy_of_the_gradient(blob, seed):
+    """u^T W u is the integral of |grad u|^2, each face's gradient found by least squares."""
+    values = np.random.default_rng(seed).standard_normal(blob.n_vertices)
+    corners, at_corners = blob.vertices[blob.faces], values[blob.faces]
+    edges = corners[:, 1:] - corners[:, :1]
+    rises = at_corners[:, 1:] - at_corners[:, :1]
+    gradients = np.stack(
+        [np.linalg.lstsq(e, r, rcond=None)[0] for e, r in zip(edges, rises, strict=True)]
+    )
+    energy = (face_areas(blob) * (gradients**2).sum(axis=1)).sum()
+    assert values @ (laplacian(blob).stiffness @ values) == pytest.approx(energy, rel=1e-10)
+
+
+@pytest.mark.parametrize("areas", ["voronoi", "barycentric"])
+def test_areas_share_out_the_whole_surface(blob, areas):
+    found = laplacian(blob, areas=areas).areas
+    assert found.min() > 0
+    assert found.sum() == pytest.approx(face_areas(blob).sum(), rel=1e-12)
+
+
+def test_voronoi_area_of_an_equilateral_triangle_is_a_third_each():
+    triangle = Mesh([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(3) / 2, 0]], [[0, 1, 2]])
+    np.testing.assert_allclose(laplacian(triangle, "cotangent").areas, np.sqrt(3) / 12)
+
+
+def test_voronoi_area_of_an_obtuse_triangle_is_a_half_and_two_quarters():
+    triangle = Mesh([[0, 0, 0], [4, 0, 0], [1, 0.5, 0]], [[0, 1, 2]])
+    np.testing.assert_allclose(laplacian(triangle, "cotangent").areas, [0.25, 0.25, 0.5])
+
+
+def test_voronoi_area_on_a_regular_grid_is_the_square_around_each_vertex():
+    side = 6
+    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + side, corner + side + 1], axis=1),
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+        ]
+    )
+    grid = Mesh(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), faces)
+    areas = laplacian(grid).areas.reshape(side, side)
+    np.testing.assert_allclose(areas[1:-1, 1:-1], 1)
+
+
+def test_robust_equals_cotangent_on_a_delaunay_mesh():
+    sphere = make_sphere(3)
+    cotangent, robust = laplacian(sphere), laplacian(sphere, "robust")
+    assert (cotangent.kind, robust.kind) == ("cotangent", "robust")
+    assert abs(cotangent.stiffness - robust.stiffness).max() < 1e-3
+    assert robust.areas.sum() == pytest.approx(cotangent.areas.sum(), rel=1e-3)
+
+
+def test_scale_leaves_the_stiffness_and_squares_the_areas(blob):
+    small, large = laplacian(blob), laplacian(Mesh(blob.vertices * 1e3, blob.faces))
+    assert abs(small.stiffness - large.stiffness).max() < 1e-9
+    np.testing.assert_allclose(large.areas, small.areas * 1e6)
+
+
+def test_auto_chooses_robust_for_a_degenerate_face(blob):
+    split = np.vstack([blob.faces, [[0, 0, 1]]])
+    assert laplacian(blob).kind == "cotangent"
+    assert laplacian(Mesh(blob.vertices, split)).kind == "robust"
+
+
+def test_point_cloud_has_areas_close_to_the_surface():
+    cloud = laplacian(make_sphere(4).vertices)
+    assert cloud.kind == "robust"
+    assert cloud.areas.sum() == pytest.approx(4 * np.pi, rel=0.03)
+
+
+def test_unreferenced_vertices_have_no_area(blob):
+    extended = Mesh(np.vstack([[[9, 9, 9]], blob.vertices]), blob.faces + 1)
+    for kind in ("cotangent", "robust"):
+        found = laplacian(extended, kind)
+        assert found.areas[0] == 0
+        assert found.stiffness[[0]].count_nonzero() == 0
+        np.testing.assert_allclose(found.areas[1:], laplacian(blob, kind).areas, rtol=1e-9)
+
+
+def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
+    faces = np.vstack([blob.faces, [[0, 0, 1]]])
+    with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
+        laplacian(Mesh(blob.vertices, faces), "cotangent")
+
+
+def test_unknown_names_are_refused(blob):
+    with pytest.raises(InputError, match="uniform"):
+        laplacian(blob, "uniform")
+    with pytest.raises(InputError, match="areas"):
+        laplacian(blob, areas="full")
+    with pytest.raises(MeshError, match="point cloud"):
+        laplacian(blob.vertices, "cotangent")
