@@ -334,7 +334,7 @@ def _barycentric(
 
 def _expand(point_map: IntArray, source: Surface, target: Surface) -> IntArray:
     """From vertices in use to all vertices."""
-    return _expand_rows(target.prepared.kept[point_map], source, -1)
+    return np.asarray(_expand_rows(target.prepared.kept[point_map], source, -1))
 
 
 def _expand_rows(rows: Any, source: Surface, missing: float) -> Any:

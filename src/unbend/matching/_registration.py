@@ -148,7 +148,7 @@ def project_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
     safe = np.where(determinant > 0, determinant, 1)
     u, v = (c * p - b * q) / safe, (a * q - b * p) / safe
     inside = (determinant > 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
-    offer(np.stack([1 - u - v, u, v], axis=1), inside.astype(float))
+    offer(np.stack([np.maximum(1 - u - v, 0), u, v], axis=1), inside.astype(float))
     return weights
 
 

@@ -60,8 +60,8 @@ def search(
         sized = forms[0][:, :size], forms[1][:, :size]
         starts = np.concatenate([orthogonal_maps(*sized, pairs), _extended(maps, size)])
         pairs = pairs_of(starts)
-        best = np.argsort(pairs.residual, kind="stable")[: 4 * beam]
-        pairs = pairs_of(orthogonal_maps(*sized, _take(pairs, best)))
+        closest = np.argsort(pairs.residual, kind="stable")[: 4 * beam]
+        pairs = pairs_of(orthogonal_maps(*sized, _take(pairs, closest)))
         maps = orthogonal_maps(*sized, pairs)
         best = _distinct(maps, np.argsort(pairs.residual, kind="stable"), beam)
         maps, pairs = maps[best], _take(pairs, best)
@@ -72,7 +72,7 @@ def search(
 
 def _descriptor_distances(source: FloatArray, target: FloatArray) -> npt.NDArray[np.float32]:
     squares = (source**2).sum(axis=1)[:, None] + (target**2).sum(axis=1) - 2 * source @ target.T
-    return (_DESCRIPTOR_WEIGHT**2 * squares).astype(np.float32)
+    return np.asarray(_DESCRIPTOR_WEIGHT**2 * squares, dtype=np.float32)
 
 
 def _diagonals(k: int) -> FloatArray:

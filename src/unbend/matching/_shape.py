@@ -43,7 +43,7 @@ class Shape:
     @property
     def k(self) -> int:
         """Number of non-constant eigenfunctions."""
-        return self.basis.shape[1]
+        return int(self.basis.shape[1])
 
     @cached_property
     def normals(self) -> FloatArray:

@@ -55,22 +55,19 @@ class Solution:
 
 
 def rank(source: Shape, target: Shape, maps: FloatArray, *, reflected: bool) -> list[Candidate]:
-    """Order maps, most rigid first; those that turn the surface inside out come last.
+    """Order the maps that keep the surface right side out, most rigid first.
 
-    With `reflected` the target is taken as its mirror image, so that the first is the best map
-    that reverses orientation.
+    If there are none, all are ranked. With `reflected` the target is taken as its mirror image:
+    the first is then the best map that reverses orientation.
     """
     goal = target.reflected() if reflected else target
-    scored = [
-        Candidate(
-            functional_map,
-            rigidity_score(source, goal, functional_map),
-            orientation_score(source, goal, functional_map),
-            reflected,
-        )
-        for functional_map in maps
+    turned = [(orientation_score(source, goal, one), one) for one in maps]
+    kept = [(orientation, one) for orientation, one in turned if orientation > 0]
+    ranked = [
+        Candidate(one, rigidity_score(source, goal, one), orientation, reflected)
+        for orientation, one in kept or turned
     ]
-    return sorted(scored, key=lambda one: (one.orientation <= 0, one.rigidity))
+    return sorted(ranked, key=lambda one: one.rigidity)
 
 
 def refine(
