@@ -148,3 +148,41 @@ def rotated_divergence(start, neighbors, weights, rest, rotations):  # type: ign
                     total += rotation * (rest[i, b] - rest[j, b])
                 result[i, a] += 0.5 * weights[e] * total
     return result
+
+
+@_parallel
+def turn_rotations(covariances, rotations):  # type: ignore[no-untyped-def]
+    """Turn rotations (n, 3, 3), in place, to those that best explain covariances.
+
+    The rotation R that maximises the trace of R C, by the fixed-point iteration of Müller,
+    Bender, Chentanez & Macklin ("A robust method to extract the rotational part of
+    deformations", 2016), from where it stands.
+    """
+    for i in numba.prange(len(rotations)):
+        r = rotations[i]
+        c = covariances[i]
+        for _ in range(30):
+            axis = np.zeros(3)
+            along = 0.0
+            for a in range(3):
+                # Column a of r against row a of the covariance, which is where it should point.
+                axis[0] += r[1, a] * c[a, 2] - r[2, a] * c[a, 1]
+                axis[1] += r[2, a] * c[a, 0] - r[0, a] * c[a, 2]
+                axis[2] += r[0, a] * c[a, 1] - r[1, a] * c[a, 0]
+                along += r[0, a] * c[a, 0] + r[1, a] * c[a, 1] + r[2, a] * c[a, 2]
+            axis /= abs(along) + 1e-30
+            angle = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+            if angle < 1e-7:
+                break
+            axis /= angle
+            angle = min(angle, 1.0)
+            sine, versine = np.sin(angle), 1 - np.cos(angle)
+            for a in range(3):
+                x, y, z = r[0, a], r[1, a], r[2, a]
+                dot = axis[0] * x + axis[1] * y + axis[2] * z
+                u = axis[1] * z - axis[2] * y
+                v = axis[2] * x - axis[0] * z
+                w = axis[0] * y - axis[1] * x
+                r[0, a] = x + sine * u + versine * (axis[0] * dot - x)
+                r[1, a] = y + sine * v + versine * (axis[1] * dot - y)
+                r[2, a] = z + sine * w + versine * (axis[2] * dot - z)
