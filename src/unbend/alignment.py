@@ -11,12 +11,15 @@ from scipy.spatial import cKDTree
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
+from unbend.refinement import nearest_pairs
 
-# More axes than this would make more than 1024 starts; the later axes then keep their sign.
-_SIGNED_AXES = 10
+# More axes than this would make more than 256 starts; the later axes then keep their sign.
+_SIGNED_AXES = 8
 _START_POINTS = 500
 _START_STEPS = 10
 _REFINED_STARTS = 4
+# Of all choices of signs, this many are followed.
+_FOLLOWED_STARTS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +121,9 @@ def align(
     """Align two point sets by iterative closest points, from every choice of axis signs.
 
     Canonical forms are unique up to an orthogonal matrix. Both sets are first turned to their
-    principal axes; each choice of signs (the first 10 axes) is followed for a few iterations on
-    a subset of the points, and the closest are then iterated on all points to convergence.
+    principal axes; each choice of signs (the first 8 axes) is
+    tried on a subset of the points, the closest are followed for a few iterations there, and the
+    closest of those iterated on all points to convergence.
 
     Parameters
     ----------
@@ -163,9 +167,11 @@ def align(
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
     few = _subset(left), _subset(right)
+    choices = np.array(_axis_choices(left, right, reflect))
+    tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
     starts = [
-        _iterate(*few, rotation, reflect, _START_STEPS, tolerance)
-        for rotation in _axis_choices(left, right, reflect)
+        _iterate(*few, choices[i], reflect, _START_STEPS, tolerance)
+        for i in np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS]
     ]
     starts.sort(key=lambda start: float(start[2][-1]))
     found = [

@@ -1,0 +1,175 @@
+"""What the matcher needs of a mesh, as plain arrays at unit area."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from unbend._kernels import farthest_points
+from unbend._types import FloatArray, IntArray, SparseMatrix
+
+# Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
+# shape must not let one function outweigh all others.
+_SMALLEST_EIGENVALUE = 0.1
+_SPOKE_FLOOR = 1e-3
+_MOST_SAMPLES = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A connected surface of unit area, its centroid at the origin, and its eigenbasis.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+    areas : (n,) ndarray of float64
+        Sum to one.
+    eigenvalues : (k,) ndarray of float64
+        Of the non-constant eigenfunctions.
+    basis : (n, k) ndarray of float64
+        The non-constant eigenfunctions, orthonormal under `areas`.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    areas: FloatArray
+    eigenvalues: FloatArray
+    basis: FloatArray
+
+    @property
+    def k(self) -> int:
+        """Number of non-constant eigenfunctions."""
+        return int(self.basis.shape[1])
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Unit vertex normals (n, 3), pointing to the side that the faces' winding names."""
+        return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def samples(self) -> IntArray:
+        """Up to 2000 vertices, each as far as possible from those before it."""
+        start = int(np.argmax((self.vertices**2).sum(axis=1)))
+        count = min(_MOST_SAMPLES, len(self.vertices))
+        chosen: IntArray = farthest_points(self.vertices, count, start)
+        return chosen
+
+    @cached_property
+    def position_coefficients(self) -> FloatArray:
+        """Vertex positions in the eigenbasis, (k, 3)."""
+        return np.asarray(self.basis.T @ (self.areas[:, None] * self.vertices))
+
+    @cached_property
+    def normal_coefficients(self) -> FloatArray:
+        """Vertex normals in the eigenbasis, (k, 3)."""
+        return np.asarray(self.basis.T @ (self.areas[:, None] * self.normals))
+
+    @cached_property
+    def signature(self) -> FloatArray:
+        """Wave kernel signature (n, 60), each energy standardised, unit total variance."""
+        return wave_kernel_signature(self.eigenvalues, self.basis, self.areas)
+
+    @cached_property
+    def spokes(self) -> SparseMatrix:
+        """Positive cotangent weights of the edges, (n, n) in compressed rows."""
+        return _spokes(self.vertices, self.faces)
+
+    def reflected(self) -> Shape:
+        """Return the mirror image; inside out, until its faces are read as turned too."""
+        mirror = replace(self, vertices=self.vertices * np.array([-1.0, 1.0, 1.0]))
+        # What does not depend on position is shared; normals turn with the surface.
+        for name in ("samples", "signature", "spokes"):
+            mirror.__dict__[name] = getattr(self, name)
+        mirror.__dict__["normals"] = self.normals * np.array([-1.0, 1.0, 1.0])
+        return mirror
+
+
+def make_shape(
+    vertices: FloatArray,
+    faces: IntArray,
+    areas: FloatArray,
+    eigenvalues: FloatArray,
+    eigenfunctions: FloatArray,
+) -> Shape:
+    """Normalise to unit area and outward winding.
+
+    A closed surface that is wound inside out is replaced by its mirror image, which is wound
+    outside out: a map that keeps the winding then also keeps the shape's handedness in space.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+    areas : (n,) ndarray of float64
+        Vertex areas that sum to the total area, or any multiple of it.
+    eigenvalues : (k + 1,) ndarray of float64
+        At unit area, the constant's 0 first.
+    eigenfunctions : (n, k + 1) ndarray of float64
+        Area-orthonormal at unit area.
+    """
+    corners = vertices[faces]
+    twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.linalg.norm(twice, axis=1).sum() / 2
+    weights = areas / areas.sum()
+    points = (vertices - weights @ vertices) / np.sqrt(total)
+    corners = points[faces]
+    if np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
+        points = points * np.array([-1.0, 1.0, 1.0])
+    return Shape(
+        vertices=points,
+        faces=np.asarray(faces, dtype=np.int64),
+        areas=weights,
+        eigenvalues=np.maximum(eigenvalues[1:], _SMALLEST_EIGENVALUE),
+        basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
+    )
+
+
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Average the faces' normals, weighted by area, at each vertex: (n, 3), unit length."""
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = len(vertices)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))
+
+
+def wave_kernel_signature(
+    eigenvalues: FloatArray, basis: FloatArray, areas: FloatArray, n_energies: int = 60
+) -> FloatArray:
+    """Wave kernel signature (Aubry, Schlickewei & Cremers 2011), standardised per energy."""
+    logs = np.log(eigenvalues)
+    spacing = (logs[-1] - logs[0]) / n_energies
+    energies = logs[0] + spacing * np.arange(2, n_energies - 2)
+    kernel = np.exp(-((energies[:, None] - logs) ** 2) / (2 * (7 * max(spacing, 1e-9)) ** 2))
+    signature = (basis**2) @ (kernel / kernel.sum(axis=1, keepdims=True)).T
+    signature -= areas @ signature
+    spread = np.sqrt(areas @ signature**2)
+    return np.asarray(signature / np.maximum(spread, 1e-12) / np.sqrt(signature.shape[1]))
+
+
+def _spokes(vertices: FloatArray, faces: IntArray) -> SparseMatrix:
+    n = len(vertices)
+    rows, columns, values = [], [], []
+    corners = vertices[faces]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        left, right = corners[:, j] - corners[:, i], corners[:, k] - corners[:, i]
+        double_area = np.linalg.norm(np.cross(left, right), axis=1)
+        floor = np.finfo(float).eps * np.maximum((left**2).sum(1), (right**2).sum(1))
+        cotangent = (left * right).sum(axis=1) / np.maximum(double_area, np.maximum(floor, 1e-300))
+        rows += [faces[:, j], faces[:, k]]
+        columns += [faces[:, k], faces[:, j]]
+        values += [cotangent / 2, cotangent / 2]
+    spokes = sp.csr_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
+    )
+    spokes.data = np.clip(spokes.data, _SPOKE_FLOOR, 1 / _SPOKE_FLOOR)
+    spokes.sort_indices()
+    return spokes
