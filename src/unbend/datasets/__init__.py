@@ -5,6 +5,7 @@ from __future__ import annotations
 from unbend.datasets.benchmarks import load_faust, load_scape, load_tosca
 from unbend.datasets.biped import make_biped
 from unbend.datasets.collection import Collection, Features, Truth
+from unbend.datasets.fetch import fetch_tosca_remeshed
 from unbend.datasets.octopus import make_octopus
 from unbend.datasets.primitives import make_sphere
 from unbend.datasets.quadruped import make_quadruped
@@ -15,6 +16,7 @@ __all__ = [
     "Features",
     "Shape",
     "Truth",
+    "fetch_tosca_remeshed",
     "load_faust",
     "load_scape",
     "load_tosca",
