@@ -251,3 +251,18 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
     with pytest.raises(SolverError, match="products"):
         largest_eigenpairs(lambda x: flat * x, 5_000, 3)
+
+
+def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
+    """An eigenvalue at the first guess of the shift, but for a hair, costs no accuracy."""
+    k, n = 40, 3000
+    guess = 4 * np.pi * 0.5 * k  # Weyl's law at unit area, half of the pairs
+    values = 4 * np.pi * np.arange(n, dtype=float)
+    values[k // 2] = guess * (1 + 1e-9)
+    values = np.sort(values)
+    matrix = sp.diags_array(values).tocsc()
+    shift, factor = _inverse._first_shift(matrix, k)
+    assert abs(values - shift).min() > 0.01 * 4 * np.pi
+    assert factor.n_negative == (values < shift).sum()
+    found, _ = _inverse.inverse_lanczos(matrix, k, 1e-8, 0, None)
+    np.testing.assert_allclose(found, values[:k], atol=1e-6)

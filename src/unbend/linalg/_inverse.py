@@ -16,6 +16,7 @@ from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
+_CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
 _ROUNDING = 20 * np.finfo(np.float64).eps
 
 
@@ -86,7 +87,8 @@ def inverse_lanczos(
             if not counted:
                 basis.add_random(block_size)
                 continue
-        known = int(np.argmin(np.append(converged, False)))
+        # All that was found as near above the shift as 0 is below takes part: see _polish.
+        known = max(wanted, int(np.searchsorted(values, 2.2 * shift)))
         rough = basis.combine(coordinates[:, :known])
         values, vectors, reached = _polish(matrix, factor, values[:known], rough, k, floor, tol)
         if reached <= tol:
@@ -125,7 +127,37 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
         last = below
     if best is None:
         raise SolverError("the shifted stiffness matrix could not be factorised")
-    return best
+    return _clear_of_eigenvalues(matrix, *best)
+
+
+def _clear_of_eigenvalues(
+    matrix: SparseMatrix, shift: float, factor: Factorization
+) -> tuple[float, Factorization]:
+    """Move a shift that has an eigenvalue very near.
+
+    The inverse is as large as that eigenvalue is near, and rounding errors of that size drown
+    the pairs far from the shift.
+    """
+    spacing = min(4 * np.pi, shift)
+    found = [(_nearest(matrix.shape[0], factor), shift, factor)]
+    for step in (0.3, 0.6, -0.3):
+        if found[0][0] > _CLEARANCE * spacing:
+            break
+        try:
+            moved = _shifted(matrix, shift + step * spacing)
+        except SolverError:
+            continue
+        found.append((_nearest(matrix.shape[0], moved), shift + step * spacing, moved))
+        found.sort(key=lambda one: -one[0])
+    return found[0][1:]
+
+
+def _nearest(n: int, factor: Factorization) -> float:
+    """Estimate the distance from a shift to the nearest eigenvalue, by inverse iteration."""
+    vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((n, 4)))[0]
+    for _ in range(3):
+        vectors, growth = np.linalg.qr(factor.solve(vectors))
+    return float(1 / np.linalg.norm(growth, 2))
 
 
 def _shifted(matrix: SparseMatrix, shift: float) -> Factorization:
