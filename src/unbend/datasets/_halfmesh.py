@@ -42,13 +42,14 @@ def collapse_short_edges(
     for f, triangle in enumerate(triangles):
         for vertex in triangle:
             around[vertex].add(f)
+    ring: list[set[int]] = [set() for _ in range(len(vertices))]
+    for a, b in edges.tolist():
+        ring[a].add(b)
+        ring[b].add(a)
     border = on_plane.tolist()
     touched = [False] * len(vertices)
     gone = np.zeros(len(vertices), dtype=bool)
     dead = np.zeros(len(faces), dtype=bool)
-
-    def ring(vertex: int) -> set[int]:
-        return {u for f in around[vertex] for u in triangles[f]} - {vertex}
 
     for a, b in edges[order].tolist():
         if excess <= 0:
@@ -61,12 +62,16 @@ def collapse_short_edges(
         shared = around[a] & around[b]
         if cost > excess or (border[a] and border[b] and len(shared) == 2):
             continue
-        ring_a, ring_b = ring(a), ring(b)
+        ring_a, ring_b = ring[a], ring[b]
         common = ring_a & ring_b
         if len(common) != len(shared) or _too_few_left(common, border, around):
             continue
         joins_plane = border[b] and not border[a]
         if joins_plane and any(border[u] and u not in ring_b for u in ring_a - {b}):
+            continue
+        # No limb may become a triangular tube, which smoothing would pinch off.
+        only_b = ring_b - ring_a - {a}
+        if any(not only_b.isdisjoint(ring[u]) for u in ring_a - ring_b - {b}):
             continue
         if not _keeps_normals(vertices, triangles, around[a] - shared, a, b):
             continue
@@ -78,6 +83,11 @@ def collapse_short_edges(
             triangles[f] = [b if vertex == a else vertex for vertex in triangles[f]]
         around[b] |= around[a]
         around[a] = set()
+        for u in ring_a:
+            ring[u].discard(a)
+        for u in ring_a - {b}:
+            ring[u].add(b)
+        ring[b] |= ring_a - {b}
         gone[a] = True
         excess -= cost
         for vertex in (a, b, *common):

@@ -126,7 +126,7 @@ def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, F
     if symmetric:
         origin[0] = -0.5 * spacing
     shape: IntArray = np.ceil((high.max(axis=0) - origin) / spacing).astype(np.int64) + 3
-    total = np.zeros(shape)
+    total = np.zeros((int(shape[0]), int(shape[1]), int(shape[2])))
     for chain in range(cones.chains.max() + 1):
         members = np.flatnonzero(cones.chains == chain)
         first = np.floor((low[members].min(axis=0) - origin) / spacing).astype(int)
@@ -138,7 +138,9 @@ def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, F
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         distance = np.full(len(points.reshape(-1, 3)), np.inf)
         for member in members:
-            np.minimum(distance, cones.distances(points.reshape(-1, 3), [member])[0], out=distance)
+            np.minimum(
+                distance, cones.distances(points.reshape(-1, 3), [int(member)])[0], out=distance
+            )
         box = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
         total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(points.shape[:3])
     return total > 1, origin
@@ -147,7 +149,7 @@ def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, F
 def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
     """One solid without cavities, grown until no two of its voxels touch by an edge or corner only.
 
-    The surface net of such a solid is a manifold (Latecki, Eckhardt, Rosenfeld 1995).
+    The surface net of such a solid is a manifold (Latecki 1997).
     """
     for _ in range(50):
         if symmetric:
@@ -200,51 +202,60 @@ def _even_out(
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     area = (1 + symmetric) * 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     even = (1.15 * area / n_vertices) ** 0.5  # edge length if all triangles were equilateral
-    vertices = _relax(cones, vertices, faces, on_plane, 4)
+    vertices, thickness = _relax(cones, vertices, faces, on_plane, 4)
     while True:
         count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
-        if count <= n_vertices:
+        if count == n_vertices:
             break
-        goal = max(n_vertices, int(0.8 * count))
-        # A limb needs about six vertices around it, however coarse the mesh.
-        sizes = np.clip(cones.thickness(vertices), 0.4 * even, even)
+        goal = max(n_vertices, int(0.75 * count))
+        # A limb needs a few vertices around it, however coarse the mesh.
+        sizes = np.clip(thickness, 0.35 * even, even)
+        n_before = len(vertices)
         vertices, faces, on_plane = collapse_short_edges(
             vertices, faces, on_plane, sizes, count - goal, symmetric
         )
+        if len(vertices) == n_before:
+            raise InputError(f"{n_vertices} vertices are too few for these proportions")
         faces = delaunay_flips(vertices, faces, on_plane)
-        vertices = _relax(cones, vertices, faces, on_plane, 1)
+        vertices, thickness = _relax(cones, vertices, faces, on_plane, 2)
     for _ in range(4):
         faces = delaunay_flips(vertices, faces, on_plane)
-        vertices = _relax(cones, vertices, faces, on_plane, 2)
+        vertices, _ = _relax(cones, vertices, faces, on_plane, 2)
     return vertices, faces
 
 
 def _relax(
     cones: Cones, vertices: FloatArray, faces: IntArray, on_plane: BoolArray, rounds: int
-) -> FloatArray:
-    """Move every vertex towards the middle of its neighbours, staying on the implicit surface."""
+) -> tuple[FloatArray, FloatArray]:
+    """Move every vertex towards the middle of its neighbours, staying on the implicit surface.
+
+    Returns the vertices and the body's thickness where they were.
+    """
     edges = edges_of(faces)
     both = np.concatenate([edges, edges[:, ::-1]])
     # Seen from the plane, a neighbour off the plane counts twice: itself and its mirror image.
     weights = np.where(on_plane[both[:, 0]] & ~on_plane[both[:, 1]], 2.0, 1.0)
     mean = sparse.csr_array((weights, both.T), shape=(len(vertices),) * 2)
     degrees = mean.sum(axis=1)
-    field = cones.local_field(vertices)
-    reach = 0.4 * cones.thickness(vertices)
+    field, thickness = cones.local_field(vertices)
+    # Where edges are longer than a limb is thick, smoothing would draw all to one side of it.
+    lengths = np.linalg.norm(vertices[both[:, 0]] - vertices[both[:, 1]], axis=1)
+    longest = np.zeros(len(vertices))
+    np.maximum.at(longest, both[:, 0], lengths)
+    step_size = 0.7 * np.clip(2.2 - longest / thickness, 0, 1)
     for _ in range(rounds):
         _, gradients = field(vertices)
         gradients /= np.linalg.norm(gradients, axis=1, keepdims=True)
         move = (mean @ vertices) / degrees[:, None] - vertices
         move -= np.einsum("ni,ni->n", move, gradients)[:, None] * gradients
-        length = np.maximum(np.linalg.norm(move, axis=1), 1e-12)
-        vertices = vertices + (np.minimum(0.7 * length, reach) / length)[:, None] * move
+        vertices = vertices + step_size[:, None] * move
         vertices[on_plane, 0] = 0
         for _ in range(2):
             values, gradients = field(vertices)
             step = values / np.einsum("ni,ni->n", gradients, gradients)
             vertices = vertices - np.clip(step, -0.02, 0.02)[:, None] * gradients
             vertices[on_plane, 0] = 0
-    return vertices
+    return vertices, thickness
 
 
 def _reflect(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray]:

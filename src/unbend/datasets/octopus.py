@@ -46,7 +46,7 @@ def _wave(s: float, arm: int, side: int) -> tuple[float, float]:
 
 
 def _spiral(s: float, arm: int, side: int) -> tuple[float, float]:
-    return 24 * (s < 0.2) - 16 * (0.2 < s < 0.5), (6 + 24 * s) * (s > 0.2)
+    return 24 * (s < 0.2) - 16 * (0.2 < s < 0.5), side * (6 + 24 * s) * (s > 0.2)
 
 
 def _reach(s: float, arm: int, side: int) -> tuple[float, float]:
@@ -171,7 +171,7 @@ def _arm(name: str, azimuth: float, length: float) -> list[Bone]:
     outward = np.array([np.sin(azimuth), 0, np.cos(azimuth)])
     share = np.linspace(0, 1, _N_SEGMENTS + 1)
     joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * length * share)[:, None] * outward
-    radii = 0.07 - 0.048 * share**0.8
+    radii = 0.07 - 0.044 * share**0.8
     points: list[Point] = [(float(x), float(y), float(z)) for x, y, z in joints]
     return [
         Bone(

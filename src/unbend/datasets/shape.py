@@ -117,7 +117,7 @@ def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
     return angles
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _rest_body(
     bones: tuple[Bone, ...], n_vertices: int, symmetric: bool, meshing: int
 ) -> tuple[FloatArray, IntArray, IntArray | None, IntArray, tuple[str, ...]]:

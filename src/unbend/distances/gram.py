@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
@@ -42,6 +41,8 @@ def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) ->
 
 def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Metric:
     """Set up the distance through a spectrum's eigenpairs alone (Eq. 1 to 3)."""
+    from scipy.spatial.distance import cdist  # slow to import, and exact forms do without it
+
     filtered = spectral_filter(kind, spectrum.eigenvalues, time)
     embedding = spectrum.eigenfunctions * np.sqrt(filtered)
     return Metric(

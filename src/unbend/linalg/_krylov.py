@@ -13,9 +13,9 @@ from unbend.linalg._threads import combine, inner
 
 Operator = Callable[[FloatArray], FloatArray]
 
-_KEPT = 1e-4  # a block that loses more of its length to the basis is orthogonalised again
-_PERIOD = 8  # two blocks in so many are orthogonalised twice: see KrylovBasis
+_ORTHOGONAL = 1e-10  # largest inner product of two columns that is left alone
 _LOST = 1e-13  # a direction that loses all but this lies in the basis: rounding errors remain
+_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 class KrylovBasis:
@@ -26,9 +26,9 @@ class KrylovBasis:
     columns after them are the next block. T is kept whole, not as a band, which lets a random
     block enter at any time.
 
-    One pass of orthogonalisation leaves errors that grow from block to block by a small factor.
-    Two blocks in a row orthogonalised twice start that growth anew, as each is computed from
-    the two before it; to do so now and then costs much less than doing everything twice.
+    One pass of orthogonalisation against a basis with Q^T Q = I + E leaves errors of E times the
+    coefficients, over the length of what remains. These products of small matrices are carried
+    along as an estimate of E, and only where it grows too large there is a second pass.
 
     Parameters
     ----------
@@ -40,6 +40,8 @@ class KrylovBasis:
         Number of columns in the first block.
     rng : numpy.random.Generator
         Source of the starting block.
+    capacity : int
+        Number of columns to make room for; more are made when they are needed.
 
     Examples
     --------
@@ -55,18 +57,25 @@ class KrylovBasis:
     """
 
     def __init__(
-        self, operator: Operator, n: int, block_size: int, rng: np.random.Generator
+        self,
+        operator: Operator,
+        n: int,
+        block_size: int,
+        rng: np.random.Generator,
+        capacity: int = 64,
     ) -> None:
         self.n, self.done, self.size = n, 0, 0
-        self._steps = 0
         self._operator, self._rng = operator, rng
         self._columns = np.empty((n, 0), order="F")
         self._projection = np.zeros((0, 0))
+        self._errors = np.zeros((0, 0))  # the estimate of E
+        self._reserve(min(capacity, n))
         self.add_random(block_size)
 
     def add_random(self, count: int) -> None:
         """Put random columns into the next block: new directions for what the old ones miss."""
-        self._append(self._rng.standard_normal((self.n, min(count, self.n - self.size))))
+        if count := min(count, self.n - self.size):
+            self._append(self._rng.standard_normal((self.n, count)))
 
     def grow(self) -> None:
         """Apply the operator to the next block, and append what is new in the result."""
@@ -75,7 +84,6 @@ class KrylovBasis:
         if not np.isfinite(image.sum()):
             raise SolverError("the operator returned NaN or infinite values")
         self.done = self.size
-        self._steps += 1
         coefficients = self._append(np.array(image, dtype=np.float64))
         self._projection[: self.size, block] = coefficients
 
@@ -108,36 +116,41 @@ class KrylovBasis:
         along = np.zeros((self.size, count))
         beyond = np.eye(count)
         before = np.linalg.norm(block, axis=0).max()
-        thorough = self._steps % _PERIOD < 2
         while True:
             step = inner(old, block)
             along += step @ beyond
             combine(block, old, step)
             # Rotate to the principal directions. The Gram matrix resolves short ones poorly, which
-            # is why their lengths are measured anew and the next pass starts from unit vectors.
+            # is why their lengths are measured anew.
             rotation = np.linalg.eigh(inner(block, block))[1][:, ::-1][:, :room]
             block = combine(None, block, rotation)
             lengths = np.linalg.norm(block, axis=0)
             alive = lengths > _LOST * before
             beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)
-            block /= np.where(alive, lengths, 1.0)
-            if not thorough and (lengths > _KEPT * before).all():
+            scale = np.where(alive, lengths, 1.0)
+            block /= scale
+            noise = self._rng.standard_normal((self.size, room)) * (_ROUNDING * before)
+            errors = (noise - self._errors[: self.size, : self.size] @ step @ rotation) / scale
+            if alive.all() and np.abs(errors).max(initial=0) < _ORTHOGONAL:
                 break
-            thorough = False
             fresh = self._rng.standard_normal((self.n, int((~alive).sum())))
             block[:, ~alive] = fresh / np.sqrt(self.n)
             before = 1.0
         self._reserve(self.size + room)
-        self._columns[:, self.size : self.size + room] = block
+        new = slice(self.size, self.size + room)
+        self._columns[:, new] = block
+        self._errors[: self.size, new] = errors
+        self._errors[new, : self.size] = errors.T
         self.size += room
         return np.concatenate([along, beyond])
 
     def _reserve(self, size: int) -> None:
         if size <= self._columns.shape[1]:
             return
-        capacity = min(self.n, max(size, 3 * self._columns.shape[1] // 2, 64))
+        capacity = min(self.n, max(size, 3 * self._columns.shape[1] // 2))
         columns = np.empty((self.n, capacity), order="F")
         columns[:, : self.size] = self._columns[:, : self.size]
-        projection = np.zeros((capacity, capacity))
-        projection[: self.size, : self.size] = self._projection[: self.size, : self.size]
-        self._columns, self._projection = columns, projection
+        self._columns = columns
+        more = (0, capacity - len(self._projection))
+        self._projection = np.pad(self._projection, (more, more))
+        self._errors = np.pad(self._errors, (more, more))

@@ -152,12 +152,12 @@ def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> F
         result = np.empty((len(tall), small.shape[1]))
 
         def work(rows: slice) -> None:
-            np.matmul(tall[rows], small, out=result[rows])
+            result[rows] = (small.T @ tall[rows].T).T  # transposed, BLAS is faster
     else:
         result = target
 
         def work(rows: slice) -> None:
-            result[rows] -= tall[rows] @ small
+            result[rows] -= (small.T @ tall[rows].T).T
 
     run_all(functools.partial(work, rows) for rows in _rows(tall))
     return result

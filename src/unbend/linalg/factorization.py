@@ -79,6 +79,8 @@ class Factorization:
             raise InputError(
                 f"the right-hand side has shape {rhs.shape}; it must be ({n},) or ({n}, r)"
             )
+        if rhs.size == 0:
+            return rhs.copy()
         block = np.ascontiguousarray(rhs.reshape(n, -1))
         if not _all_finite(block):
             raise InputError("the right-hand side holds NaN or infinite values")
@@ -98,7 +100,7 @@ def factorize(matrix: SparseMatrix, *, indefinite: bool = False) -> Factorizatio
     solution measure which share of an error a step of iterative refinement leaves. A small share
     proves that the matrix is far from singular and that the inertia is right (all matrices
     between the given one and the one factorised are non-singular then); a larger one leads to a
-    second try with a slightly shifted diagonal, refined in every solve, and then to an error.
+    new try with a slightly shifted diagonal, refined in every solve, and at last to an error.
 
     Parameters
     ----------
@@ -132,17 +134,18 @@ def factorize(matrix: SparseMatrix, *, indefinite: bool = False) -> Factorizatio
     if not _all_finite(matrix.data):
         raise InputError("the matrix holds NaN or infinite values")
     size = abs(matrix).sum(axis=0).max()
-    for shift in (0.0, 1e-10 * size):
+    for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
         for name, decompose in _backends(n, indefinite):
             try:
                 order, pivots, solve = decompose(shifted)
-            except (RuntimeError, ArithmeticError):  # a zero pivot, or not positive definite
+            except (RuntimeError, ValueError, ArithmeticError):  # a zero pivot, or not definite
                 continue
             if shift == 0 and _cancelled(matrix, order, pivots):
                 break
             error, residual = _probe(matrix, solve)
-            if not error <= _LARGEST_ERROR:  # also when it is not a number
+            limit = _LARGEST_ERROR if shift == 0 else 100 * _LARGEST_ERROR
+            if not error <= limit:  # also when it is not a number
                 break
             steps = 0
             if residual > _BACKWARD_ERROR * size:  # refine to rounding
@@ -228,7 +231,7 @@ def _cancelled(matrix: SparseMatrix, order: Any, pivots: FloatArray) -> bool:
 
 def _probe(matrix: SparseMatrix, solve: _Solve) -> tuple[float, float]:
     """Measure the share of an error that a refinement step leaves, and the largest residual."""
-    known = np.random.default_rng(0).choice([-1.0, 1.0], (matrix.shape[0], 1))
+    known = np.random.default_rng(0).standard_normal((matrix.shape[0], 1))
     with np.errstate(all="ignore"):
         first = known - solve(matrix @ known)
         residual = matrix @ first

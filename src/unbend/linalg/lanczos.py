@@ -10,14 +10,11 @@ import scipy.sparse as sp
 
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
+from unbend.linalg._inverse import inverse_lanczos
 from unbend.linalg._krylov import KrylovBasis, Operator
-from unbend.linalg._threads import combine, inner, one_blas_thread
-from unbend.linalg.factorization import Factorization, factorize
+from unbend.linalg._threads import one_blas_thread
 
-_DENSE = 400  # up to this size the dense solver is faster, and it never misses a pair
-_FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
-_ROUNDING = 10 * np.finfo(np.float64).eps
 
 
 def smallest_eigenpairs(
@@ -45,8 +42,9 @@ def smallest_eigenpairs(
         Number of eigenpairs, 1 <= k <= n.
     tol : float
         Largest relative residual: |W x - value A x| / |value A x| in the norm of A^-1. Values
-        close to 0 count as if they were the mean distance between the first k. What rounding in
-        the product ``stiffness @ x`` makes unavoidable comes on top.
+        close to 0 count as if they were the mean distance between the first k (if all k are 0: as
+        1e-6 of the largest entry of A^-1/2 W A^-1/2). What rounding in the product W x makes
+        unavoidable comes on top.
     random_state : int
         Seed of the starting vectors. The same input gives the same output.
     progress : callable, optional
@@ -96,10 +94,10 @@ def smallest_eigenpairs(
     if not np.isfinite(scaled.data).all():
         raise InputError("the stiffness matrix holds NaN or infinite values")
     with one_blas_thread():
-        if n <= max(_DENSE, 2 * k + 100):
+        if _dense_is_faster(n, k):
             values, vectors = scipy.linalg.eigh(scaled.toarray(), subset_by_index=(0, k - 1))
         else:
-            values, vectors = _inverse_lanczos(scaled, k, tol, random_state, progress)
+            values, vectors = inverse_lanczos(scaled, k, tol, random_state, progress)
     if progress is not None:
         progress(1.0)
     return np.maximum(values, 0) / total, vectors / (weights * np.sqrt(total))[:, None]
@@ -178,144 +176,5 @@ def largest_eigenpairs(
         return values[: -k - 1 : -1], basis.combine(vectors[:, : -k - 1 : -1])
 
 
-def _inverse_lanczos(
-    matrix: SparseMatrix,
-    k: int,
-    tol: float,
-    random_state: int,
-    progress: Callable[[float], None] | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the k smallest eigenpairs of a sparse positive semi-definite matrix."""
-    n = matrix.shape[0]
-    shift, factor = _first_shift(matrix, k)
-    below = factor.n_negative
-    block_size = 4 if k <= 20 else 8
-    basis = KrylovBasis(factor.solve, n, block_size, np.random.default_rng(random_state))
-    wanted = max(k, below)
-    usual = 1.6 * wanted + 75  # columns that surfaces need, measured
-    check = min(wanted + 40, n)
-    goal, counted, reached = tol / 2, False, np.inf
-    while basis.done < min(n, _LIMIT + 10 * wanted):
-        basis.grow()
-        if progress is not None:
-            progress(min(basis.done / usual, 1.0) * 0.95)
-        if basis.done < check and basis.done < basis.size:
-            continue
-        check = basis.done + 2 * block_size
-        if basis.done > 1.5 * usual:
-            basis.add_random(block_size)  # an eigenvalue more frequent than the block is wide
-        values, coordinates, residuals = _near_pairs(basis, shift, below)
-        if len(values) < wanted:
-            continue
-        floor = max(values[k - 1], shift) / k
-        if (residuals[:wanted] > goal * np.maximum(values[:wanted], floor)).any():
-            continue
-        if below < k and not counted:
-            counted = _none_missed(matrix, values, residuals, k)
-            if not counted:
-                basis.add_random(block_size)
-                continue
-        rough = basis.combine(coordinates[:, :k])
-        values, vectors, reached = _polish(matrix, factor, rough, floor, tol)
-        if reached <= tol:
-            return values, vectors
-        goal /= 10
-    raise SolverError(
-        f"no {k} eigenpairs to a relative residual of {tol:g}; {reached:.1e} was reached, or the "
-        f"pairs could not be counted: is the stiffness matrix positive semi-definite?"
-    )
-
-
-def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
-    """Choose the shift by Weyl's law (unit area), corrected by the count of what lies below it.
-
-    Pairs near the shift are found first. For many pairs it lies in their middle; a second count
-    above them costs a factorisation. For few, it lies above them, where the count comes free.
-    """
-    share = 1.1 if k <= _FEW else 0.5
-    shift = 4 * np.pi * share * k
-    best = None
-    for _ in range(20):
-        try:
-            factor = _shifted(matrix, shift)
-        except SolverError:  # an eigenvalue is hit
-            shift *= 1.01
-            continue
-        below = factor.n_negative
-        if best is None or abs(below - share * k) < abs(best[1].n_negative - share * k):
-            best = shift, factor
-        if 0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4:
-            break
-        shift *= min(max(share * k / max(below, 0.1), 1e-3), 1e3)
-    if best is None:
-        raise SolverError("the shifted stiffness matrix could not be factorised")
-    return best
-
-
-def _shifted(matrix: SparseMatrix, shift: float) -> Factorization:
-    return factorize(matrix - shift * sp.eye_array(matrix.shape[0]), indefinite=True)
-
-
-def _near_pairs(
-    basis: KrylovBasis, shift: float, below: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Give Ritz values of the matrix around the shift, ascending: ``below`` of them below it.
-
-    Returns
-    -------
-    values : (r,) array
-    coordinates : (size, r) array
-        Of the Ritz vectors after one more application of the inverse, which costs nothing here.
-    residuals : (r,) array
-        Residuals of these vectors with the matrix itself: |residual of the inverse| / value^2.
-    """
-    inverse, vectors, coupling = basis.ritz()
-    # The inverse maps what is below the shift to its negative end, the rest to its positive one.
-    # Between -1 / shift and 0 there is nothing to find: the matrix has no negative eigenvalues.
-    n_low = int((inverse < -1 / shift * (1 - 1e-6)).sum())
-    n_high = int((inverse > 0).sum())
-    if n_low < below:
-        n_high = 0
-    done = len(inverse)
-    order = np.concatenate([np.arange(min(n_low, below))[::-1], done - 1 - np.arange(n_high)])
-    theta = inverse[order]
-    coordinates = np.concatenate([vectors[:, order], coupling[:, order] / theta])
-    residuals = np.linalg.norm(coupling[:, order], axis=0) / theta**2
-    return shift + 1 / theta, coordinates, residuals
-
-
-def _none_missed(matrix: SparseMatrix, values: FloatArray, residuals: FloatArray, k: int) -> bool:
-    """Count the eigenvalues below a gap in the Ritz values at or after the k-th."""
-    widths = values[k:] - values[k - 1 : -1]
-    needed = 4 * (residuals[k:] + residuals[k - 1 : -1]) + 1e-8 * values[k:]
-    for gap in np.flatnonzero(widths > needed)[:3]:
-        try:
-            factor = _shifted(matrix, values[k - 1 + gap] + widths[gap] / 2)
-        except SolverError:  # an eigenvalue there that we do not know of
-            continue
-        return bool(factor.n_negative == k + gap)
-    return False
-
-
-def _polish(
-    matrix: SparseMatrix, factor: Factorization, vectors: FloatArray, floor: float, tol: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Make the vectors orthonormal Ritz vectors of the matrix; measure the largest residual.
-
-    Sliver triangles have huge entries, and a solve's rounding errors, however small, are rough:
-    the matrix makes much of them. A step of inverse iteration, written as a correction so that
-    only the correction is rounded, removes them where the residual falls short.
-    """
-    magnitude = abs(matrix)
-    for attempt in range(3):
-        image = matrix @ vectors
-        values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
-        vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
-        image -= vectors * values
-        rounding = np.linalg.norm(magnitude @ np.abs(vectors), axis=0) * _ROUNDING
-        excess = np.maximum(np.linalg.norm(image, axis=0) - rounding, 0)
-        reached = float((excess / np.maximum(values, floor)).max())
-        if reached <= tol or attempt == 2:
-            break
-        vectors = vectors - factor.solve(image)
-    return values, vectors, reached
+def _dense_is_faster(n: int, k: int) -> bool:
+    return n <= max(400, 2 * k + 100)

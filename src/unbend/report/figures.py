@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from unbend._files import atomic_write, check_writable
 from unbend._types import FloatArray
-from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.errors import InputError, MissingExtraError
 from unbend.mesh import Mesh, as_mesh
 from unbend.report._raster import VIEWS, rasterize, rgb_of, view_rotation
 
@@ -182,7 +181,7 @@ def draw_canonical_forms(
 
     References
     ----------
-    Yang, Obaseki, Chen, "Canonical forms of deformable 3-D shapes" (2019), Figure 1.
+    Yang, Obaseki and Chen (2019), Figure 1.
 
     Examples
     --------
@@ -234,12 +233,12 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     ----------
     figure : matplotlib.figure.Figure
     path : path
-        The file to write or replace; its ending decides the format.
+        The file to write or replace: .png, .pdf or .svg.
 
     Raises
     ------
     FileError
-        If the folder does not exist or cannot be written, or the ending is not a format.
+        If the folder does not exist or cannot be written, or the ending is not one of these.
 
     Examples
     --------
@@ -248,16 +247,10 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
     """
-    target = Path(path)
-    # A name of its own beside the target, so that the last step is one rename.
-    unfinished = target.with_name(f".{secrets.token_hex(6)}{target.suffix}")
-    try:
-        figure.savefig(unfinished)
-        os.replace(unfinished, target)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{target} cannot be written: {error}") from None
-    finally:
-        unfinished.unlink(missing_ok=True)
+    formats = (".png", ".pdf", ".svg")
+    suffix = check_writable(path, formats).suffix.lower()
+    with atomic_write(path) as file:
+        figure.savefig(file, format=suffix[1:])
 
 
 def _draw(

@@ -1,0 +1,115 @@
+"""``unbend demo``: shapes in several poses, before and after they are unbent."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from unbend.cli._common import JsonOption, print_json, steps_on_stderr
+
+if TYPE_CHECKING:
+    from unbend._types import FloatArray
+    from unbend.report.figures import CanonicalColumn
+
+
+class Pair(NamedTuple):
+    """How far apart two shapes are, as they stand and unbent."""
+
+    first: str
+    second: str
+    same_species: bool
+    before: float
+    after: float
+
+
+_POSES = {
+    "dog": ("standing", "galloping", "sitting"),
+    "human": ("standing", "running", "sitting"),
+}
+_N_VERTICES = 4000
+_COMPARED = 800  # vertices of each shape that the printed comparison looks at
+
+
+def demo(
+    out: Annotated[
+        str, typer.Option("-o", "--out", metavar="PNG", help="Where to write the picture.")
+    ] = "unbend-demo.png",
+    as_json: JsonOption = False,
+) -> None:
+    """Unbend a dog and a person in three poses each, and compare them before and after.
+
+    \b
+    Examples:
+      unbend demo
+      unbend demo -o picture.png
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.alignment import procrustes
+    from unbend.canonical import canonical_form
+    from unbend.datasets import make_biped, make_quadruped
+    from unbend.report.figures import CanonicalColumn, draw_canonical_forms, position_colors
+
+    check_writable(out, (".png", ".pdf", ".svg"))
+    columns: list[CanonicalColumn] = []
+    with steps_on_stderr() as progress:
+        for species, make in (("dog", make_quadruped), ("human", make_biped)):
+            first = None
+            for pose in _POSES[species]:
+                progress(f"{species}, {pose}")
+                mesh = make(pose, n_vertices=_N_VERTICES).mesh
+                points = canonical_form(mesh).points
+                if first is None:
+                    first, colors = points, position_colors(mesh.vertices)
+                # A form is unique up to a rotation or reflection: draw them all one way round.
+                rotation, translation = procrustes(points, first)
+                points = points @ rotation.T + translation
+                columns.append(CanonicalColumn(f"{species}, {pose}", mesh, points, colors))
+        progress("comparing")
+        pairs = _compare(columns)
+        progress("drawing")
+        draw_canonical_forms(columns, out, canonical_view=(30, 20))
+    if as_json:
+        print_json({"out": out, "pairs": [pair._asdict() for pair in pairs]})
+    else:
+        _print_table(pairs)
+        typer.echo(f"\nPicture: {out}\nNext:    unbend canonical YOUR_MESH -o canonical.ply")
+
+
+def _compare(columns: list[CanonicalColumn]) -> list[Pair]:
+    import numpy as np
+
+    from unbend.alignment import align
+
+    def scaled(points: FloatArray) -> FloatArray:
+        some = points[:: len(points) // _COMPARED]
+        some = some - some.mean(axis=0)
+        return np.asarray(some / np.sqrt((some**2).sum(axis=1).mean()))
+
+    shapes = [scaled(column.original.vertices) for column in columns]
+    forms = [scaled(column.canonical) for column in columns]
+    return [
+        Pair(
+            first=columns[i].caption.replace(",", ""),
+            second=columns[j].caption.replace(",", ""),
+            same_species=columns[i].caption.split(",")[0] == columns[j].caption.split(",")[0],
+            before=align(shapes[i], shapes[j]).residual,
+            after=align(forms[i], forms[j]).residual,
+        )
+        for i, j in itertools.combinations(range(len(columns)), 2)
+    ]
+
+
+def _print_table(pairs: list[Pair]) -> None:
+    typer.echo("How far apart two shapes are after the best rigid alignment, in % of their size:\n")
+    typer.echo(f"{'':34}{'before':>8}{'after':>8}")
+    for pair in sorted(pairs, key=lambda pair: not pair.same_species):
+        names = f"{pair.first} - {pair.second}"
+        typer.echo(f"{names:34}{pair.before:8.1%}{pair.after:8.1%}")
+    same = [pair.after for pair in pairs if pair.same_species]
+    different = [pair.after for pair in pairs if not pair.same_species]
+    typer.echo(
+        f"\nUnbent, one species differs by {max(same):.1%} at most between poses, "
+        f"two species by {min(different):.1%} at least."
+    )

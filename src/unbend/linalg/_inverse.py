@@ -1,0 +1,208 @@
+"""Smallest eigenpairs of a sparse matrix: block Lanczos on its shifted inverse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from unbend._types import FloatArray, SparseMatrix
+from unbend.errors import SolverError
+from unbend.linalg._krylov import KrylovBasis
+from unbend.linalg._threads import combine, inner
+from unbend.linalg.factorization import Factorization, factorize
+
+_FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
+_LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
+_ROUNDING = 20 * np.finfo(np.float64).eps
+
+
+def inverse_lanczos(
+    matrix: SparseMatrix,
+    k: int,
+    tol: float,
+    random_state: int,
+    progress: Callable[[float], None] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute the k smallest eigenpairs of a sparse positive semi-definite matrix.
+
+    Parameters
+    ----------
+    matrix : (n, n) sparse matrix of float64
+        Scaled such that the mean distance of the first eigenvalues is about 4 pi.
+    k, tol, random_state, progress
+        As in :func:`unbend.linalg.lanczos.smallest_eigenpairs`.
+
+    Returns
+    -------
+    values : (k,) array of float64
+    vectors : (n, k) array of float64
+        Orthonormal.
+
+    Raises
+    ------
+    SolverError
+        If the accuracy is not reached.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> from unbend.linalg._inverse import inverse_lanczos
+    >>> inverse_lanczos(sp.diags_array([4.0, 0.0, 3.0, 9.0]).tocsc(), 2, 1e-8, 0, None)[0].round(6)
+    array([0., 3.])
+    """
+    n = matrix.shape[0]
+    shift, factor = _first_shift(matrix, k)
+    below = factor.n_negative
+    block_size = 4 if k <= 20 else 8
+    size = abs(matrix).max()
+    wanted = max(k, below)
+    usual = 1.6 * wanted + 75  # columns that surfaces need, measured
+    rng = np.random.default_rng(random_state)
+    basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.1 * usual))
+    check = min(wanted + 40, n)
+    goal, counted, reached = tol / 2, False, np.inf
+    while basis.done < min(n, _LIMIT + 10 * wanted):
+        basis.grow()
+        if progress is not None:
+            progress(min(basis.done / usual, 1.0) * 0.95)
+        if basis.done < check and basis.done < basis.size:
+            continue
+        check = basis.done + 2 * block_size
+        if basis.done > 1.5 * usual:
+            basis.add_random(block_size)  # an eigenvalue more frequent than the block is wide
+        values, coordinates, residuals = _near_pairs(basis, shift, below)
+        if len(values) < wanted:
+            continue
+        # What counts for values near 0: the mean distance, or next to nothing where all are 0.
+        floor = values[k - 1] / k if values[k - 1] > 1e-12 * size else 1e-6 * size
+        converged = residuals <= goal * np.maximum(values, floor)
+        if not converged[:wanted].all():
+            continue
+        if below < k and not counted:
+            counted = _none_missed(matrix, values, residuals, k)
+            if not counted:
+                basis.add_random(block_size)
+                continue
+        known = int(np.argmin(np.append(converged, False)))
+        rough = basis.combine(coordinates[:, :known])
+        values, vectors, reached = _polish(matrix, factor, values[:known], rough, k, floor, tol)
+        if reached <= tol:
+            return values, vectors
+        goal /= 10
+    raise SolverError(
+        f"no {k} eigenpairs to a relative residual of {tol:g}; {reached:.1e} was reached, or the "
+        f"pairs could not be counted: is the stiffness matrix positive semi-definite?"
+    )
+
+
+def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
+    """Choose the shift by Weyl's law (unit area), corrected by the count of what lies below it.
+
+    Pairs near the shift are found first. For many pairs it lies in their middle; a second count
+    above them costs a factorisation. For few, it lies above them, where the count comes free.
+    """
+    share = 1.1 if k <= _FEW else 0.5
+    size = abs(matrix).max()
+    shift = min(4 * np.pi * share * k, 2 * size)
+    best, last = None, -1
+    for _ in range(40):
+        try:
+            factor = _shifted(matrix, shift)
+        except SolverError:  # an eigenvalue is hit
+            shift *= 1.01
+            continue
+        below = factor.n_negative
+        if best is None or abs(below - share * k) < abs(best[1].n_negative - share * k):
+            best = shift, factor
+        if 0.4 * share * k <= below + 2 and below <= 1.7 * share * k + 4:
+            break
+        if shift < 1e-10 * size:
+            break  # the eigenvalue 0 of many pieces
+        shift *= min(max(share * k / max(below, 0.1), 1e-3), 1e3) if below != last else 1e-2
+        last = below
+    if best is None:
+        raise SolverError("the shifted stiffness matrix could not be factorised")
+    return best
+
+
+def _shifted(matrix: SparseMatrix, shift: float) -> Factorization:
+    return factorize(matrix - shift * sp.eye_array(matrix.shape[0]), indefinite=True)
+
+
+def _near_pairs(
+    basis: KrylovBasis, shift: float, below: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give Ritz values of the matrix around the shift, ascending: ``below`` of them below it.
+
+    Returns
+    -------
+    values : (r,) array
+    coordinates : (size, r) array
+        Of the Ritz vectors after one more application of the inverse, which costs nothing here.
+    residuals : (r,) array
+        Residuals of these vectors with the matrix itself: |residual of the inverse| / value^2.
+    """
+    inverse, vectors, coupling = basis.ritz()
+    # The inverse maps what is below the shift to its negative end, the rest to its positive one.
+    # Between -1 / shift and 0 there is nothing to find: the matrix has no negative eigenvalues.
+    n_low = int((inverse < -1 / shift * (1 - 1e-6)).sum())
+    n_high = int((inverse > 0).sum())
+    if n_low < below:
+        n_high = 0
+    done = len(inverse)
+    order = np.concatenate([np.arange(min(n_low, below))[::-1], done - 1 - np.arange(n_high)])
+    theta = inverse[order]
+    coordinates = np.concatenate([vectors[:, order], coupling[:, order] / theta])
+    residuals = np.linalg.norm(coupling[:, order], axis=0) / theta**2
+    return shift + 1 / theta, coordinates, residuals
+
+
+def _none_missed(matrix: SparseMatrix, values: FloatArray, residuals: FloatArray, k: int) -> bool:
+    """Count the eigenvalues below a gap in the Ritz values at or after the k-th."""
+    widths = values[k:] - values[k - 1 : -1]
+    needed = 4 * (residuals[k:] + residuals[k - 1 : -1]) + 1e-8 * values[k:]
+    for gap in np.flatnonzero(widths > needed)[:3]:
+        try:
+            factor = _shifted(matrix, values[k - 1 + gap] + widths[gap] / 2)
+        except SolverError:  # an eigenvalue there that we do not know of
+            continue
+        return bool(factor.n_negative == k + gap)
+    return False
+
+
+def _polish(
+    matrix: SparseMatrix,
+    factor: Factorization,
+    values: FloatArray,
+    vectors: FloatArray,
+    k: int,
+    floor: float,
+    tol: float,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Make k orthonormal Ritz vectors of the matrix; measure their largest residual.
+
+    All that is known near the shift takes part, or the corrections would bring it back in.
+
+    Sliver triangles have huge entries, and a solve's rounding errors, however small, are rough:
+    the matrix makes much of them. A step of inverse iteration, written as a correction so that
+    only the correction is rounded, removes them where the residual falls short.
+    """
+    image = matrix @ vectors - vectors * values
+    if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
+        vectors = vectors - factor.solve(image)
+    for _ in range(3):
+        image = matrix @ vectors
+        values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
+        vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
+        image -= vectors * values
+        lengths = np.linalg.norm(image[:, :k], axis=0)
+        best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
+        if (lengths <= tol * ranks).all():
+            break
+        vectors = vectors - factor.solve(image)
+    else:
+        lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * _ROUNDING
+    return values[:k], best, float(np.maximum(lengths / ranks, 0).max())

@@ -1,0 +1,234 @@
+"""Sparse solves and inertia against dense linear algebra, with every backend."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import types
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import unbend
+from tests.linalg.problems import icosphere, laplacian, square
+from unbend.errors import InputError, SolverError
+from unbend.linalg import factorization
+from unbend.linalg.factorization import factorize
+
+BACKENDS = ["qdldl+numba", "qdldl", "superlu", "cholmod"]
+
+
+def fake_cholmod():
+    """What scikit-sparse 0.4 offers, on dense matrices."""
+    module = types.ModuleType("sksparse.cholmod")
+
+    class CholmodError(Exception):
+        pass
+
+    class Factor:
+        def __init__(self, matrix):
+            self._matrix = matrix.toarray()
+            try:
+                self._pivots = np.diag(np.linalg.cholesky(self._matrix)) ** 2
+            except np.linalg.LinAlgError:
+                raise CholmodError from None
+
+        def P(self):  # noqa: N802
+            return np.arange(len(self._pivots))
+
+        def D(self):  # noqa: N802
+            return self._pivots
+
+        def __call__(self, rhs):
+            return np.linalg.solve(self._matrix, rhs)
+
+    module.CholmodError = CholmodError
+    module.cholesky = lambda matrix, ordering_method: Factor(matrix)
+    return module
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request, monkeypatch):
+    present = {
+        "qdldl+numba": {"qdldl", "numba"},
+        "qdldl": {"qdldl"},
+        "superlu": set(),
+        "cholmod": {"qdldl", "numba", "sksparse"},
+    }[request.param]
+    monkeypatch.setattr(factorization, "_installed", present.__contains__)
+    monkeypatch.setattr(factorization, "_NUMBA_PAYS", 0)
+    monkeypatch.setattr(factorization, "_CHOLMOD_PAYS", 0)
+    package = types.ModuleType("sksparse")
+    package.cholmod = fake_cholmod()
+    monkeypatch.setitem(sys.modules, "sksparse", package)
+    monkeypatch.setitem(sys.modules, "sksparse.cholmod", package.cholmod)
+    return request.param
+
+
+def grid(shift):
+    stiffness, areas = laplacian(*square(12))
+    return sp.csc_array(stiffness + shift * sp.diags_array(areas))
+
+
+@pytest.mark.parametrize("count", [1, 2, 8, 9, 16, 17, 40])
+def test_every_backend_solves(backend, count):
+    matrix = grid(1.0)
+    factor = factorize(matrix)
+    rhs = np.random.default_rng(0).standard_normal((144, count))
+    assert factor.backend == backend
+    assert factor.n_negative == 0
+    np.testing.assert_allclose(matrix @ factor.solve(rhs), rhs, rtol=0, atol=1e-11)
+    assert factor.solve(rhs[:, 0]).shape == (144,)
+    np.testing.assert_allclose(factor.solve(rhs[:, 0]), factor.solve(rhs)[:, 0], rtol=1e-9)
+    assert factor.solve(np.asfortranarray(rhs)).shape == rhs.shape
+
+
+@pytest.mark.parametrize("shift", [-30.0, -300.0, -3000.0])
+def test_every_backend_counts(backend, shift):
+    matrix = grid(shift)
+    factor = factorize(matrix)
+    assert factor.n_negative == (np.linalg.eigvalsh(matrix.toarray()) < 0).sum()
+    assert factor.backend == ("qdldl+numba" if backend == "cholmod" else backend)
+
+
+def test_every_backend_refuses_singular_matrices(backend):
+    for matrix in (grid(0.0), sp.csc_array((3, 3)), sp.csc_array(np.ones((3, 3)))):
+        with pytest.raises(SolverError, match="singular"):
+            factorize(matrix)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    n=st.integers(1, 60),
+    density=st.floats(0.0, 0.3),
+    seed=st.integers(0, 10**6),
+    definite=st.booleans(),
+    name=st.sampled_from(["qdldl+numba", "qdldl", "superlu"]),
+    unit=st.integers(-100, 100),
+)
+def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
+    """Solve and count right, or refuse; and refuse only what is ill-conditioned."""
+    rng = np.random.default_rng(seed)
+    half = sp.random_array((n, n), density=density, rng=rng, data_sampler=rng.standard_normal)
+    matrix = (half @ half.T + 0.1 * sp.eye_array(n)) if definite else half + half.T
+    dense = matrix.toarray()
+    eigenvalues = np.linalg.eigvalsh(dense)
+    smallest, largest = np.sort(np.abs(eigenvalues))[[0, -1]]
+    exact = rng.standard_normal((n, 3))
+    installed = {"qdldl+numba": ("qdldl", "numba"), "qdldl": ("qdldl",), "superlu": ()}[name]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(factorization, "_installed", lambda package: package in installed)
+        patch.setattr(factorization, "_NUMBA_PAYS", 0)
+        try:
+            factor = factorize(sp.csc_array(matrix * 10.0**unit))
+        except SolverError:
+            # Without pivoting, an indefinite matrix is refused a little earlier.
+            assert smallest < (1e-5 if definite else 1e-3) * largest or largest == 0
+            return
+    assert factor.n_negative == (eigenvalues < 0).sum()
+    np.testing.assert_allclose(
+        factor.solve(dense @ exact * 10.0**unit), exact, atol=1e-13 * largest / smallest + 1e-13
+    )
+
+
+def test_zero_pivots_are_refined_away():
+    """Nothing on the diagonal to pivot on, and yet far from singular."""
+    factor = factorize(sp.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
+    np.testing.assert_allclose(factor.solve(np.array([3.0, 4.0])), [4.0, 3.0], rtol=1e-14)
+    assert factor.n_negative == 1
+
+
+def test_bad_input():
+    with pytest.raises(InputError, match="square"):
+        factorize(sp.csc_array((2, 3)))
+    with pytest.raises(InputError, match="not empty"):
+        factorize(sp.csc_array((0, 0)))
+    with pytest.raises(InputError, match="NaN"):
+        factorize(sp.csc_array(np.full((2, 2), np.nan)))
+    with pytest.raises(SolverError, match="symmetric"):
+        factorize(sp.csc_array(np.array([[2.0, 1.0], [0.0, 3.0]])))
+    factor = factorize(sp.csc_array(np.eye(3) * 1e-300))
+    for bad in (np.nan, np.inf):
+        with pytest.raises(InputError, match="NaN"):
+            factor.solve(np.array([1.0, bad, 0.0]))
+    for shape in ((2,), (3, 1, 1), ()):
+        with pytest.raises(InputError, match="shape"):
+            factor.solve(np.ones(shape))
+    with pytest.raises(SolverError, match="overflows"):
+        factor.solve(np.full(3, 1e300))
+    assert factor.solve(np.ones((3, 0))).shape == (3, 0)
+
+
+def test_solves_in_several_threads_at_once():
+    stiffness, areas = laplacian(*icosphere(4))
+    factor = factorize(stiffness + sp.diags_array(areas))
+    assert factor.backend == "qdldl+numba"
+    rhs = np.random.default_rng(0).standard_normal((len(areas), 50))
+    expected = factor.solve(rhs)
+    with ThreadPoolExecutor(4) as pool:
+        for solution in pool.map(factor.solve, [rhs] * 8):
+            assert np.array_equal(solution, expected)
+
+
+def run_python(code, **environment):
+    env = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA")}
+    command = [sys.executable, "-W", "error", "-c", code]
+    return subprocess.run(
+        command, env=env | environment, capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+def test_importing_does_not_import_numba():
+    code = "import sys, unbend.linalg.lanczos; assert 'numba' not in sys.modules"
+    assert run_python(code).returncode == 0
+
+
+SOLVE = """
+import numpy as np, scipy.sparse as sp
+from unbend.linalg.factorization import factorize
+factor = factorize(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(3000, 3000)))
+assert factor.backend == "qdldl+numba"
+assert np.isfinite(factor.solve(np.ones(3000))).all()
+"""
+
+
+@pytest.mark.parametrize("cache", ["unset", "a file"])
+def test_no_folder_for_compiled_code(cache, tmp_path):
+    """Read-only installation, no home, and a cache folder that cannot be one."""
+    package = tmp_path / "site" / "unbend"
+    source = Path(unbend.__file__).parent
+    shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "linalg" / "__pycache__").touch()  # a file in its place stops even root
+    blocked = tmp_path / "blocked"
+    blocked.touch()
+    environment = {"HOME": str(blocked), "XDG_CACHE_HOME": str(blocked)}
+    if cache == "a file":
+        environment["NUMBA_CACHE_DIR"] = str(blocked)
+    result = run_python(SOLVE, PYTHONPATH=str(package.parent), **environment)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
+def test_forked_processes_solve():
+    code = (
+        SOLVE
+        + """
+import os
+rhs = np.ones((3000, 64))
+factor.solve(rhs)
+child = os.fork()
+if child == 0:
+    factor.solve(rhs)
+    os._exit(0)
+assert os.waitpid(child, 0)[1] == 0
+"""
+    )
+    result = run_python(code, OMP_NUM_THREADS="2")
+    assert result.returncode == 0, result.stderr
