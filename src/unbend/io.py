@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from unbend._files import atomic_write, check_suffix, check_writable
+from unbend._files import atomic_write, check_writable, read_bytes
 from unbend._formats import Contents, obj, off, ply, points, stl
 from unbend._text import plural
 from unbend._types import FloatArray
@@ -81,18 +81,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     ('1 polygon split into triangles',)
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileError(f"cannot read {path}: it is a folder; give a file's name")
-    suffix = check_suffix(path, READ_SUFFIXES, "read")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FileError(f"cannot read {path}: there is no such file") from None
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
-    name = path.name
-    if not data.strip():
-        raise FileError(f"{name} is empty")
+    data = read_bytes(path, READ_SUFFIXES)
+    name, suffix = path.name, path.suffix.lower()
     try:
         contents = _READERS[suffix](data)
     except FileError as error:
