@@ -133,6 +133,7 @@ def test_nan_corners_without_a_share_do_not_spread(blob: Mesh) -> None:
         ([[1.5, -0.5]], [0], {"kind": "weights"}, "its least is -0.5"),
         ([0.5, 0.5], [0], {"kind": "weights"}, "must be rows"),
         ([[300, 0, 0]], [0], {"kind": "color"}, "from 0 to 255"),
+        ([0.5], [0], {"kind": "uv"}, "must have two columns"),
     ],
 )
 def test_what_does_not_fit(values, mapping, options, sentence) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -38,10 +38,11 @@ def transfer(
     mapping : Match or (n_target,) array_like of int
         From source to target; or the source vertex of each target vertex, -1 where there is none.
     kind : str, default="auto"
-        ``"scalar"``: averaged; numbers or vectors such as texture coordinates. ``"label"``: never
+        ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
-        ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"auto"``: scalar for
-        floats, color for bytes in three or four columns, label for everything else.
+        ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
+        texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
+        or four columns, label for everything else.
     source, target : mesh-like, optional
         Anything :func:`unbend.as_mesh` accepts; used with ``match(..., barycentric=True)``.
 
@@ -85,7 +86,7 @@ def transfer(
         raise InputError(
             f"the map names source vertex {corners.max()}, but there are {len(array)} values"
         )
-    chosen = _kind(kind, array)
+    chosen = value_kind(array, kind)
     lost = corners[:, 0] < 0
     if chosen == "label":
         return _vote(array, corners, shares, lost)
@@ -179,13 +180,14 @@ def _source_size(mapping: Any, source: Any) -> int | None:
     return None if source is None else as_mesh(source).n_vertices
 
 
-def _kind(kind: str, array: npt.NDArray[Any]) -> str:
-    if kind not in ("auto", "scalar", "label", "weights", "color"):
-        raise InputError(f"kind must be auto, scalar, label, weights or color, not {kind!r}")
+def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
+    """Decide how values are carried, see :func:`transfer`: never ``"auto"``."""
+    if kind not in get_args(ValueKind):
+        raise InputError(f"kind must be one of {', '.join(get_args(ValueKind))}, not {kind!r}")
     if array.dtype.kind not in "biufU":
         raise InputError(f"values of type {array.dtype} are neither numbers nor labels")
     if kind != "auto":
-        return kind
+        return cast(ValueKind, kind)
     if array.dtype.kind == "f":
         return "scalar"
     is_color = array.dtype == np.uint8 and array.ndim == 2 and array.shape[1] in (3, 4)
@@ -198,6 +200,8 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
     numbers = array.astype(np.float64)
     if kind == "weights":
         _check_weights(numbers)
+    if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
+        raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
     if kind == "color" and (
         numbers.ndim != 2 or not (np.isfinite(numbers) & (numbers >= 0) & (numbers <= 255)).all()
     ):

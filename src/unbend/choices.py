@@ -12,7 +12,8 @@ Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
 Geodesics = Literal["heat", "exact"]
-ValueKind = Literal["auto", "scalar", "label", "weights", "color"]
+ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
+Axis = Literal["x", "y", "z"]
 
 # Diffusion time, in units of a surface's area, unless another is asked for.
 DIFFUSION_TIME = 0.1

@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
+from scipy.sparse.csgraph import dijkstra
 
 from unbend._files import atomic_write, check_writable, read_bytes
 from unbend._formats import data_lines
 from unbend._formats.npy import read_array
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
+from unbend.mesh import as_mesh
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
 # What the vertices of a file are counted from, unless the caller knows better.
@@ -138,6 +141,60 @@ def write_map(
         else:
             lines = [_CSV_HEADER] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
             file.write(("\n".join(lines) + "\n").encode())
+
+
+def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
+    """Turn a map from source to target round.
+
+    A target vertex that is the image of several source vertices takes the first of them; one that
+    is the image of none takes that of the vertex nearest to it along the target's edges.
+
+    Parameters
+    ----------
+    point_map : (n_source,) array_like of int
+        Target vertex of each source vertex, -1 for none.
+    target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+
+    Returns
+    -------
+    (n_target,) ndarray of int64
+        Source vertex of each target vertex; -1 where no edges lead to the image of any.
+
+    Raises
+    ------
+    InputError
+        If the map names a vertex that the target lacks.
+
+    Examples
+    --------
+    >>> from unbend.maps import invert_map
+    >>> invert_map([2, 0], ([[0, 0, 0], [1, 0, 0], [0, 3, 0]], [[0, 1, 2]]))
+    array([1, 1, 0])
+    """
+    mesh = as_mesh(target)
+    images = np.asarray(point_map)
+    if images.ndim != 1 or images.dtype.kind not in "iu" or images.min(initial=-1) < -1:
+        raise InputError("a map must be a list of vertex numbers, -1 for none")
+    n = mesh.n_vertices
+    if images.max(initial=-1) >= n:
+        raise InputError(f"the map names target vertex {images.max()}, but there are {n} vertices")
+    hit, first = np.unique(images, return_index=True)
+    hit, first = hit[hit >= 0], first[hit >= 0]
+    inverse = np.full(n, -1, dtype=np.int64)
+    inverse[hit] = first
+    if len(hit) and mesh.n_faces:
+        i, j = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
+        keys = np.unique(i * n + j)
+        i, j = keys // n, keys % n
+        lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
+        graph = sp.csr_matrix((lengths, (i, j)), shape=(n, n))
+        _, _, nearest = dijkstra(
+            graph, directed=False, indices=hit, return_predecessors=True, min_only=True
+        )
+        reached = nearest >= 0
+        inverse[reached] = inverse[nearest[reached]]
+    return inverse
 
 
 def _base(base: int | None, suffix: str) -> int:
