@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from unbend import Mesh
 from unbend.errors import FileError, InputError
-from unbend.maps import MAP_SUFFIXES, read_map, write_map
+from unbend.maps import MAP_SUFFIXES, invert_map, read_map, write_map
 
 images = arrays(np.int64, st.integers(1, 30), elements=st.integers(-1, 2**40))
 
@@ -96,3 +97,36 @@ def test_ground_truth_of_real_shapes(real_data: Path) -> None:
     np.testing.assert_array_equal(found, np.loadtxt(path, dtype=int) - 1)
     write_rows = [str(row + 1) for row in found]
     assert path.read_text().split() == write_rows
+
+
+def test_a_map_turned_round_and_back_is_itself(blob: Mesh) -> None:
+    order = np.random.default_rng(0).permutation(blob.n_vertices)
+    inverse = invert_map(order, blob)
+    np.testing.assert_array_equal(inverse, np.argsort(order))
+
+
+def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> None:
+    some = np.arange(0, blob.n_vertices, 7)
+    inverse = invert_map(some, blob)
+    np.testing.assert_array_equal(inverse[some], np.arange(len(some)))
+    # Each has the image nearest to it along edges: relaxing any edge changes no distance.
+    i, j = blob.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
+    lengths = np.linalg.norm(blob.vertices[i] - blob.vertices[j], axis=1)
+    nearest = np.full(blob.n_vertices, np.inf)
+    nearest[some] = 0
+    for _ in range(100):
+        np.minimum.at(nearest, i, nearest[j] + lengths)
+    owner = nearest * 0 - 1
+    owner[some] = some
+    for vertex in np.argsort(nearest):
+        if owner[vertex] < 0:
+            around = (i == vertex) & (np.abs(nearest[j] + lengths - nearest[vertex]) < 1e-12)
+            owner[vertex] = owner[j[around][0]]
+    np.testing.assert_array_equal(some[inverse], owner)
+    assert (invert_map(np.full(4, -1), blob) == -1).all()
+    apart = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
+    assert invert_map([5, -1], apart).tolist() == [0] * blob.n_vertices + [-1]
+    with pytest.raises(InputError, match="names target vertex 642"):
+        invert_map([642], blob)
+    with pytest.raises(InputError, match="list of vertex numbers"):
+        invert_map([0.5], blob)

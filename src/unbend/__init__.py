@@ -29,6 +29,21 @@ if TYPE_CHECKING:
     from unbend.sampling import farthest_point_sampling as farthest_point_sampling
     from unbend.spectra import Spectrum as Spectrum
     from unbend.spectra import spectrum as spectrum
+    from unbend.matching import match as match
+    from unbend.matching import Match as Match
+    from unbend.matching import symmetry as symmetry
+    from unbend.evaluation import evaluate as evaluate
+    from unbend.evaluation import Evaluation as Evaluation
+    from unbend.maps import read_map as read_map
+    from unbend.maps import write_map as write_map
+    from unbend.maps import invert_map as invert_map
+    from unbend.archives import read_match as read_match
+    from unbend.archives import write_match as write_match
+    from unbend.archives import read_functional_map as read_functional_map
+    from unbend.archives import write_functional_map as write_functional_map
+    from unbend.carrying import transfer as transfer
+    from unbend.morphing import morph as morph
+    from unbend.likeness import similarity as similarity
 
 __version__ = "0.1.0"
 
@@ -36,7 +51,9 @@ _HOME = {
     "Alignment": "alignment",
     "CanonicalForm": "canonical",
     "Diagnosis": "diagnosis",
+    "Evaluation": "evaluation",
     "Laplacian": "laplace",
+    "Match": "matching",
     "Mesh": "mesh",
     "SpectralMDS": "estimator",
     "Spectrum": "spectra",
@@ -45,12 +62,25 @@ _HOME = {
     "canonical_form": "canonical",
     "diagnose": "diagnosis",
     "distance": "distances",
+    "evaluate": "evaluation",
     "farthest_point_sampling": "sampling",
     "interpolate": "interpolation",
+    "invert_map": "maps",
     "laplacian": "laplace",
+    "match": "matching",
+    "morph": "morphing",
     "procrustes": "alignment",
+    "read_functional_map": "archives",
+    "read_map": "maps",
+    "read_match": "archives",
     "read_mesh": "io",
+    "similarity": "likeness",
     "spectrum": "spectra",
+    "symmetry": "matching",
+    "transfer": "carrying",
+    "write_functional_map": "archives",
+    "write_map": "maps",
+    "write_match": "archives",
     "write_mesh": "io",
 }
 

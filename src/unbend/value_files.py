@@ -109,11 +109,10 @@ def write_values(
     array = np.asarray(values)
     if array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
+    check_storable(path, array, kind)
     if suffix in VALUE_MESH_SUFFIXES:
         _write_mesh(path, array, mesh, kind)
         return
-    if suffix != ".npy" and array.ndim > 2:
-        raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
     with atomic_write(path) as file:
         if suffix == ".npy":
             np.save(file, array)
@@ -126,6 +125,23 @@ def write_values(
         file.write("\n".join([*lines, ""]).encode())
 
 
+def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
+    """Refuse a format that cannot hold such values, before any computing is done.
+
+    Raises
+    ------
+    InputError
+        If it cannot.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix in VALUE_MESH_SUFFIXES and values.dtype.kind == "U":
+        raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
+    if suffix == ".obj" and kind not in ("color", "uv"):
+        raise InputError(".obj files hold colours and texture coordinates only; write .ply")
+    if suffix != ".npy" and values.ndim > 2:
+        raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
+
+
 def _word(value: Any) -> str:
     return value if isinstance(value, str) else repr(value)
 
@@ -136,8 +152,6 @@ def _names(kind: str, count: int) -> list[str]:
 
 
 def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> None:
-    if array.dtype.kind == "U":
-        raise InputError(f"{path.suffix} files cannot hold text for each vertex; write .csv")
     if kind == "color":
         write_mesh(path, mesh, colors=array[:, :3])
     elif kind == "uv":

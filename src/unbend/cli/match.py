@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from unbend.matching import Match
     from unbend.mesh import Mesh
 
+# A map that is not sure of its side has about as much of the surface on either.
+_CLEAR_SIDE = 0.1
+
 
 def match(
     source: SourceArgument,
@@ -135,12 +138,19 @@ def summary(shapes: list[Mesh], found: Match, estimated: bool, seconds: float) -
     """Say the result in one line."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
-    side = "right side out" if found.orientation > 0 else "inside out (a mirror image)"
+    side = describe_side(found.orientation)
     trust = f"confidence {found.confidence:.2f}" if estimated else "confidence not estimated"
     return (
         f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {side} "
         f"({found.orientation:+.2f}), {trust}, {seconds:.1f} s"
     )
+
+
+def describe_side(orientation: float) -> str:
+    """Say whether a map keeps the surface right side out."""
+    if abs(orientation) < _CLEAR_SIDE:
+        return "unclear which side is out"
+    return "right side out" if orientation > 0 else "inside out, a mirror image"
 
 
 def write_result(out: str, found: Match) -> None:

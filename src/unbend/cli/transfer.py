@@ -76,7 +76,13 @@ def transfer(
     from unbend.carrying import transfer as carry
     from unbend.carrying import value_kind
     from unbend.io import read_mesh
-    from unbend.value_files import VALUE_MESH_SUFFIXES, VALUE_SUFFIXES, read_values, write_values
+    from unbend.value_files import (
+        VALUE_MESH_SUFFIXES,
+        VALUE_SUFFIXES,
+        check_storable,
+        read_values,
+        write_values,
+    )
 
     check_writable(out, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
     with steps_on_stderr() as progress:
@@ -84,6 +90,7 @@ def transfer(
         shapes = [read_mesh(path) for path in (source, target)]
         array = read_values(values, n_vertices=shapes[0].n_vertices)
         chosen = value_kind(array, kind)
+        check_storable(out, array, chosen)
         mapping = _mapping(map_file, base, shapes, cache, progress)
         progress("carrying")
         carried = carry(array, mapping, kind=chosen, source=shapes[0], target=shapes[1])

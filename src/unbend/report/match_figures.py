@@ -186,7 +186,8 @@ def draw_error_curves(
     if not evaluations:
         raise InputError("there are no evaluations to draw")
     figure = new_figure(5.2, 3.8)
-    ax = figure.add_axes((0.13, 0.14, 0.84, 0.78 if title else 0.83))
+    figure.set_layout_engine("constrained")
+    ax = figure.add_subplot()
     for i, (name, found) in enumerate(evaluations.items()):
         label = f"{name}, mean {found.mean():.3f}"
         ax.plot(THRESHOLDS, found.curve(), color=f"C{i}", lw=1.8, marker=".", label=label)
@@ -195,7 +196,7 @@ def draw_error_curves(
             ax.plot(THRESHOLDS, found.curve("map-min"), color=f"C{i}", lw=1.2, ls="--", label=label)
     ax.set(xlim=(0, 0.2), ylim=(0, 102))
     ax.set_xlabel("geodesic error / sqrt(target area)")
-    ax.set_ylabel("points within it, %")
+    ax.set_ylabel("points within that error, %")
     ax.grid(color="0.9")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", frameon=False, fontsize=9)
