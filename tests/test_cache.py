@@ -44,14 +44,15 @@ def test_everything_that_matters_is_in_the_key(blob):
     moved = blob.vertices.copy()
     moved[3, 1] = np.nextafter(moved[3, 1], 9)
     keys = [
-        cache_key(blob, "cotangent", "voronoi"),
-        cache_key(blob, "robust", "voronoi"),
-        cache_key(blob, "cotangent", "barycentric"),
-        cache_key(Mesh(moved, blob.faces), "cotangent", "voronoi"),
-        cache_key(Mesh(blob.vertices, blob.faces[1:]), "cotangent", "voronoi"),
+        cache_key(blob, "cotangent", "voronoi", 1e-8),
+        cache_key(blob, "robust", "voronoi", 1e-8),
+        cache_key(blob, "cotangent", "voronoi", 1e-6),
+        cache_key(blob, "cotangent", "barycentric", 1e-8),
+        cache_key(Mesh(moved, blob.faces), "cotangent", "voronoi", 1e-8),
+        cache_key(Mesh(blob.vertices, blob.faces[1:]), "cotangent", "voronoi", 1e-8),
     ]
     assert len(set(keys)) == len(keys)
-    assert cache_key(Mesh(blob.vertices, blob.faces), "cotangent", "voronoi") == keys[0]
+    assert cache_key(Mesh(blob.vertices, blob.faces), "cotangent", "voronoi", 1e-8) == keys[0]
 
 
 @pytest.mark.parametrize("keep", [0, 1, 100, 700, -1])

@@ -1,18 +1,37 @@
-"""Compiled loops of the matcher: nearest pairs, walks over meshes, local rotations."""
+"""Compiled loops of the matcher: nearest pairs, walks over meshes, local rotations.
+
+Kernels are compiled without Numba's own threads, which take long to compile for and must not be
+entered twice at a time: they release the GIL and work on a range of rows, and a function beside
+each spreads the ranges over threads.
+"""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
+import numpy.typing as npt
 
-# Decorating through an Any-typed name keeps mypy's strict mode content: Numba ships no types.
-_serial: Any = numba.njit(cache=True)
-_parallel: Any = numba.njit(cache=True, parallel=True)
+from unbend._types import FloatArray, IntArray
+from unbend.linalg._compiled import compiled
+from unbend.linalg._threads import run_all
+
+_ROWS = 1024  # rows that a task works on
+
+_Floats32 = npt.NDArray[np.float32]
 
 
-@_serial
+def _over_rows(n: int, kernel: Callable[..., None], *arguments: Any) -> None:
+    """Call a kernel for all ranges of rows, in threads; its last two arguments are the range."""
+    run_all(
+        functools.partial(kernel, *arguments, first, min(first + _ROWS, n))
+        for first in range(0, n, _ROWS)
+    )
+
+
+@compiled
 def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
     """Choose ``count`` rows, each as far as possible from those before it (Gonzalez 1985)."""
     n, d = points.shape
@@ -35,49 +54,64 @@ def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
     return chosen
 
 
-@_parallel
-def nearest_both_ways(products, left, right, base):  # type: ignore[no-untyped-def]
+def nearest_both_ways(
+    products: _Floats32, left: _Floats32, right: _Floats32, base: _Floats32
+) -> tuple[IntArray, _Floats32, IntArray, _Floats32]:
     """Nearest pairs both ways from inner products; ``products`` (h, m, n) is overwritten.
 
     The squared distance of rows i and j under hypothesis h is
-    ``left[h, i] + right[j] - 2 products[h, i, j] + base[i, j]``.
+    ``left[h, i] + right[j] - 2 products[h, i, j] + base[i, j]``; an empty base counts as zero.
     """
     hypotheses, m, n = products.shape
     forward = np.empty((hypotheses, m), np.int64)
     forward_distance = np.empty((hypotheses, m), np.float32)
-    backward = np.empty((hypotheses, n), np.int64)
-    backward_distance = np.empty((hypotheses, n), np.float32)
-    with_base = base.shape[0] == m
-    for h in numba.prange(hypotheses):
-        column = np.full(n, np.float32(np.inf))
-        row = np.zeros(n, np.int64)
-        for i in range(m):
-            line = products[h, i]
-            offset = left[h, i]
-            if with_base:
-                for j in range(n):
-                    line[j] = offset + right[j] - np.float32(2) * line[j] + base[i, j]
-            else:
-                for j in range(n):
-                    line[j] = offset + right[j] - np.float32(2) * line[j]
-            best = np.float32(np.inf)
-            for j in range(n):
-                best = min(best, line[j])
-            for j in range(n):
-                if line[j] == best:
-                    forward[h, i] = j
-                    break
-            for j in range(n):
-                if line[j] < column[j]:
-                    column[j] = line[j]
-                    row[j] = i
-            forward_distance[h, i] = best
-        backward[h] = row
-        backward_distance[h] = column
+    backward = np.zeros((hypotheses, n), np.int64)
+    backward_distance = np.full((hypotheses, n), np.float32(np.inf))
+    run_all(
+        functools.partial(
+            _nearest_both_ways,
+            products[h],
+            left[h],
+            right,
+            base,
+            forward[h],
+            forward_distance[h],
+            backward[h],
+            backward_distance[h],
+        )
+        for h in range(hypotheses)
+    )
     return forward, forward_distance, backward, backward_distance
 
 
-@_serial
+@compiled
+def _nearest_both_ways(products, left, right, base, forward, ahead, backward, back):  # type: ignore[no-untyped-def]
+    m, n = products.shape
+    with_base = base.shape[0] == m
+    for i in range(m):
+        line = products[i]
+        offset = left[i]
+        if with_base:
+            for j in range(n):
+                line[j] = offset + right[j] - np.float32(2) * line[j] + base[i, j]
+        else:
+            for j in range(n):
+                line[j] = offset + right[j] - np.float32(2) * line[j]
+        best = np.float32(np.inf)
+        for j in range(n):
+            best = min(best, line[j])
+        for j in range(n):
+            if line[j] == best:
+                forward[i] = j
+                break
+        for j in range(n):
+            if line[j] < back[j]:
+                back[j] = line[j]
+                backward[j] = i
+        ahead[i] = best
+
+
+@compiled
 def _squared_distance(left, right, i, j):  # type: ignore[no-untyped-def]
     total = 0.0
     for c in range(left.shape[1]):
@@ -86,17 +120,40 @@ def _squared_distance(left, right, i, j):  # type: ignore[no-untyped-def]
     return total
 
 
-@_parallel
-def walk(  # type: ignore[no-untyped-def]
-    left, right, guess, left_start, left_neighbors, right_start, right_neighbors
-):
+def walk(
+    left: FloatArray,
+    right: FloatArray,
+    guess: IntArray,
+    left_start: Any,
+    left_neighbors: Any,
+    right_start: Any,
+    right_neighbors: Any,
+) -> IntArray:
     """Improve a map by descent: from a vertex's image, or its neighbours' images, go downhill.
 
     Row i of ``left`` (n, d) is brought to a nearby row of ``right`` (m, d) such that no mesh
     neighbour of that row is closer. The meshes' neighbours are given in compressed rows.
     """
     result = guess.copy()
-    for i in numba.prange(len(left)):
+    steps = left_start, left_neighbors, right_start, right_neighbors
+    _over_rows(len(left), _walk, left, right, guess, *steps, result)
+    return result
+
+
+@compiled
+def _walk(  # type: ignore[no-untyped-def]
+    left,
+    right,
+    guess,
+    left_start,
+    left_neighbors,
+    right_start,
+    right_neighbors,
+    result,
+    first,
+    last,
+):
+    for i in range(first, last):
         here = guess[i]
         best = _squared_distance(left, right, i, here)
         for e in range(left_start[i], left_start[i + 1]):
@@ -115,30 +172,40 @@ def walk(  # type: ignore[no-untyped-def]
                 if distance < best:
                     best, here, moved = distance, candidate, True
         result[i] = here
+
+
+def edge_covariances(
+    start: Any, neighbors: Any, weights: FloatArray, rest: FloatArray, posed: FloatArray
+) -> FloatArray:
+    """Weighted sums over a vertex's edges of (rest edge) (posed edge)^T: (n, 3, 3)."""
+    result = np.zeros((len(rest), 3, 3))
+    _over_rows(len(rest), _edge_covariances, start, neighbors, weights, rest, posed, result)
     return result
 
 
-@_parallel
-def edge_covariances(start, neighbors, weights, rest, posed):  # type: ignore[no-untyped-def]
-    """Weighted sums over a vertex's edges of (rest edge) (posed edge)^T: (n, 3, 3)."""
-    n = len(rest)
-    result = np.zeros((n, 3, 3))
-    for i in numba.prange(n):
+@compiled
+def _edge_covariances(start, neighbors, weights, rest, posed, result, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
         for e in range(start[i], start[i + 1]):
             j = neighbors[e]
             for a in range(3):
                 edge = weights[e] * (rest[j, a] - rest[i, a])
                 for b in range(3):
                     result[i, a, b] += edge * (posed[j, b] - posed[i, b])
+
+
+def rotated_divergence(
+    start: Any, neighbors: Any, weights: FloatArray, rest: FloatArray, rotations: FloatArray
+) -> FloatArray:
+    """Right-hand side of the as-rigid-as-possible system (Sorkine & Alexa 2007, Eq. 8)."""
+    result = np.zeros((len(rest), 3))
+    _over_rows(len(rest), _rotated_divergence, start, neighbors, weights, rest, rotations, result)
     return result
 
 
-@_parallel
-def rotated_divergence(start, neighbors, weights, rest, rotations):  # type: ignore[no-untyped-def]
-    """Right-hand side of the as-rigid-as-possible system (Sorkine & Alexa 2007, Eq. 8)."""
-    n = len(rest)
-    result = np.zeros((n, 3))
-    for i in numba.prange(n):
+@compiled
+def _rotated_divergence(start, neighbors, weights, rest, rotations, result, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
         for e in range(start[i], start[i + 1]):
             j = neighbors[e]
             for a in range(3):
@@ -147,4 +214,45 @@ def rotated_divergence(start, neighbors, weights, rest, rotations):  # type: ign
                     rotation = rotations[i, a, b] + rotations[j, a, b]
                     total += rotation * (rest[i, b] - rest[j, b])
                 result[i, a] += 0.5 * weights[e] * total
-    return result
+
+
+def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
+    """Turn rotations (n, 3, 3), in place, to those that best explain covariances.
+
+    The rotation R that maximises the trace of R C, by the fixed-point iteration of Müller,
+    Bender, Chentanez & Macklin ("A robust method to extract the rotational part of
+    deformations", 2016), from where it stands.
+    """
+    _over_rows(len(rotations), _turn_rotations, covariances, rotations)
+
+
+@compiled
+def _turn_rotations(covariances, rotations, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        r = rotations[i]
+        c = covariances[i]
+        for _ in range(30):
+            axis = np.zeros(3)
+            along = 0.0
+            for a in range(3):
+                # Column a of r against row a of the covariance, which is where it should point.
+                axis[0] += r[1, a] * c[a, 2] - r[2, a] * c[a, 1]
+                axis[1] += r[2, a] * c[a, 0] - r[0, a] * c[a, 2]
+                axis[2] += r[0, a] * c[a, 1] - r[1, a] * c[a, 0]
+                along += r[0, a] * c[a, 0] + r[1, a] * c[a, 1] + r[2, a] * c[a, 2]
+            axis /= abs(along) + 1e-30
+            angle = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+            if angle < 1e-7:
+                break
+            axis /= angle
+            angle = min(angle, 1.0)
+            sine, versine = np.sin(angle), 1 - np.cos(angle)
+            for a in range(3):
+                x, y, z = r[0, a], r[1, a], r[2, a]
+                dot = axis[0] * x + axis[1] * y + axis[2] * z
+                u = axis[1] * z - axis[2] * y
+                v = axis[2] * x - axis[0] * z
+                w = axis[0] * y - axis[1] * x
+                r[0, a] = x + sine * u + versine * (axis[0] * dot - x)
+                r[1, a] = y + sine * v + versine * (axis[1] * dot - y)
+                r[2, a] = z + sine * w + versine * (axis[2] * dot - z)

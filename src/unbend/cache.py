@@ -56,10 +56,12 @@ def cache_folder() -> Path:
     return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
 
 
-def cache_key(mesh: Mesh, laplacian: str, areas: str) -> str:
+def cache_key(mesh: Mesh, laplacian: str, areas: str, tol: float) -> str:
     """Name under which a mesh's spectrum is kept: a hash of all that it depends on."""
     digest = hashlib.blake2b(digest_size=20)
-    digest.update(f"unbend {__version__} {laplacian} {areas} {mesh.vertices.shape}".encode())
+    digest.update(
+        f"unbend {__version__} {laplacian} {areas} {tol!r} {mesh.vertices.shape}".encode()
+    )
     digest.update(mesh.vertices.data)
     digest.update(mesh.faces.data)
     return digest.hexdigest()

@@ -186,8 +186,12 @@ def as_mesh(mesh: Any) -> Mesh:
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return Mesh(mesh.vertices, mesh.faces)
     if hasattr(mesh, "points") and hasattr(mesh, "regular_faces"):  # PyVista PolyData
-        surface = mesh if mesh.n_cells == 0 or mesh.is_all_triangles else mesh.triangulate()
-        return Mesh(surface.points, surface.regular_faces if surface.n_cells else None)
+        if mesh.n_cells == 0 or mesh.is_all_triangles:
+            return Mesh(mesh.points, mesh.regular_faces if mesh.n_cells else None)
+        surface = mesh.triangulate()
+        faces = surface.regular_faces if surface.n_cells else None
+        notes = ("polygons split into triangles",) if surface.n_cells else ()
+        return Mesh(surface.points, faces, notes=notes)
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         return Mesh(*mesh)
     if isinstance(mesh, np.ndarray):

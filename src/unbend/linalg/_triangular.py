@@ -20,6 +20,8 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
+from unbend.linalg._compiled import compiled
+
 _SIGNATURE = (
     "void(int64[::1], int64[::1], int32[::1], float64[::1], float64[::1],"
     " float64[:, ::1], float64[:, ::1], int64)"
@@ -107,8 +109,4 @@ def chunk_solver(width: int) -> Callable[..., None]:
             for c in range(used):
                 solution[order[i], first + c] = chunk[i, c]
 
-    try:
-        compiled: Callable[..., None] = numba.njit(_SIGNATURE, nogil=True, cache=True)(solve)
-    except Exception:  # no usable cache folder costs one compilation, never the result
-        compiled = numba.njit(_SIGNATURE, nogil=True)(solve)
-    return compiled
+    return compiled(solve, _SIGNATURE)

@@ -8,10 +8,12 @@ meshes from where the map stands, so a leg is never caught by the leg beside it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import edge_covariances, rotated_divergence, walk
+from unbend._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
 from unbend._types import FloatArray, IntArray
 from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching._shape import Shape, vertex_normals
@@ -28,13 +30,32 @@ _MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
 
 
+class Registered(NamedTuple):
+    """A polished pair of maps.
+
+    Attributes
+    ----------
+    source_to_target, target_to_source : ndarrays of int64
+    posed : (n, 3) ndarray of float64
+        The deformed source.
+    stretch : float
+        Energy of the edges' changes of length, as a share of that of the edges: what is left of
+        isometry. Of two maps between the same shapes the truer one has less of it.
+    """
+
+    source_to_target: IntArray
+    target_to_source: IntArray
+    posed: FloatArray
+    stretch: float
+
+
 def register(
     source: Shape,
     target: Shape,
     functional_map: FloatArray,
     source_to_target: IntArray,
     target_to_source: IntArray,
-) -> tuple[IntArray, IntArray, FloatArray]:
+) -> Registered:
     """Polish a pair of point maps by a deformation of the source.
 
     Parameters
@@ -44,12 +65,6 @@ def register(
         Gives the starting pose: the target's positions, pulled back smoothly.
     source_to_target, target_to_source : ndarrays of int64
         The maps to polish.
-
-    Returns
-    -------
-    source_to_target, target_to_source : ndarrays of int64
-    posed : (n, 3) ndarray of float64
-        The deformed source.
     """
     k = len(functional_map)
     basis = source.basis[:, :k]
@@ -59,7 +74,7 @@ def register(
     stiffness = sp.diags(np.asarray(spokes.sum(axis=1)).ravel()) - spokes
     mass = sp.diags(source.areas)
     average = factorize(mass + _TURNING_LENGTH**2 * stiffness)
-    rotations = _rotations(source, average, smooth, posed)
+    rotations = _start_rotations(_covariances(source, average, smooth, posed))
     forward, backward = source_to_target, target_to_source
     ahead = posed
     for stage, pull in enumerate(_PULLS):
@@ -75,81 +90,18 @@ def register(
                 spokes.indptr, spokes.indices, spokes.data, source.vertices, rotations
             )
             before, posed = posed, system.solve(turned + pull * force)
-            rotations = _rotations(source, average, source.vertices, posed)
+            turn_rotations(_covariances(source, average, source.vertices, posed), rotations)
             ahead = posed + _MOMENTUM * (posed - before)
     for _ in range(2):
         forward, backward = _closest(source, target, posed, forward, backward)
-    return forward, backward, posed
+    return Registered(forward, backward, posed, _stretch(source, posed))
 
 
-def closest_faces(
-    shape: Shape, points: FloatArray, vertices: IntArray
-) -> tuple[IntArray, FloatArray]:
-    """Nearest point to each given point on the faces around a given vertex.
-
-    Parameters
-    ----------
-    shape : Shape
-    points : (n, 3) ndarray of float64
-    vertices : (n,) ndarray of int64
-
-    Returns
-    -------
-    faces : (n,) ndarray of int64
-    weights : (n, 3) ndarray of float64
-        Barycentric coordinates: non-negative, each row sums to one.
-    """
-    count = len(shape.vertices)
-    corner = np.argsort(shape.faces.ravel(), kind="stable")
-    start = np.searchsorted(shape.faces.ravel()[corner], np.arange(count + 1))
-    fan = start[vertices + 1] - start[vertices]
-    best = np.full(len(points), np.inf)
-    faces = np.zeros(len(points), dtype=np.int64)
-    weights = np.zeros((len(points), 3))
-    for turn in range(int(fan.max(initial=0))):
-        rows = np.flatnonzero(fan > turn)
-        candidates = corner[start[vertices[rows]] + turn] // 3
-        found = project_to_triangles(points[rows], shape.vertices[shape.faces[candidates]])
-        positions = np.einsum("ij,ijk->ik", found, shape.vertices[shape.faces[candidates]])
-        distance = ((positions - points[rows]) ** 2).sum(axis=1)
-        better = distance < best[rows]
-        best[rows[better]] = distance[better]
-        faces[rows[better]] = candidates[better]
-        weights[rows[better]] = found[better]
-    return faces, weights
-
-
-def project_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Barycentric coordinates (n, 3) of the point of each triangle (n, 3, 3) nearest to a point."""
-    best = np.full(len(points), np.inf)
-    weights = np.zeros((len(points), 3))
-
-    def offer(candidate: FloatArray, allowed: FloatArray) -> None:
-        position = np.einsum("ij,ijk->ik", candidate, corners)
-        distance = np.where(allowed, ((position - points) ** 2).sum(axis=1), np.inf)
-        better = distance < best
-        best[better] = distance[better]
-        weights[better] = candidate[better]
-
-    tiny = np.finfo(float).tiny
-    for i in range(3):
-        j = (i + 1) % 3
-        edge = corners[:, j] - corners[:, i]
-        along = ((points - corners[:, i]) * edge).sum(axis=1) / np.maximum((edge**2).sum(1), tiny)
-        candidate = np.zeros((len(points), 3))
-        candidate[:, j] = np.clip(along, 0, 1)
-        candidate[:, i] = 1 - candidate[:, j]
-        offer(candidate, np.ones(len(points)))
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    offset = points - corners[:, 0]
-    a, b, c = (first**2).sum(1), (first * second).sum(1), (second**2).sum(1)
-    p, q = (offset * first).sum(1), (offset * second).sum(1)
-    determinant = a * c - b * b
-    safe = np.where(determinant > 0, determinant, 1)
-    u, v = (c * p - b * q) / safe, (a * q - b * p) / safe
-    inside = (determinant > 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
-    offer(np.stack([np.maximum(1 - u - v, 0), u, v], axis=1), inside.astype(float))
-    return weights
+def _stretch(source: Shape, posed: FloatArray) -> float:
+    edges = source.spokes.tocoo()
+    before = np.linalg.norm(source.vertices[edges.row] - source.vertices[edges.col], axis=1)
+    after = np.linalg.norm(posed[edges.row] - posed[edges.col], axis=1)
+    return float((edges.data @ (after - before) ** 2) / (edges.data @ before**2))
 
 
 def _closest(
@@ -162,16 +114,19 @@ def _closest(
     return walk(left, right, forward, *ours, *theirs), walk(right, left, backward, *theirs, *ours)
 
 
-def _rotations(
+def _covariances(
     source: Shape, average: Factorization, rest: FloatArray, posed: FloatArray
 ) -> FloatArray:
-    """Rotation of each vertex's neighbourhood that best explains its edges, (n, 3, 3)."""
+    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
     spokes = source.spokes
     cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, posed)
-    cross = average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
-    left, _, right = np.linalg.svd(cross)
+    return average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
+
+
+def _start_rotations(covariances: FloatArray) -> FloatArray:
+    left, _, right = np.linalg.svd(covariances)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    return np.asarray(np.matmul(right.transpose(0, 2, 1), left.transpose(0, 2, 1)))
+    return np.ascontiguousarray(np.matmul(right.transpose(0, 2, 1), left.transpose(0, 2, 1)))
 
 
 def _scatter(rows: IntArray, values: FloatArray, n: int) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,9 @@ from unbend.refinement import grow, nearest_pairs, spectral_weights
 
 _SIZES = (40, 50, 60, 75, 90, 110, 130, 150, 175, 200, 250, 300, 400, 500)
 _GROWTH_SAMPLES = 1500
+# So many candidates are grown to these sizes, on so many samples, before one is chosen.
+_FINALISTS = 8
+_TRIAL_SIZES, _TRIAL_SAMPLES = (40, 50, 60), 700
 _BLOCK_ROWS = 1024
 
 OnStep = Callable[[str, float], None]
@@ -46,27 +49,38 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A refined pair of point maps, and the deformed source when there is one."""
+    """A refined pair of point maps.
+
+    Attributes
+    ----------
+    source_to_target, target_to_source : ndarrays of int64
+    functional_map : (k, k) ndarray of float64
+    landing : pair of ndarrays
+        Positions of the source's vertices (n, 3) and the target's (m, 3) in a common pose.
+    """
 
     source_to_target: IntArray
     target_to_source: IntArray
     functional_map: FloatArray
-    posed: FloatArray | None
+    landing: tuple[FloatArray, FloatArray]
 
 
 def rank(source: Shape, target: Shape, maps: FloatArray, *, reflected: bool) -> list[Candidate]:
     """Order the maps that keep the surface right side out, most rigid first.
 
-    If there are none, all are ranked. With `reflected` the target is taken as its mirror image:
-    the first is then the best map that reverses orientation.
+    The most rigid few are grown a little and scored again; the mean of both scores tells near
+    ties apart. If no map keeps the right side out, all are ranked. With `reflected` the target
+    is taken as its mirror image: the first is then the best map that reverses orientation.
     """
     goal = target.reflected() if reflected else target
     turned = [(orientation_score(source, goal, one), one) for one in maps]
-    kept = [(orientation, one) for orientation, one in turned if orientation > 0]
-    ranked = [
-        Candidate(one, rigidity_score(source, goal, one), orientation, reflected)
-        for orientation, one in kept or turned
-    ]
+    kept = [one for orientation, one in turned if orientation > 0]
+    scored = [(rigidity_score(source, goal, one), one) for one in kept or maps]
+    ranked = []
+    for rigidity, one in sorted(scored, key=lambda pair: pair[0])[:_FINALISTS]:
+        grown = _grown(source, target, one, _TRIAL_SIZES, _TRIAL_SAMPLES)
+        mean = (rigidity + rigidity_score(source, goal, grown)) / 2
+        ranked.append(Candidate(grown, mean, orientation_score(source, goal, grown), reflected))
     return sorted(ranked, key=lambda one: one.rigidity)
 
 
@@ -85,32 +99,47 @@ def refine(
     source, target : Shape
     candidate : Candidate
     polish : bool, default=True
-        Whether to grow the map to all eigenfunctions and polish it by a registration; else its
-        nearest neighbours are taken as it stands.
+        Whether to grow the map to all eigenfunctions and polish it by registrations, of either
+        shape to the other, of which the one that stretches less is taken; else the map's nearest
+        neighbours are taken as it stands.
     on_step : callable, optional
         Told the stage's name and the share of it that is done.
     """
-    functional_map = candidate.functional_map
+    told = on_step or (lambda stage, share: None)
     goal = target.reflected() if candidate.reflected else target
-    if polish:
-        largest = min(source.k, target.k)
-        sizes = sorted({*(k for k in _SIZES if len(functional_map) < k < largest), largest})
-        ours, theirs = source.samples[:_GROWTH_SAMPLES], target.samples[:_GROWTH_SAMPLES]
-        functional_map, _ = grow(
-            (source.eigenvalues, source.basis[ours]),
-            (target.eigenvalues, target.basis[theirs]),
-            functional_map,
-            sizes,
-        )
-    forward, backward = dense_maps(source, goal, functional_map)
-    if on_step is not None:
-        on_step("refine", 0.5 if polish else 1.0)
     if not polish:
-        return Solution(forward, backward, functional_map, None)
-    forward, backward, posed = register(source, goal, functional_map, forward, backward)
-    if on_step is not None:
-        on_step("refine", 1.0)
-    return Solution(forward, backward, functional_map, posed)
+        maps = dense_maps(source, goal, candidate.functional_map)
+        told("refine", 1.0)
+        k = len(candidate.functional_map)
+        pulled = candidate.functional_map @ goal.position_coefficients[:k]
+        smooth = target.basis[:, :k] @ goal.position_coefficients[:k]
+        return Solution(*maps, candidate.functional_map, (source.basis[:, :k] @ pulled, smooth))
+    functional_map = _grown(source, target, candidate.functional_map, _SIZES, _GROWTH_SAMPLES)
+    told("refine", 0.4)
+    forward, backward = dense_maps(source, goal, functional_map)
+    ours = register(source, goal, functional_map, forward, backward)
+    told("refine", 0.7)
+    theirs = register(goal, source, functional_map.T, backward, forward)
+    told("refine", 1.0)
+    if theirs.stretch < ours.stretch:
+        maps = theirs.target_to_source, theirs.source_to_target
+        return Solution(*maps, functional_map, (source.vertices, theirs.posed))
+    maps = ours.source_to_target, ours.target_to_source
+    return Solution(*maps, functional_map, (ours.posed, goal.vertices))
+
+
+def _grown(
+    source: Shape, target: Shape, start: FloatArray, sizes: Sequence[int], count: int
+) -> FloatArray:
+    smallest, largest = len(start), min(source.k, target.k)
+    wanted = sorted({min(k, largest) for k in sizes if k > smallest})
+    functional_map, _ = grow(
+        (source.eigenvalues, source.basis[source.samples[:count]]),
+        (target.eigenvalues, target.basis[target.samples[:count]]),
+        start,
+        wanted,
+    )
+    return functional_map
 
 
 def dense_maps(

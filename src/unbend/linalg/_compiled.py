@@ -1,0 +1,30 @@
+"""Numba's compiler, with the options that every kernel here needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+
+def compiled(function: Callable[..., Any], signature: str | None = None) -> Callable[..., Any]:
+    """Compile a kernel that releases the GIL, and keep the code on disk where that is possible.
+
+    Parameters
+    ----------
+    function : callable
+        Written in what Numba understands.
+    signature : str, optional
+        Types to compile for at once; by default it is compiled when first called.
+
+    Returns
+    -------
+    callable
+    """
+    signatures = [] if signature is None else [signature]
+    try:
+        kernel: Callable[..., Any] = numba.njit(*signatures, nogil=True, cache=True)(function)
+    except Exception:  # no usable cache folder costs compilations, never the result
+        kernel = numba.njit(*signatures, nogil=True)(function)
+    return kernel

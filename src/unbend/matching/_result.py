@@ -1,0 +1,75 @@
+"""What the matcher returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from unbend._types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What the search knows of one way to match two shapes.
+
+    Attributes
+    ----------
+    rigidity : float
+        Mean logarithm of the share of local shape that no rotation explains; lower is better.
+    orientation : float
+        Share of the surface that is kept right side out, less the rest: -1 to 1.
+    """
+
+    rigidity: float
+    orientation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A map between two shapes.
+
+    Attributes
+    ----------
+    source_to_target : (n_source,) ndarray of int64
+        Target vertex of each source vertex; -1 at source vertices that no face uses.
+    target_to_source : (n_target,) ndarray of int64
+        Source vertex of each target vertex, likewise.
+    functional_map : (k, k) ndarray of float64
+        Pulls functions back from target to source, in the first k eigenfunctions (the constant
+        among them, unit total area): ``source_basis @ functional_map`` is close to
+        ``target_basis[source_to_target]``. For areas `a` of the source that sum to one, it is
+        ``source_basis.T @ diag(a) @ target_basis[source_to_target]``.
+    orientation : float
+        Share of the surface that is kept right side out, less the rest: -1 to 1. A good map
+        between people has about 0.5, its mirror image -0.5.
+    residual : float
+        Root mean square distance of nearest neighbours in the aligned spectral forms, both
+        directions; 0 for a perfect match, about 1 for none.
+    confidence : float
+        Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
+        geodesic error is below 0.08 of the square root of the area. NaN for ``method="icp"``.
+    hypotheses : tuple of Hypothesis
+        The one that was taken, then the runners-up as ranked. Empty for ``method="icp"``.
+    faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
+        When asked for: the target face that each source vertex falls on, and its barycentric
+        coordinates there; -1 and NaN at source vertices that no face uses.
+    mirrored : (n_source,) ndarray of int64, or None
+        When asked for: the best map that turns the surface inside out, for a symmetric shape the
+        map composed with its left-right symmetry.
+    """
+
+    source_to_target: IntArray
+    target_to_source: IntArray
+    functional_map: FloatArray
+    orientation: float
+    residual: float
+    confidence: float
+    hypotheses: tuple[Hypothesis, ...] = ()
+    faces: IntArray | None = None
+    weights: FloatArray | None = None
+    mirrored: IntArray | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"Match({len(self.source_to_target)} to {len(self.target_to_source)} vertices, "
+            f"confidence {self.confidence:.2f})"
+        )
