@@ -10,6 +10,7 @@ from unbend.carrying import positions_on_target, transfer
 from unbend.datasets import make_quadruped, rest_map
 from unbend.errors import InputError
 from unbend.matching import Match, match
+from unbend.matching._projection import closest_faces
 
 PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))
 
@@ -52,9 +53,11 @@ def test_positions_carried_through_faces_are_finer_than_through_vertices() -> No
     source = make_quadruped("standing", n_vertices=800)
     target = make_quadruped("standing", n_vertices=700, meshing=1)
     forward, backward = rest_map(source, target), rest_map(target, source)
-    from unbend.matching._registration import closest_faces
-
-    found = _match(forward, backward, *closest_faces(target.mesh, source.mesh.vertices, forward))
+    found = _match(
+        forward,
+        backward,
+        *closest_faces(source.mesh.vertices, target.mesh.vertices, target.mesh.faces, forward),
+    )
     fine = transfer(source.mesh.vertices, found, source=source.mesh, target=target.mesh)
     coarse = transfer(source.mesh.vertices, found)
     errors = [np.linalg.norm(one - target.mesh.vertices, axis=1).mean() for one in (fine, coarse)]
@@ -152,3 +155,12 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
     lying = _match([0, 1, 2], [0, 1, 2], np.array([5, 5, 5]), np.eye(3))
     with pytest.raises(InputError, match="names faces"):
         positions_on_target(lying, small)
+
+
+def test_a_partner_without_faces_stands_in_itself() -> None:
+    # The source's only face lies where no target vertex has its partner.
+    source = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
+    target = Mesh([[5, 5, 5], [0, 0, 0], [1, 0, 0]], [[0, 1, 2]])
+    laid = _match([1, 2, 1, 0], [3, 0, 1], np.zeros(4, dtype=np.int64), np.eye(3)[[1, 2, 1, 0]])
+    assert transfer([1, 2, 3, 4], laid, source=source, target=target).tolist()[0] == 4
+    assert transfer([1.0, 2, 3, 4], laid, source=source, target=target)[0] == 4

@@ -11,7 +11,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
 from unbend.matching import Match
-from unbend.matching._registration import closest_faces
+from unbend.matching._projection import closest_faces
 from unbend.mesh import Mesh, as_mesh
 
 _GREY = 128
@@ -158,12 +158,16 @@ def _preimages(mapping: Any, source: Any, target: Any) -> tuple[IntArray, FloatA
             f"the match has {len(mapping.source_to_target)} source vertices, but {source.name} "
             f"has {source.n_vertices}"
         )
-    laid = Mesh(positions_on_target(mapping, target), source.faces)
+    laid = positions_on_target(mapping, target)
     there = np.flatnonzero(vertices >= 0)
-    faces, weights = closest_faces(cast(Any, laid), target.vertices[there], vertices[there])
+    faces, weights = closest_faces(target.vertices[there], laid, source.faces, vertices[there])
     corners = np.full((len(vertices), 3), -1, dtype=np.int64)
     shares = np.zeros((len(vertices), 3))
     corners[there], shares[there] = source.faces[faces], weights
+    # Where no face could be projected onto, the partner itself stands in.
+    alone = there[weights.sum(axis=1) == 0]
+    corners[alone] = vertices[alone, None]
+    shares[alone] = (1, 0, 0)
     return corners, shares
 
 

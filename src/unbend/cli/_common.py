@@ -71,7 +71,7 @@ def say(kind: str, sentence: str) -> None:
 
 
 def warn_if_doubtful(confidence: float) -> None:
-    """Warn of a match that is as likely wrong as right."""
+    """Warn of a match that is as likely wrong as right; NaN says that nobody knows."""
     if confidence < _DOUBTFUL:
         say(
             "warning",

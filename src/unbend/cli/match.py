@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import time
 from pathlib import Path
@@ -108,9 +109,7 @@ def match(
             _draw(shapes, found, figure, up)
     for shape in shapes:
         print_notes(shape.notes)
-    estimated = method != "icp"
-    if estimated:
-        warn_if_doubtful(found.confidence)
+    warn_if_doubtful(found.confidence)
     if as_json:
         print_json(
             {
@@ -124,22 +123,23 @@ def match(
                 "matched": int((found.source_to_target >= 0).sum()),
                 "orientation": found.orientation,
                 "residual": found.residual,
-                "confidence": found.confidence if estimated else None,
+                "confidence": found.confidence,
                 "hypotheses": [vars(one) for one in found.hypotheses],
                 "seconds": seconds,
             }
         )
         return
-    typer.echo(summary(shapes, found, estimated, seconds))
+    typer.echo(summary(shapes, found, seconds))
     typer.echo(f"next: {_next_step(source, target, out)}")
 
 
-def summary(shapes: list[Mesh], found: Match, estimated: bool, seconds: float) -> str:
+def summary(shapes: list[Mesh], found: Match, seconds: float) -> str:
     """Say the result in one line."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
     side = describe_side(found.orientation)
-    trust = f"confidence {found.confidence:.2f}" if estimated else "confidence not estimated"
+    unknown = math.isnan(found.confidence)
+    trust = "confidence not estimated" if unknown else f"confidence {found.confidence:.2f}"
     return (
         f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {side} "
         f"({found.orientation:+.2f}), {trust}, {seconds:.1f} s"
