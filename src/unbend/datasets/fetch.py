@@ -1,0 +1,134 @@
+"""Download a collection of shapes with ground truth, each file checked."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+
+from unbend._text import plural
+from unbend.cache import cache_folder
+from unbend.errors import FileError, InputError, MissingExtraError
+
+TOSCA_REMESHED_URL = (
+    "https://raw.githubusercontent.com/llorz/SGA18_orientation_BCICP_dataset/"
+    "ca33927be7147ba7070ac5457fd3084967931b48/Dataset/TOSCA_Isometric/vtx_5k/"
+)
+
+_TOSCA_TERMS = """\
+The TOSCA shapes may be used for academic purposes. In what you publish, please cite
+  A. M. Bronstein, M. M. Bronstein, R. Kimmel. Numerical geometry of non-rigid shapes.
+    Springer, 2008. (the shapes)
+  J. Ren, A. Poulenard, P. Wonka, M. Ovsjanikov. Continuous and orientation-preserving
+    correspondences via functional maps. ACM TOG 37(6), 2018. (remeshed, with ground truth)
+  D.-M. Yan, G. Bao, X. Zhang, P. Wonka. Low-resolution remeshing using the localized
+    restricted Voronoi diagram. IEEE TVCG, 2014. (how they were remeshed)"""
+
+
+def fetch_tosca_remeshed(
+    folder: str | os.PathLike[str] | None = None, *, base_url: str = TOSCA_REMESHED_URL
+) -> Path:
+    """Download 23 remeshed TOSCA shapes with their ground truth, about 11 MB.
+
+    Cats, centaurs, David, dogs and Michael, each shape meshed on its own with about 5,000
+    vertices. Files that are there already and whole are not downloaded again, so a download that
+    broke off is resumed by asking again. Before the first download the terms of use and what to
+    cite are printed on standard error.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Where to put the files; made if missing. By default a folder in the cache of unbend.
+    base_url : str, optional
+        Where the files are, for instance on a mirror; by default one fixed version of the
+        authors' public repository.
+
+    Returns
+    -------
+    Path
+        The folder, for :func:`load_tosca`.
+
+    Raises
+    ------
+    MissingExtraError
+        If pooch is not installed: ``pip install 'unbend[data]'``.
+    InputError
+        If `base_url` is no web address.
+    FileError
+        If a file cannot be downloaded, is not the file it should be (by its SHA-256), or cannot
+        be written. What arrived before it is kept.
+
+    References
+    ----------
+    J. Ren, A. Poulenard, P. Wonka, M. Ovsjanikov. Continuous and orientation-preserving
+    correspondences via functional maps. ACM Transactions on Graphics 37(6), 2018.
+
+    Examples
+    --------
+    >>> from unbend.datasets import fetch_tosca_remeshed, load_tosca
+    >>> shapes = load_tosca(fetch_tosca_remeshed())  # doctest: +SKIP
+    """
+    lines = (files("unbend.datasets") / "tosca_remeshed.sha256").read_text("utf-8").splitlines()
+    registry = {name: digest for digest, name in (line.split() for line in lines)}
+    target = cache_folder() / "tosca_remeshed" if folder is None else Path(folder)
+    return fetch_files(registry, target, base_url, _TOSCA_TERMS)
+
+
+def fetch_files(registry: Mapping[str, str], folder: Path, base_url: str, terms: str) -> Path:
+    """Download files that are missing from a folder or not whole.
+
+    Parameters
+    ----------
+    registry : mapping of str to str
+        The SHA-256 of each file, by its path below `base_url` and `folder`.
+    folder : Path
+        Made if missing.
+    base_url : str
+        With or without a slash at its end.
+    terms : str
+        Printed on standard error before the first download.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    MissingExtraError, InputError, FileError
+    """
+    try:
+        import pooch
+    except ImportError:
+        raise MissingExtraError("pooch", "data") from None
+
+    if not base_url.startswith(("http://", "https://")):
+        raise InputError(f"base_url must begin with http:// or https://, not {base_url!r}")
+    source = base_url.rstrip("/") + "/"
+    name = ""
+    try:
+        missing = [
+            name
+            for name, digest in registry.items()
+            if not (folder / name).is_file() or pooch.file_hash(str(folder / name)) != digest
+        ]
+        if missing:
+            print(
+                f"{terms}\nDownloading {plural(len(missing), 'file')} to {folder}", file=sys.stderr
+            )
+        client = pooch.create(folder, source, registry=dict(registry))
+        for name in missing:
+            client.fetch(name)
+    except OSError as error:  # no network, no such page, no room, no permission
+        raise FileError(
+            f"cannot download {source}{name} to {folder}: {error}; what has arrived is kept, so "
+            "correct that and try again"
+        ) from error
+    except ValueError as error:  # what pooch raises when the SHA-256 differs
+        raise FileError(
+            f"{source}{name} is not the file it should be (its SHA-256 differs); try again, or "
+            "give another base_url"
+        ) from error
+    return folder
