@@ -257,7 +257,7 @@ class TestBadFiles:
     def test_npy_that_promises_too_much(self, tmp_path: Path) -> None:
         np.save(tmp_path / "p.npy", np.zeros((100, 3)))
         data = (tmp_path / "p.npy").read_bytes()[:-10]
-        with pytest.raises(FileError, match="promises 100 points, 2400 bytes, but 2390"):
+        with pytest.raises(FileError, match="promises 100 rows, 2400 bytes, but 2390"):
             read_mesh(put(tmp_path, "p.npy", data))
 
 

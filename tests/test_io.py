@@ -155,10 +155,29 @@ class TestWriting:
         raw = other.metadata["_ply_raw"]["vertex"]["data"]["distance"]
         np.testing.assert_array_equal(raw, distance)
 
+    def test_colors_and_uvs_go_into_obj_and_ply(self, tmp_path: Path) -> None:
+        colors, uvs = np.arange(12).reshape(4, 3), np.arange(8).reshape(4, 2) / 8
+        for suffix in (".obj", ".ply"):
+            path = tmp_path / f"m{suffix}"
+            write_mesh(path, (SQUARE, TRIANGLES), colors=colors, uvs=uvs)
+            back = read_mesh(path)
+            np.testing.assert_array_equal(back.vertices, SQUARE)
+            np.testing.assert_array_equal(back.faces, TRIANGLES)
+        lines = [line.split() for line in (tmp_path / "m.obj").read_text().splitlines()]
+        rows = [line[1:] for line in lines if line[0] == "v"]
+        np.testing.assert_allclose(np.array(rows, float)[:, 3:], colors / 255)
+        rows = [line[1:] for line in lines if line[0] == "vt"]
+        np.testing.assert_array_equal(np.array(rows, float), uvs)
+        assert ["f", *(f"{i + 1}/{i + 1}" for i in TRIANGLES[0])] in lines
+        header = (tmp_path / "m.ply").read_bytes().split(b"end_header")[0]
+        assert b"property double s\nproperty double t\n" in header
+
     @pytest.mark.parametrize("suffix", [s for s in WRITE_SUFFIXES if s != ".ply"])
     def test_other_formats_refuse_them(self, tmp_path: Path, suffix: str) -> None:
-        with pytest.raises(InputError, match=r"write \.ply"):
-            write_mesh(tmp_path / f"m{suffix}", SQUARE, colors=np.zeros((4, 3), dtype=int))
+        for keywords in ({"colors": np.zeros((4, 3), dtype=int)}, {"uvs": np.zeros((4, 2))}):
+            if suffix != ".obj":
+                with pytest.raises(InputError, match=r"write \.ply"):
+                    write_mesh(tmp_path / f"m{suffix}", SQUARE, **keywords)
         with pytest.raises(InputError, match=r"write \.ply"):
             write_mesh(tmp_path / f"m{suffix}", SQUARE, scalars={"d": np.zeros(4)})
         assert list(tmp_path.iterdir()) == []
@@ -171,6 +190,7 @@ class TestWriting:
             ({"scalars": {"d": np.zeros(3)}}, "'d' have shape"),
             ({"colors": np.zeros((4, 3))}, "colors must be whole numbers"),
             ({"colors": np.full((4, 3), 256)}, "between 0 and 255"),
+            ({"uvs": np.full((4, 2), np.nan)}, "uvs must be finite"),
         ],
     )
     def test_bad_values(self, tmp_path: Path, keywords: dict[str, object], sentence: str) -> None:

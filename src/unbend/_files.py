@@ -65,6 +65,39 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> str:
     return suffix
 
 
+def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
+    """Read a whole file of a known kind.
+
+    Parameters
+    ----------
+    path : Path
+    suffixes : collection of str
+        The suffixes that can be read, in lower case and with their dot. Empty: any.
+
+    Returns
+    -------
+    bytes
+        More than white space.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, of another kind, cannot be read, or is empty.
+    """
+    if path.is_dir():
+        raise FileError(f"cannot read {path}: it is a folder; give a file's name")
+    check_suffix(path, suffixes, "read")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FileError(f"cannot read {path}: there is no such file") from None
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+    if not data.strip():
+        raise FileError(f"{path.name} is empty")
+    return data
+
+
 @contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file that appears under its name only once it is complete.

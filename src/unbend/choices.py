@@ -10,6 +10,10 @@ DistanceKind = Literal["biharmonic", "commute-time", "diffusion", "geodesic", "g
 Method = Literal["auto", "exact", "sampled"]
 Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
+MatchMethod = Literal["progressive", "icp"]
+Geodesics = Literal["heat", "exact"]
+ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
+Axis = Literal["x", "y", "z"]
 
 # Diffusion time, in units of a surface's area, unless another is asked for.
 DIFFUSION_TIME = 0.1

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from unbend._files import atomic_write, check_suffix, check_writable
+from unbend._files import atomic_write, check_writable, read_bytes
 from unbend._formats import Contents, obj, off, ply, points, stl
 from unbend._text import plural
 from unbend._types import FloatArray
@@ -81,18 +81,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     ('1 polygon split into triangles',)
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileError(f"cannot read {path}: it is a folder; give a file's name")
-    suffix = check_suffix(path, READ_SUFFIXES, "read")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FileError(f"cannot read {path}: there is no such file") from None
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
-    name = path.name
-    if not data.strip():
-        raise FileError(f"{name} is empty")
+    data = read_bytes(path, READ_SUFFIXES)
+    name, suffix = path.name, path.suffix.lower()
     try:
         contents = _READERS[suffix](data)
     except FileError as error:
@@ -110,6 +100,7 @@ def write_mesh(
     *,
     scalars: Mapping[str, npt.ArrayLike] | None = None,
     colors: npt.ArrayLike | None = None,
+    uvs: npt.ArrayLike | None = None,
 ) -> None:
     """Write a triangle mesh or a point cloud.
 
@@ -126,7 +117,9 @@ def write_mesh(
     scalars : mapping of str to (n,) array_like of float, optional
         Values per vertex by name, stored as extra vertex properties. PLY only.
     colors : (n, 3) array_like of int, optional
-        Red, green and blue per vertex, 0 to 255. PLY only.
+        Red, green and blue per vertex, 0 to 255. PLY and OBJ only.
+    uvs : (n, 2) array_like of float, optional
+        Texture coordinates per vertex. PLY (as the properties s and t) and OBJ only.
 
     Raises
     ------
@@ -153,17 +146,26 @@ def write_mesh(
     path = check_writable(path, WRITE_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
-    if suffix != ".ply" and (scalars or colors is not None):
-        raise InputError(f"{suffix} files cannot hold values or colours per vertex; write .ply")
+    if suffix != ".ply" and scalars:
+        raise InputError(f"{suffix} files cannot hold values per vertex; write .ply")
+    if suffix not in (".ply", ".obj") and (colors is not None or uvs is not None):
+        raise InputError(
+            f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
+        )
     if suffix == ".xyz" and mesh.n_faces:
         raise InputError(".xyz files hold points only; write .off, .obj or .ply to keep the faces")
     if suffix == ".stl" and not mesh.n_faces:
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
     scalar_arrays = _scalars(scalars or {}, mesh.n_vertices)
     color_array = None if colors is None else _colors(colors, mesh.n_vertices)
+    uv_array = None if uvs is None else _uvs(uvs, mesh.n_vertices)
     with atomic_write(path) as file:
         if suffix == ".ply":
+            if uv_array is not None:
+                scalar_arrays |= {"s": uv_array[:, 0], "t": uv_array[:, 1]}
             ply.write(file, mesh, scalar_arrays, color_array)
+        elif suffix == ".obj":
+            obj.write(file, mesh, color_array, uv_array)
         else:
             _WRITERS[suffix](file, mesh)
 
@@ -184,6 +186,13 @@ def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str,
             )
         arrays[name] = array
     return arrays
+
+
+def _uvs(uvs: npt.ArrayLike, n_vertices: int) -> FloatArray:
+    array = np.asarray(uvs, dtype=np.float64)
+    if array.shape != (n_vertices, 2) or not np.isfinite(array).all():
+        raise InputError(f"uvs must be finite numbers of shape ({n_vertices}, 2)")
+    return array
 
 
 _COLOR_NAMES = ("red", "green", "blue")

@@ -164,6 +164,41 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     return Prepared(working, kept, mesh.n_vertices, bool(problems), tuple(notes))
 
 
+def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
+    """Keep the faces of one component, and every vertex: what was left out is unreferenced.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    component : "largest", int or None
+        Which component, 0 being the largest. None: all of the mesh.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    MeshError, InputError
+        If there is no such component, or it cannot be used.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.preparation import only_component
+    >>> two = Mesh([[x, y, z] for x in (0, 5) for y, z in ((0, 0), (0, 1), (1, 0), (1, 1))],
+    ...            [[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]])
+    >>> only_component(two, "largest")
+    Mesh(8 vertices, 2 faces)
+    """
+    if component is None:
+        return mesh
+    kept = np.zeros(mesh.n_vertices, dtype=bool)
+    kept[prepare(mesh, component=component).kept] = True
+    faces = mesh.faces[kept[mesh.faces].all(axis=1)]
+    return Mesh(mesh.vertices, faces, name=mesh.name, notes=mesh.notes)
+
+
 def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
     _chosen(component, 1, mesh.name)
     if mesh.n_vertices < _LEAST_VERTICES:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend._formats import Contents, positions, text_lines, triangulate
 from unbend._formats import table as write_table
 from unbend._text import plural
+from unbend._types import FloatArray
 from unbend.errors import FileError, MeshError
 from unbend.mesh import Mesh
 
@@ -88,7 +90,20 @@ def _check(sizes: np.ndarray, corners: np.ndarray, n_vertices: int) -> None:
         )
 
 
-def write(file: BinaryIO, mesh: Mesh) -> None:
-    """Write positions and faces."""
-    file.write(write_table(mesh.vertices, "v "))
-    file.write(write_table(mesh.faces + 1, "f "))
+def write(
+    file: BinaryIO,
+    mesh: Mesh,
+    colors: npt.NDArray[np.uint8] | None = None,
+    uvs: FloatArray | None = None,
+) -> None:
+    """Write positions and faces; colours follow the positions, as most programs read them."""
+    rows = mesh.vertices
+    if colors is not None:
+        rows = np.hstack([rows, colors / 255])
+    file.write(write_table(rows, "v "))
+    if uvs is None:
+        file.write(write_table(mesh.faces + 1, "f "))
+        return
+    file.write(write_table(uvs, "vt "))
+    lines = ["f " + " ".join(f"{i}/{i}" for i in face) for face in (mesh.faces + 1).tolist()]
+    file.write("\n".join([*lines, ""]).encode())

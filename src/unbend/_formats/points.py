@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from typing import BinaryIO
 
 import numpy as np
 
 from unbend._formats import NO_FACES, Contents, data_lines, positions
 from unbend._formats import table as write_table
+from unbend._formats.npy import read_array
 from unbend.errors import FileError
 from unbend.mesh import Mesh
 
@@ -26,27 +26,11 @@ def read_xyz(data: bytes) -> Contents:
 
 def read_npy(data: bytes) -> Contents:
     """Read an (n, 3) array of numbers; never a pickle."""
-    stream = io.BytesIO(data)
-    try:
-        version = np.lib.format.read_magic(stream)
-        header = (
-            np.lib.format.read_array_header_1_0
-            if version == (1, 0)
-            else np.lib.format.read_array_header_2_0
-        )
-        shape, fortran_order, dtype = header(stream)
-    except Exception as error:  # NumPy parses the header as Python: any error may come of it
-        raise FileError("not a NumPy array file, or a damaged one") from error
-    if len(shape) != 2 or shape[1] != 3 or dtype.kind not in "fiu":
-        raise FileError(f"holds an array of shape {shape} and type {dtype}, not (n, 3) numbers")
-    n_bytes = shape[0] * 3 * dtype.itemsize
-    if shape[0] < 0 or n_bytes > len(data) - stream.tell():
+    points = read_array(data)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise FileError(
-            f"truncated: it promises {shape[0]} points, {n_bytes} bytes, "
-            f"but {len(data) - stream.tell()} bytes follow"
+            f"holds an array of shape {points.shape} and type {points.dtype}, not (n, 3) numbers"
         )
-    values = np.frombuffer(data, dtype=dtype, count=shape[0] * 3, offset=stream.tell())
-    points = values.reshape(shape, order="F" if fortran_order else "C")
     return Contents(points.astype(np.float64), NO_FACES)
 
 

@@ -18,11 +18,30 @@ import typer
 from typer.core import TyperGroup
 
 from unbend import __version__
-from unbend.cli import cache, canonical, check, demo, distance
+from unbend.cli import (
+    cache,
+    canonical,
+    check,
+    demo,
+    distance,
+    evaluate,
+    match,
+    similarity,
+    transfer,
+)
 from unbend.cli._common import EXIT_REFUSED, print_warning, say
 from unbend.errors import UnbendError, UnbendWarning
 
-COMMANDS = (check.check, canonical.canonical, distance.distance, demo.demo)
+COMMANDS = (
+    check.check,
+    canonical.canonical,
+    distance.distance,
+    match.match,
+    evaluate.evaluate,
+    transfer.transfer,
+    similarity.similarity,
+    demo.demo,
+)
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
 _EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away

@@ -7,17 +7,40 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from unbend.choices import LaplacianKind
+from unbend.choices import Axis, LaplacianKind
 from unbend.errors import InputError, UnbendWarning
 
+if TYPE_CHECKING:
+    from unbend._types import IntArray
+
 EXIT_REFUSED = 2
+_DOUBTFUL = 0.5
 
 MeshArgument = Annotated[
     str, typer.Argument(metavar="MESH", help="A .off, .obj, .ply, .stl, .xyz or .npy file.")
+]
+SourceArgument = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map from.")]
+TargetArgument = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]
+MapOutOption = Annotated[
+    str | None,
+    typer.Option(
+        "-o",
+        "--out",
+        metavar="MAP",
+        help="Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
+        "each source vertex, from 0) or .vts (from 1).",
+    ),
+]
+BaseOption = Annotated[
+    int | None,
+    typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
+]
+UpOption = Annotated[
+    Axis, typer.Option("--up", help="The source's axis that points upward, for the figure.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON to standard output.")]
 ComponentOption = Annotated[
@@ -45,6 +68,16 @@ CacheOption = Annotated[
 def say(kind: str, sentence: str) -> None:
     """Print one line such as ``error: ...`` to stderr, where it cannot spoil piped output."""
     typer.echo(f"{kind}: {sentence}", err=True)
+
+
+def warn_if_doubtful(confidence: float) -> None:
+    """Warn of a match that is as likely wrong as right; NaN says that nobody knows."""
+    if confidence < _DOUBTFUL:
+        say(
+            "warning",
+            f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
+            "or look alike from both sides; judge it by unbend match --figure",
+        )
 
 
 def print_notes(notes: Iterable[str]) -> None:
@@ -83,6 +116,21 @@ def parse_component(text: str | None) -> str | int | None:
     if text.isdecimal():
         return int(text)
     raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
+
+
+def read_any_map(path: str, *, base: int | None, n_target: int) -> IntArray:
+    """Read the point map of a .npz match, or of any other map file."""
+    from unbend.archives import read_match
+    from unbend.maps import read_map
+
+    if not path.lower().endswith(".npz"):
+        return read_map(path, base=base, n_target=n_target)
+    found = read_match(path).source_to_target
+    if found.max(initial=-1) >= n_target:
+        raise InputError(
+            f"{path} names target vertex {found.max()}, but the target has {n_target} vertices"
+        )
+    return found
 
 
 def print_rows(rows: Mapping[str, str]) -> None:

@@ -1,0 +1,140 @@
+"""``unbend evaluate``: how far a map is from the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from unbend.choices import Geodesics
+from unbend.cli._common import (
+    BaseOption,
+    JsonOption,
+    print_json,
+    print_notes,
+    read_any_map,
+    steps_on_stderr,
+)
+
+if TYPE_CHECKING:
+    from unbend.evaluation import Evaluation
+
+_SHOWN = (0.025, 0.05, 0.1, 0.15)
+
+
+def evaluate(
+    map_file: Annotated[
+        str,
+        typer.Argument(metavar="MAP", help="A map: .npz, .npy, .txt, .csv or .vts."),
+    ],
+    target: Annotated[str, typer.Option("--target", metavar="MESH", help="The target's mesh.")],
+    source_truth: Annotated[
+        str,
+        typer.Option(
+            "--source-truth",
+            metavar="FILE",
+            help="Source vertices whose image is known (.vts, .txt, .csv or .npy).",
+        ),
+    ],
+    target_truth: Annotated[
+        str, typer.Option("--target-truth", metavar="FILE", help="Their true images, row by row.")
+    ],
+    mirrored_truth: Annotated[
+        str | None,
+        typer.Option(
+            "--mirrored-truth", metavar="FILE", help="Their images on the other side, left-right."
+        ),
+    ] = None,
+    geodesics: Annotated[
+        Geodesics, typer.Option("--geodesics", help="heat: about -1 %; exact: slow.")
+    ] = "heat",
+    base: BaseOption = None,
+    figure: Annotated[
+        str | None,
+        typer.Option("--figure", metavar="PNG", help="Draw the error curves (.png, .pdf, .svg)."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure a map's geodesic errors against the truth, in units of sqrt(target area).
+
+    The protocols: direct, against the truth as given; map-min, the better of the truth and its
+    mirror image for the whole map; vertex-min, the better for each row on its own.
+
+    \b
+    Examples:
+      unbend evaluate map.vts --target cat1.off --source-truth cat0.vts --target-truth cat1.vts
+      unbend evaluate map.npz --target b.off --source-truth a.vts --target-truth b.vts \\
+          --mirrored-truth b.sym.vts --geodesics exact --figure curves.png
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.errors import InputError
+    from unbend.evaluation import evaluate as measure
+    from unbend.io import read_mesh
+    from unbend.maps import read_map
+
+    if figure is not None:
+        check_writable(figure, (".png", ".pdf", ".svg"))
+    with steps_on_stderr() as progress:
+        progress("reading")
+        shape = read_mesh(target)
+        point_map = read_any_map(map_file, base=base, n_target=shape.n_vertices)
+        sources = read_map(source_truth)
+        if sources.max() >= len(point_map):
+            raise InputError(
+                f"{Path(source_truth).name} names vertex {sources.max()} (counted from 0), but "
+                f"{Path(map_file).name} has {len(point_map)} rows"
+            )
+        truths = [
+            read_map(path, n_target=shape.n_vertices)
+            for path in (target_truth, mirrored_truth)
+            if path is not None
+        ]
+        progress(f"{geodesics} geodesics")
+        found = measure(point_map, shape, sources, *truths, geodesics=geodesics)
+        if figure is not None:
+            from unbend.report.match_figures import draw_error_curves
+
+            draw_error_curves({Path(map_file).stem: found}, figure)
+    print_notes(shape.notes)
+    if as_json:
+        print_json(_as_dict(found) | {"map": map_file, "target": target, "geodesics": geodesics})
+    else:
+        _print_table(found)
+
+
+def _protocols(found: Evaluation) -> list[str]:
+    return ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
+
+
+def _as_dict(found: Evaluation) -> dict[str, Any]:
+    from unbend.evaluation import THRESHOLDS
+
+    return {
+        "rows": len(found.direct),
+        "coverage": found.coverage,
+        "thresholds": THRESHOLDS,
+        "protocols": {
+            name: {
+                "mean": found.mean(name),
+                "median": found.median(name),
+                "auc": found.auc(name),
+                "curve": found.curve(name),
+            }
+            for name in _protocols(found)
+        },
+    }
+
+
+def _print_table(found: Evaluation) -> None:
+    from unbend.evaluation import THRESHOLDS
+
+    columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
+    heads = ["mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]
+    typer.echo(f"{'protocol':12}" + "".join(f"{head:>9}" for head in heads))
+    for name in _protocols(found):
+        curve = found.curve(name)
+        cells = [f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"]
+        cells += [f"{curve[i]:.1f} %" for i in columns]
+        typer.echo(f"{name:12}" + "".join(f"{cell:>9}" for cell in cells))
+    typer.echo(f"\n{len(found.direct):,} rows; {found.coverage:.1%} of the target's area is hit")

@@ -1,0 +1,181 @@
+"""``unbend match``: which point of one shape is which of another."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from unbend.choices import Axis, MatchMethod
+from unbend.cli._common import (
+    CacheOption,
+    ComponentOption,
+    JsonOption,
+    MapOutOption,
+    SourceArgument,
+    TargetArgument,
+    UpOption,
+    parse_component,
+    print_json,
+    print_notes,
+    steps_on_stderr,
+    warn_if_doubtful,
+)
+
+if TYPE_CHECKING:
+    from unbend.matching import Match
+    from unbend.mesh import Mesh
+
+# A map that is not sure of its side has about as much of the surface on either.
+_CLEAR_SIDE = 0.1
+
+
+def match(
+    source: SourceArgument,
+    target: TargetArgument,
+    out: MapOutOption = None,
+    method: Annotated[
+        MatchMethod,
+        typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
+    ] = "progressive",
+    eigenpairs: Annotated[
+        int, typer.Option("--eigenpairs", help="Eigenfunctions of each shape.")
+    ] = 150,
+    allow_mirror: Annotated[
+        bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
+    ] = False,
+    refine: Annotated[
+        bool, typer.Option("--refine/--no-refine", help="Refine the map to the last vertex.")
+    ] = True,
+    component: ComponentOption = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure",
+            metavar="PNG",
+            help="Draw both shapes (.png, .pdf, .svg), corresponding points in one colour.",
+        ),
+    ] = None,
+    up: UpOption = "y",
+    cache: CacheOption = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Match two shapes: find the target vertex of each source vertex.
+
+    The shapes may stand in different poses and be meshed in different ways. Nothing is left to
+    chance: the same meshes give the same map.
+
+    \b
+    Examples:
+      unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
+      unbend match cat0.off cat1.off -o cat0_cat1.vts
+      unbend match scan.ply model.ply --component largest --json
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.io import read_mesh
+    from unbend.maps import MAP_SUFFIXES
+    from unbend.matching import match as find_match
+    from unbend.preparation import only_component
+
+    if out is not None:
+        check_writable(out, (".npz", *MAP_SUFFIXES))
+    if figure is not None:
+        check_writable(figure, (".png", ".pdf", ".svg"))
+    start = time.perf_counter()
+    with steps_on_stderr() as progress:
+        progress("reading")
+        chosen = parse_component(component)
+        shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
+        found = find_match(
+            *shapes,
+            method=method,
+            n_eigenpairs=eigenpairs,
+            refine=refine,
+            allow_mirror=allow_mirror,
+            barycentric=method != "icp" and (figure is not None or _keeps_all(out)),
+            cache=cache,
+            progress=lambda stage, share: progress(f"{stage}, {share:.0%}"),
+        )
+        seconds = time.perf_counter() - start
+        if out is not None:
+            progress("writing")
+            write_result(out, found)
+        if figure is not None:
+            progress("drawing")
+            _draw(shapes, found, figure, up)
+    for shape in shapes:
+        print_notes(shape.notes)
+    warn_if_doubtful(found.confidence)
+    if as_json:
+        print_json(
+            {
+                "source": source,
+                "target": target,
+                "out": out,
+                "figure": figure,
+                "method": method,
+                "source_vertices": len(found.source_to_target),
+                "target_vertices": len(found.target_to_source),
+                "matched": int((found.source_to_target >= 0).sum()),
+                "orientation": found.orientation,
+                "residual": found.residual,
+                "confidence": found.confidence,
+                "hypotheses": [vars(one) for one in found.hypotheses],
+                "seconds": seconds,
+            }
+        )
+        return
+    typer.echo(summary(shapes, found, seconds))
+    typer.echo(f"next: {_next_step(source, target, out)}")
+
+
+def summary(shapes: list[Mesh], found: Match, seconds: float) -> str:
+    """Say the result in one line."""
+    matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
+    count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
+    side = describe_side(found.orientation)
+    unknown = math.isnan(found.confidence)
+    trust = "confidence not estimated" if unknown else f"confidence {found.confidence:.2f}"
+    return (
+        f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {side} "
+        f"({found.orientation:+.2f}), {trust}, {seconds:.1f} s"
+    )
+
+
+def describe_side(orientation: float) -> str:
+    """Say whether a map keeps the surface right side out."""
+    if abs(orientation) < _CLEAR_SIDE:
+        return "unclear which side is out"
+    return "right side out" if orientation > 0 else "inside out, a mirror image"
+
+
+def write_result(out: str, found: Match) -> None:
+    """Write all of a match to a .npz file, or its point map to any other."""
+    from unbend.archives import write_match
+    from unbend.maps import write_map
+
+    if _keeps_all(out):
+        write_match(out, found)
+    else:
+        write_map(out, found.source_to_target)
+
+
+def _keeps_all(out: str | None) -> bool:
+    return out is not None and Path(out).suffix.lower() == ".npz"
+
+
+def _draw(shapes: list[Mesh], found: Match, figure: str, up: Axis) -> None:
+    from unbend.report.match_figures import draw_match
+
+    draw_match(shapes[0], shapes[1], found, figure, up=up)
+
+
+def _next_step(source: str, target: str, out: str | None) -> str:
+    if out is None:
+        return "add -o MAP.npz to keep the match, --figure PNG to look at it"
+    paths = " ".join(map(shlex.quote, (source, target)))
+    return f"unbend transfer {paths} --map {shlex.quote(out)} --values VALUES.npy -o OUT.npy"

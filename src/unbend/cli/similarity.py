@@ -1,0 +1,206 @@
+"""``unbend similarity``: how alike shapes are, whatever their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from unbend.choices import DistanceKind
+from unbend.cli._common import (
+    CacheOption,
+    ComponentOption,
+    JsonOption,
+    parse_component,
+    print_json,
+    print_notes,
+    steps_on_stderr,
+)
+
+if TYPE_CHECKING:
+    from unbend.mesh import Mesh
+
+
+class Pair(NamedTuple):
+    """How alike two of the shapes are; the confidence is that of their match, if one was made."""
+
+    model: int
+    probe: int
+    similarity: float
+    confidence: float | None
+
+
+def similarity(
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="The mesh to compare with.")],
+    probes: Annotated[
+        list[str], typer.Argument(metavar="PROBES...", help="Meshes to compare it with.")
+    ],
+    known: Annotated[
+        bool,
+        typer.Option(
+            "--known-correspondence",
+            help="Vertex i is the same point on every shape; otherwise the shapes are matched, "
+            "which takes seconds a pair.",
+        ),
+    ] = False,
+    matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
+    dim: Annotated[int, typer.Option("--dim", help="Dimension that is compared.")] = 3,
+    distance: Annotated[
+        DistanceKind, typer.Option("--distance", help="The distance that the forms keep.")
+    ] = "biharmonic",
+    component: ComponentOption = None,
+    csv: Annotated[
+        str | None, typer.Option("--csv", metavar="OUT", help="Write the table, too.")
+    ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure", metavar="PNG", help="With --matrix: a heat map (.png, .pdf, .svg)."
+        ),
+    ] = None,
+    cache: CacheOption = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell how alike shapes are, whatever their poses: 1 for the same shape.
+
+    The measure is the cosine of the canonical forms, aligned as well as they can be.
+
+    \b
+    Examples:
+      unbend similarity cat0.off cat1.off dog0.off
+      unbend similarity wolf0.off wolf1.off wolf2.off --known-correspondence --json
+      unbend similarity shapes/*.off --matrix --csv table.csv --figure heat.png
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.errors import InputError
+    from unbend.io import read_mesh
+    from unbend.preparation import only_component
+
+    if figure is not None:
+        check_writable(figure, (".png", ".pdf", ".svg"))
+        if not matrix:
+            raise InputError("a heat map shows all pairs; add --matrix to --figure")
+    if csv is not None:
+        check_writable(csv, (".csv",))
+    paths = [model, *probes]
+    with steps_on_stderr() as progress:
+        progress("reading")
+        chosen = parse_component(component)
+        shapes = [only_component(read_mesh(path), chosen) for path in paths]
+        pairs = compare(shapes, known, matrix, dim, distance, cache, progress)
+        table = _matrix(pairs, len(shapes)) if matrix else None
+        if csv is not None:
+            _write_csv(csv, paths, pairs, table)
+        if figure is not None:
+            from unbend.report.match_figures import draw_similarities
+
+            draw_similarities([Path(path).stem for path in paths], table or [], figure)
+    for shape in shapes:
+        print_notes(shape.notes)
+    if as_json:
+        named = [
+            pair._asdict() | {"model": paths[pair.model], "probe": paths[pair.probe]}
+            for pair in pairs
+        ]
+        print_json({"pairs": named, "csv": csv, "figure": figure})
+    elif table is not None:
+        _print_matrix(paths, table)
+    else:
+        _print_list(paths, pairs, known)
+
+
+def compare(
+    shapes: list[Mesh],
+    known: bool,
+    matrix: bool,
+    dim: int,
+    distance: DistanceKind,
+    cache: bool,
+    progress: Callable[[str], None],
+) -> list[Pair]:
+    """Compare the first shape with the others, or all with all; each form is computed once."""
+    import itertools
+
+    from unbend.canonical import canonical_form
+    from unbend.likeness import similarity as likeness
+    from unbend.likeness import vertex_areas
+    from unbend.matching import match
+
+    wanted = (
+        itertools.combinations(range(len(shapes)), 2)
+        if matrix
+        else ((0, i) for i in range(1, len(shapes)))
+    )
+    forms = []
+    for shape in shapes:
+        progress(f"{shape.name}, canonical form")
+        form = canonical_form(
+            shape,
+            n_components=dim,
+            distance=distance,
+            weighting="uniform" if known else "area",
+            cache=cache,
+        )
+        forms.append(form)
+    pairs = []
+    for i, j in wanted:
+        names = f"{shapes[i].name} to {shapes[j].name}"
+        found = None
+        if not known:
+            found = match(
+                shapes[i],
+                shapes[j],
+                cache=cache,
+                progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
+                    f"{names}: {stage}, {share:.0%}"
+                ),
+            )
+        areas = None if known else (vertex_areas(shapes[i]), vertex_areas(shapes[j]))
+        value = likeness(forms[i], forms[j], match=found, n_components=dim, areas=areas)
+        pairs.append(Pair(i, j, value, None if found is None else found.confidence))
+    return pairs
+
+
+def _matrix(pairs: list[Pair], n: int) -> list[list[float]]:
+    table = [[1.0 if i == j else float("nan") for j in range(n)] for i in range(n)]
+    for pair in pairs:
+        table[pair.model][pair.probe] = table[pair.probe][pair.model] = pair.similarity
+    return table
+
+
+def _write_csv(
+    out: str, paths: list[str], pairs: list[Pair], table: list[list[float]] | None
+) -> None:
+    import csv
+    import io
+
+    from unbend._files import atomic_write
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    if table is not None:
+        writer.writerow(["shape", *paths])
+        writer.writerows([path, *row] for path, row in zip(paths, table, strict=True))
+    else:
+        writer.writerow(["model", "probe", "similarity", "match_confidence"])
+        for pair in pairs:
+            writer.writerow([paths[pair.model], paths[pair.probe], *pair[2:]])
+    with atomic_write(out) as file:
+        file.write(text.getvalue().encode())
+
+
+def _print_list(paths: list[str], pairs: list[Pair], known: bool) -> None:
+    width = max(len(paths[pair.probe]) for pair in pairs) + 2
+    typer.echo(f"{'probe':<{width}}similarity" + ("" if known else "  confidence of the match"))
+    for pair in sorted(pairs, key=lambda pair: -pair.similarity):
+        trust = "" if pair.confidence is None else f"{pair.confidence:8.2f}"
+        typer.echo(f"{paths[pair.probe]:<{width}}{pair.similarity:10.4f}{trust}")
+
+
+def _print_matrix(paths: list[str], table: list[list[float]]) -> None:
+    width = max(map(len, paths)) + 2
+    typer.echo(" " * width + "".join(f"{i:>8}" for i in range(len(paths))))
+    for i, (path, row) in enumerate(zip(paths, table, strict=True)):
+        typer.echo(f"{path:<{width}}" + "".join(f"{value:8.4f}" for value in row) + f"  {i}")

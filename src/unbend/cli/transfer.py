@@ -1,0 +1,156 @@
+"""``unbend transfer``: carry values from one shape to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from unbend.choices import ValueKind
+from unbend.cli._common import (
+    BaseOption,
+    CacheOption,
+    JsonOption,
+    SourceArgument,
+    TargetArgument,
+    print_json,
+    print_notes,
+    print_rows,
+    say,
+    steps_on_stderr,
+    warn_if_doubtful,
+)
+
+if TYPE_CHECKING:
+    from unbend.mesh import Mesh
+
+
+def transfer(
+    source: SourceArgument,
+    target: TargetArgument,
+    values: Annotated[
+        str,
+        typer.Option(
+            "--values",
+            metavar="FILE",
+            help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours.",
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="OUT",
+            help=".npy, .csv or .txt: a row per target vertex; .ply: the target with the values; "
+            ".obj: the target with colours or texture coordinates.",
+        ),
+    ],
+    map_file: Annotated[
+        str | None,
+        typer.Option(
+            "--map",
+            metavar="MAP",
+            help="The map from SOURCE to TARGET that unbend match wrote, best as .npz. "
+            "Without it the shapes are matched first.",
+        ),
+    ] = None,
+    kind: Annotated[
+        ValueKind,
+        typer.Option("--kind", help="auto: scalar for fractions, label for whole numbers, text."),
+    ] = "auto",
+    base: BaseOption = None,
+    cache: CacheOption = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Carry values from the source's vertices to the target's: numbers are averaged, labels vote.
+
+    \b
+    Examples:
+      unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
+      unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv
+      unbend transfer dog.ply cat.ply --values colors.npy --kind color -o cat_colored.ply
+    """  # noqa: D301
+    from unbend._files import check_writable
+    from unbend.carrying import transfer as carry
+    from unbend.carrying import value_kind
+    from unbend.io import read_mesh
+    from unbend.value_files import (
+        VALUE_MESH_SUFFIXES,
+        VALUE_SUFFIXES,
+        check_storable,
+        read_values,
+        write_values,
+    )
+
+    check_writable(out, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
+    with steps_on_stderr() as progress:
+        progress("reading")
+        shapes = [read_mesh(path) for path in (source, target)]
+        array = read_values(values, n_vertices=shapes[0].n_vertices)
+        chosen = value_kind(array, kind)
+        check_storable(out, array, chosen)
+        mapping = _mapping(map_file, base, shapes, cache, progress)
+        progress("carrying")
+        carried = carry(array, mapping, kind=chosen, source=shapes[0], target=shapes[1])
+        write_values(out, carried, shapes[1], kind=chosen)
+    for shape in shapes:
+        print_notes(shape.notes)
+    lost = _count_lost(mapping)
+    if lost:
+        say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")
+    if as_json:
+        print_json(
+            {
+                "source": source,
+                "target": target,
+                "values": values,
+                "kind": chosen,
+                "shape": carried.shape,
+                "without_preimage": lost,
+                "out": out,
+            }
+        )
+        return
+    width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    print_rows({"carried": f"{len(carried):,}{width} values ({chosen})", "written": out})
+
+
+def _mapping(
+    map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Any
+) -> Any:
+    """Read the map, turned round if need be, or match the shapes."""
+    from unbend.archives import read_match
+    from unbend.errors import InputError
+    from unbend.maps import invert_map, read_map
+    from unbend.matching import match
+
+    source, target = shapes
+    if map_file is None:
+        found = match(
+            source,
+            target,
+            barycentric=True,
+            cache=cache,
+            progress=lambda stage, share: progress(f"{stage}, {share:.0%}"),
+        )
+        warn_if_doubtful(found.confidence)
+        return found
+    if Path(map_file).suffix.lower() != ".npz":
+        point_map = read_map(
+            map_file, base=base, n_source=source.n_vertices, n_target=target.n_vertices
+        )
+        return invert_map(point_map, target)
+    found = read_match(map_file)
+    sizes = len(found.source_to_target), len(found.target_to_source)
+    if sizes != (source.n_vertices, target.n_vertices):
+        raise InputError(
+            f"{Path(map_file).name}: maps {sizes[0]} vertices to {sizes[1]}, but {source.name} and "
+            f"{target.name} have {source.n_vertices} and {target.n_vertices}"
+        )
+    return found
+
+
+def _count_lost(mapping: Any) -> int:
+    return int((getattr(mapping, "target_to_source", mapping) < 0).sum())

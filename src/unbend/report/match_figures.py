@@ -1,0 +1,277 @@
+"""Pictures of matches, of their errors, and of how alike many shapes are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import FloatArray
+from unbend.alignment import procrustes
+from unbend.carrying import transfer
+from unbend.errors import InputError
+from unbend.evaluation import THRESHOLDS, Evaluation
+from unbend.matching import Match
+from unbend.mesh import Mesh, as_mesh
+from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
+
+__all__ = ["draw_error_curves", "draw_match", "draw_similarities", "pattern_colors"]
+
+# Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
+_STRIPES = 9
+_STRIPE_DEPTH = 0.35
+# Which way the axes of a shape go when its own upward axis becomes the picture's, y.
+_UPRIGHT = {
+    "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+
+
+def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
+    """Colour each point by its position, with faint stripes that make small slips visible.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+        Red, green and blue from 0 to 1.
+
+    Examples
+    --------
+    >>> from unbend.report.match_figures import pattern_colors
+    >>> pattern_colors([[0, 0, 0], [1, 2, 4]]).shape
+    (2, 3)
+    """
+    points = np.asarray(vertices, dtype=np.float64)
+    colors = 0.15 + 0.85 * position_colors(points)
+    finite = np.isfinite(points).all(axis=1)
+    if finite.any():
+        spread = points[finite] - points[finite].min(axis=0)
+        longest = spread[:, spread.max(axis=0).argmax()]
+        stripes = np.cos(2 * np.pi * _STRIPES * longest / max(float(longest.max()), 1e-300))
+        colors[finite] *= 1 - _STRIPE_DEPTH * (0.5 - 0.5 * np.tanh(3 * stripes))[:, None]
+    return colors
+
+
+def draw_match(
+    source: Any,
+    target: Any,
+    mapping: Match | npt.ArrayLike,
+    path: str | os.PathLike[str],
+    *,
+    up: str = "y",
+    view: tuple[float, float] = (60.0, 15.0),
+) -> None:
+    """Write a picture of a match: corresponding points have the same colour.
+
+    Above, both shapes from the same side; below, from behind. The target is turned as a whole to
+    fit the source through the map. A limb in the wrong colour is a limb matched to another;
+    broken stripes are places where the map slips.
+
+    Parameters
+    ----------
+    source, target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    mapping : Match or (n_target,) array_like of int
+        From source to target, or the source vertex of each target vertex.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+    up : {"x", "y", "z"}, default="y"
+        The source's axis that points upward.
+    view : (azimuth, elevation), default=(60, 15)
+        Of the upper pictures, in degrees; see :func:`unbend.report.figures.draw_mesh`.
+
+    Raises
+    ------
+    InputError
+        If a shape has no faces, the map does not fit, or there is no such axis.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from unbend.datasets import make_octopus
+    >>> from unbend.report.match_figures import draw_match
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "match.png")
+    ...     draw_match(mesh, mesh, np.arange(600), path)
+    ...     path.exists()
+    True
+    """
+    source, target = as_mesh(source), as_mesh(target)
+    colors = pattern_colors(source.vertices)
+    carried = transfer(colors, mapping, kind="scalar", source=source, target=target)
+    if len(carried) != target.n_vertices:
+        raise InputError(
+            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
+        )
+    if up not in _UPRIGHT:
+        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    upright = _UPRIGHT[up]
+    turned = _turned_to_fit(source, target, mapping) @ upright.T
+    carried[np.isnan(carried)] = 0.6
+    columns: list[tuple[str, Mesh, FloatArray]] = [
+        (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
+        (f"target: {target.name}", Mesh(turned, target.faces), carried),
+    ]
+    figure = new_figure(8.0, 7.4)
+    for i, (caption, mesh, painted) in enumerate(columns):
+        for row, azimuth in enumerate((view[0], view[0] + 180)):
+            ax = figure.add_axes((0.01 + 0.5 * i, 0.53 - 0.47 * row, 0.48, 0.46))
+            draw_mesh(ax, mesh, colors=painted, view=(azimuth, view[1]))
+        figure.text(0.25 + 0.5 * i, 0.02, caption, ha="center", fontsize=10)
+    save_figure(figure, path)
+
+
+def _turned_to_fit(source: Mesh, target: Mesh, mapping: Match | npt.ArrayLike) -> FloatArray:
+    places = transfer(source.vertices, mapping, source=source, target=target)
+    there = np.isfinite(places).all(axis=1) & np.isfinite(target.vertices).all(axis=1)
+    if there.sum() < 3:
+        return target.vertices
+    rotation, _ = procrustes(target.vertices[there], places[there], reflect=False)
+    return np.asarray(target.vertices @ rotation.T)
+
+
+def draw_error_curves(
+    evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str], *, title: str = ""
+) -> None:
+    """Write a picture of the share of points within each geodesic error.
+
+    Parameters
+    ----------
+    evaluations : mapping of str to Evaluation
+        By the name of each map. Where there is a mirrored ground truth, ``map-min`` is drawn too,
+        dashed.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+    title : str, default=""
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    References
+    ----------
+    Yang, Obaseki & Chen (2019), Figure 2.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.evaluation import evaluate
+    >>> from unbend.report.match_figures import draw_error_curves
+    >>> every = np.arange(162)
+    >>> found = evaluate(every, make_sphere(2), every, every)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_error_curves({"identity": found}, pathlib.Path(folder, "curves.png"))
+    """
+    if not evaluations:
+        raise InputError("there are no evaluations to draw")
+    figure = new_figure(5.2, 3.8)
+    figure.set_layout_engine("constrained")
+    ax = figure.add_subplot()
+    for i, (name, found) in enumerate(evaluations.items()):
+        label = f"{name}, mean {found.mean():.3f}"
+        ax.plot(THRESHOLDS, found.curve(), color=f"C{i}", lw=1.8, marker=".", label=label)
+        if found.map_min is not None:
+            label = f"{name}, mirror allowed, mean {found.mean('map-min'):.3f}"
+            ax.plot(THRESHOLDS, found.curve("map-min"), color=f"C{i}", lw=1.2, ls="--", label=label)
+    ax.set(xlim=(0, 0.2), ylim=(0, 102))
+    ax.set_xlabel("geodesic error / sqrt(target area)")
+    ax.set_ylabel("points within that error, %")
+    ax.grid(color="0.9")
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.legend(loc="lower right", frameon=False, fontsize=9)
+    if title:
+        ax.set_title(title, fontsize=10)
+    save_figure(figure, path)
+
+
+def draw_similarities(
+    names: Sequence[str], similarities: npt.ArrayLike, path: str | os.PathLike[str]
+) -> None:
+    """Write a heat map of how alike shapes are, the most alike beside each other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the n shapes.
+    similarities : (n, n) array_like of float
+        Symmetric; NaN where unknown.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+
+    Raises
+    ------
+    InputError
+        If the table does not fit the names.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.report.match_figures import draw_similarities
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
+    """
+    table = np.asarray(similarities, dtype=np.float64)
+    n = len(names)
+    if table.shape != (n, n) or n == 0:
+        raise InputError(f"{n} names need similarities of shape ({n}, {n}), not {table.shape}")
+    order = _alike_together(table)
+    table, labels = table[np.ix_(order, order)], [names[i] for i in order]
+    side = 1.2 + max(0.42, 2.0 / n) * n
+    figure = new_figure(side + 1.0, side)
+    figure.set_layout_engine("constrained")
+    ax = figure.add_subplot()
+    others = table[~np.eye(n, dtype=bool) & np.isfinite(table)]
+    low = float(others.min()) if len(others) else 0.0
+    picture = ax.imshow(table, cmap="viridis", vmin=min(low, 0.999), vmax=1.0)
+    ax.set_xticks(range(n), labels, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
+    ax.set_yticks(range(n), labels, fontsize=8)
+    ax.tick_params(length=0)
+    if n <= 20:
+        middle = (low + 1) / 2
+        for i, j in np.argwhere(np.isfinite(table)):
+            ax.text(
+                j, i, f"{table[i, j]:.2f}", ha="center", va="center", fontsize=7,
+                color="black" if table[i, j] > middle else "white",
+            )  # fmt: skip
+    bar = figure.colorbar(picture, ax=ax, fraction=0.05, pad=0.03)
+    bar.set_label("similarity", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    save_figure(figure, path)
+
+
+def _alike_together(table: FloatArray) -> npt.NDArray[np.intp]:
+    if len(table) < 3:
+        return np.arange(len(table))
+    from scipy.cluster.hierarchy import leaves_list, linkage
+    from scipy.spatial.distance import squareform
+
+    apart = np.where(np.isfinite(table), 1 - table, 1.0)
+    apart = np.maximum(apart + apart.T, 0) / 2
+    np.fill_diagonal(apart, 0)
+    tree = linkage(squareform(apart, checks=False), "average", optimal_ordering=True)
+    return np.asarray(leaves_list(tree))

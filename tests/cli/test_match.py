@@ -1,0 +1,224 @@
+"""match, evaluate, transfer and similarity as commands: one story on two poses of a dog."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import read_mesh, write_mesh
+from unbend.archives import read_match
+from unbend.cli import app
+from unbend.cli._common import warn_if_doubtful
+from unbend.cli.match import describe_side
+from unbend.datasets import make_quadruped, rest_map
+from unbend.maps import read_map, write_map
+from unbend.value_files import read_values, write_values
+
+SOURCE = make_quadruped("standing", n_vertices=800)
+TARGET = make_quadruped("walking", n_vertices=700, meshing=1)
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+def right(*arguments):
+    done = run(*arguments)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Both dogs, the truth, and their match as the command wrote it."""
+    path = tmp_path_factory.mktemp("dogs")
+    write_mesh(path / "a.ply", SOURCE.mesh)
+    write_mesh(path / "b.ply", TARGET.mesh)
+    truth = rest_map(SOURCE, TARGET)
+    write_map(path / "a.vts", np.arange(800))
+    write_map(path / "b.vts", truth)
+    write_map(path / "b.sym.vts", TARGET.mirror[truth])
+    figure = path / "match.png"
+    done = right(
+        "match", path / "a.ply", path / "b.ply", "-o", path / "ab.npz", "--figure", figure, "--json"
+    )
+    (path / "match.json").write_text(done.stdout)
+    return path
+
+
+def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
+    told = json.loads((folder / "match.json").read_text())
+    written = read_match(folder / "ab.npz")
+    assert (told["matched"], told["source_vertices"], told["target_vertices"]) == (800, 800, 700)
+    assert told["confidence"] == written.confidence > 0.5
+    assert told["orientation"] == written.orientation > 0
+    assert len(told["hypotheses"]) == len(written.hypotheses)
+    assert written.faces is not None
+    assert (folder / "match.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".txt", ".csv", ".vts"])
+def test_match_writes_every_kind_of_map(folder: Path, tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / f"map{suffix}"
+    done = right("match", folder / "a.ply", folder / "b.ply", "-o", out, "--method", "icp")
+    found, next_step = done.stdout.splitlines()
+    assert found.startswith("matched 800 vertices of a.ply to b.ply: ")
+    assert "confidence not estimated" in found
+    assert next_step.startswith("next: unbend transfer")
+    assert len(read_map(out, n_target=700)) == 800
+
+
+def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
+    half = make_quadruped("standing", n_vertices=500).mesh
+    both = np.vstack([half.vertices, SOURCE.mesh.vertices + 9])
+    faces = np.vstack([half.faces, SOURCE.mesh.faces + 500])
+    write_mesh(tmp_path / "two.ply", (both, faces))
+    arguments = ["match", tmp_path / "two.ply", folder / "b.ply", "--method", "icp"]
+    refused = run(*arguments)
+    assert refused.exit_code == 2
+    assert "components" in refused.stderr
+    done = right(*arguments, "--component", "largest")
+    assert "matched 800 of 1,300 vertices" in done.stdout
+    assert "next: add -o MAP.npz" in done.stdout
+
+
+def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    warn_if_doubtful(0.9)
+    assert capsys.readouterr().err == ""
+    warn_if_doubtful(0.1)
+    assert capsys.readouterr().err.startswith("warning: the match is doubtful (confidence 0.10)")
+
+
+@pytest.mark.parametrize(
+    ("orientation", "words"), [(0.6, "right side out"), (-0.6, "inside out"), (0.02, "unclear")]
+)
+def test_the_side_is_said(orientation: float, words: str) -> None:
+    assert words in describe_side(orientation)
+
+
+def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) -> None:
+    truth = ["--source-truth", folder / "a.vts", "--target-truth", folder / "b.vts"]
+    arguments = [folder / "ab.npz", "--target", folder / "b.ply", *truth]
+    mirrored = ["--mirrored-truth", folder / "b.sym.vts"]
+    done = right("evaluate", *arguments, *mirrored, "--figure", tmp_path / "curves.png")
+    lines = done.stdout.splitlines()
+    assert lines[0].split()[:4] == ["protocol", "mean", "median", "AUC"]
+    assert [line.split()[0] for line in lines[1:4]] == ["direct", "map-min", "vertex-min"]
+    assert float(lines[1].split()[1]) < 0.05
+    assert lines[-1].startswith("800 rows; ")
+    assert (tmp_path / "curves.png").exists()
+    told = json.loads(right("evaluate", *arguments, "--json").stdout)
+    assert list(told["protocols"]) == ["direct"]
+    assert f"{told['protocols']['direct']['mean']:.4f}" == lines[1].split()[1]
+    # The truth itself has no error, whatever its file counts from.
+    for name, base in (("t.txt", 1), ("t.vts", 0)):
+        write_map(tmp_path / name, rest_map(SOURCE, TARGET), base=base)
+        told = right("evaluate", tmp_path / name, *arguments[1:], "--json", "--base", base).stdout
+        assert json.loads(told)["protocols"]["direct"]["mean"] == 0
+
+
+def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path) -> None:
+    parts = np.array(SOURCE.parts)[SOURCE.labels]
+    write_values(tmp_path / "parts.csv", parts, SOURCE.mesh, kind="label")
+    np.save(tmp_path / "weights.npy", np.eye(len(SOURCE.parts))[SOURCE.labels])
+    np.save(tmp_path / "colors.npy", np.full((800, 3), 7, np.uint8))
+    given = ["transfer", folder / "a.ply", folder / "b.ply", "--map", folder / "ab.npz"]
+    done = right(*given, "--values", tmp_path / "parts.csv", "-o", tmp_path / "out.csv")
+    assert done.stdout.splitlines()[0] == "carried  700 values (label)"
+    truth = np.array(TARGET.parts)[TARGET.labels]
+    assert (read_values(tmp_path / "out.csv") == truth).mean() > 0.95
+    options = ["--kind", "weights", "-o", tmp_path / "out.npy", "--json"]
+    done = right(*given, "--values", tmp_path / "weights.npy", *options)
+    told = json.loads(done.stdout)
+    assert (told["shape"], told["kind"], told["without_preimage"]) == ([700, 7], "weights", 0)
+    np.testing.assert_allclose(np.load(tmp_path / "out.npy").sum(axis=1), 1)
+    right(*given, "--values", tmp_path / "colors.npy", "-o", tmp_path / "out.ply")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "out.ply").vertices, TARGET.mesh.vertices)
+    # A bare point map is turned round.
+    given[-1] = folder / "b.vts"
+    right(*given, "--values", tmp_path / "parts.csv", "-o", tmp_path / "turned.csv")
+    assert (read_values(tmp_path / "turned.csv") == truth).mean() > 0.95
+
+
+def test_transfer_matches_when_no_map_is_given(folder: Path, tmp_path: Path) -> None:
+    write_values(tmp_path / "parts.txt", SOURCE.labels, SOURCE.mesh)
+    shapes = [folder / "a.ply", folder / "b.ply"]
+    right("transfer", *shapes, "--values", tmp_path / "parts.txt", "-o", tmp_path / "out.txt")
+    assert (read_values(tmp_path / "out.txt") == TARGET.labels).mean() > 0.95
+
+
+def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
+    write_mesh(tmp_path / "pose.ply", make_quadruped("sitting", n_vertices=800).mesh)
+    write_mesh(tmp_path / "flat.ply", (SOURCE.mesh.vertices * [1, 5, 1], SOURCE.mesh.faces))
+    shapes = [folder / "a.ply", tmp_path / "flat.ply", tmp_path / "pose.ply"]
+    table = tmp_path / "table.csv"
+    done = right("similarity", *shapes, "--known-correspondence", "--csv", table)
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert [line[0] for line in lines] == ["probe", str(shapes[2]), str(shapes[1])]
+    assert 1 >= float(lines[1][1]) > float(lines[2][1])
+    assert len(table.read_text().splitlines()) == 3
+    options = ["--known-correspondence", "--matrix", "--csv", table]
+    done = right("similarity", *shapes, *options, "--figure", tmp_path / "heat.png")
+    assert (tmp_path / "heat.png").exists()
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    values = np.array([row[1:] for row in rows[1:]], float)
+    np.testing.assert_array_equal(values, values.T)
+    np.testing.assert_array_equal(np.diag(values), 1)
+    assert done.stdout.splitlines()[1].startswith(str(shapes[0]))
+
+
+def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
+    done = right("similarity", folder / "a.ply", folder / "b.ply", "--dim", 8, "--json")
+    (pair,) = json.loads(done.stdout)["pairs"]
+    assert pair["similarity"] > 0.97
+    assert pair["confidence"] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("match a.ply none.ply", "there is no such file"),
+        ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
+        ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
+        ("match a.ply b.ply --eigenpairs 2", "at least 4"),
+        ("match a.ply b.ply --component x", "--component must be"),
+        ("evaluate b.vts --target b.ply --source-truth a.vts --target-truth a.vts", "row 700 is"),
+        (
+            "evaluate b.vts --target b.ply --source-truth long.vts --target-truth b.vts",
+            "long.vts names vertex 800 (counted from 0), but b.vts has 800 rows",
+        ),
+        (
+            "evaluate ab.npz --target a.vts --source-truth a.vts --target-truth b.vts",
+            'unknown suffix ".vts"',
+        ),
+        (
+            "evaluate b.vts --base 2 --target b.ply --source-truth a.vts --target-truth b.vts",
+            "base must be 0 or 1",
+        ),
+        ("transfer a.ply b.ply --values b.vts -o out.csv", 'unknown suffix ".vts"'),
+        ("transfer a.ply b.ply --values few.txt -o out.csv", "few.txt: holds 2 rows"),
+        ("transfer a.ply b.ply --values words.txt -o out.ply", "cannot hold text"),
+        ("transfer a.ply b.ply --values words.txt --kind scalar -o o.csv --map b.vts", "averaged"),
+        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "maps 800 vertices"),
+        ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
+        ("similarity a.ply b.ply --known-correspondence", "800 and 700 vertices"),
+        ("similarity a.ply b.ply --csv table.txt", 'unknown suffix ".txt"'),
+    ],
+)
+def test_mistakes_get_one_sentence_and_write_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, message: str
+) -> None:
+    monkeypatch.chdir(folder)
+    write_map("long.vts", np.append(np.arange(799), 800))
+    Path("few.txt").write_text("1\n2\n")
+    Path("words.txt").write_text("a\n" * 800)
+    Path("other.txt").write_text("1\n" * 700)
+    before = sorted(folder.iterdir())
+    done = run(*arguments.split())
+    assert done.exit_code == 2, done.output
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+    assert sorted(folder.iterdir()) == before

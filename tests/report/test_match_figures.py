@@ -1,0 +1,92 @@
+"""Pictures of matches and comparisons are written whole, and what does not fit is refused."""
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.errors import InputError
+from unbend.evaluation import evaluate
+from unbend.report import match_figures
+from unbend.report.figures import new_figure
+from unbend.report.match_figures import (
+    draw_error_curves,
+    draw_match,
+    draw_similarities,
+    pattern_colors,
+)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list:
+    """Keep the figures, small ones, instead of writing them."""
+    figures: list = []
+    monkeypatch.setattr(match_figures, "new_figure", lambda w, h: new_figure(w, h, dpi=30))
+    monkeypatch.setattr(match_figures, "save_figure", lambda figure, path: figures.append(figure))
+    return figures
+
+
+def test_patterns_are_colors_and_stripes_are_there(blob: Mesh) -> None:
+    points = np.vstack([blob.vertices, [[np.nan] * 3]])
+    colors = pattern_colors(points)
+    assert colors.shape == points.shape
+    assert np.isfinite(colors).all()
+    assert colors.min() >= 0
+    assert colors.max() <= 1
+    line = pattern_colors(np.linspace([0, 0, 0], [1, 0, 0], 400))[:, 2]
+    assert ((np.diff(np.sign(np.diff(line))) != 0).sum()) > 10
+
+
+def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: list) -> None:
+    every = np.arange(blob.n_vertices)
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    draw_match(blob, Mesh(blob.vertices @ turn.T, blob.faces), every, "any.png")
+    above, below, above_target, below_target = drawn[0].get_axes()
+    for left, right in ((above, above_target), (below, below_target)):
+        pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in (left, right)]
+        assert np.abs(pictures[0] - pictures[1]).mean() < 0.02
+
+
+def test_vertices_without_a_partner_are_grey(blob: Mesh, drawn: list) -> None:
+    draw_match(blob, blob, np.full(blob.n_vertices, -1), "any.png", up="z")
+    picture = np.asarray(drawn[0].get_axes()[2].get_images()[0].get_array())
+    opaque = picture[picture[..., 3] == 1][:, :3]
+    assert np.ptp(opaque, axis=1).max() < 1e-6
+
+
+def test_curves_end_where_the_evaluation_says(blob: Mesh, drawn: list) -> None:
+    every = np.arange(blob.n_vertices)
+    some = every[:30]
+    plain = evaluate(every, blob, some, some)
+    mirrored = evaluate(np.roll(every, 1), blob, some, some, np.roll(every, 1)[some])
+    draw_error_curves({"one": plain, "two": mirrored}, "any.png", title="curves")
+    lines = drawn[0].get_axes()[0].get_lines()
+    assert len(lines) == 3
+    np.testing.assert_array_equal(lines[0].get_ydata(), plain.curve())
+    np.testing.assert_array_equal(lines[2].get_ydata(), mirrored.curve("map-min"))
+
+
+def test_the_alike_stand_together(drawn: list) -> None:
+    kinds = np.array([0, 1, 0, 1, 0])
+    table = np.where(kinds[:, None] == kinds, 0.9, 0.3)
+    np.fill_diagonal(table, 1)
+    table[0, 1] = table[1, 0] = np.nan
+    draw_similarities([f"{kind}" for kind in kinds], table, "any.png")
+    names = "".join(one.get_text() for one in drawn[0].get_axes()[0].get_yticklabels())
+    assert names in ("00011", "11000")
+
+
+def test_files_are_written(blob: Mesh, tmp_path) -> None:
+    draw_similarities(["a"], [[1]], tmp_path / "heat.png")
+    draw_match(blob, blob, np.arange(642), tmp_path / "match.png")
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in tmp_path.iterdir())
+
+
+def test_what_does_not_fit(blob: Mesh) -> None:
+    with pytest.raises(InputError, match="no evaluations"):
+        draw_error_curves({}, "a.png")
+    with pytest.raises(InputError, match="2 names need"):
+        draw_similarities(["a", "b"], [[1]], "a.png")
+    with pytest.raises(InputError, match="the map has 3 rows"):
+        draw_match(blob, blob, np.arange(3), "a.png")
+    with pytest.raises(InputError, match="up must be"):
+        draw_match(blob, blob, np.arange(642), "a.png", up="w")
