@@ -17,6 +17,7 @@ from unbend.linalg.factorization import Factorization, factorize
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
+_POLISHINGS = 8  # corrections before a new try with a larger basis; one is the rule
 _ROUNDING = 20 * np.finfo(np.float64).eps
 
 
@@ -225,7 +226,7 @@ def _polish(
     image = matrix @ vectors - vectors * values
     if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
         vectors = vectors - factor.solve(image)
-    for _ in range(3):
+    for _ in range(_POLISHINGS):
         image = matrix @ vectors
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
