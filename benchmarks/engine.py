@@ -9,25 +9,22 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from measure import alternate, file_to_file, seconds
+from shapes import quadruped, subdivide
 
 from report import write_report
-from unbend import Mesh, canonical_form, distance, read_mesh, spectrum, write_mesh
-from unbend._topology import find_edges
-from unbend.datasets import make_quadruped
+from unbend import Mesh, canonical_form, distance, read_mesh, spectrum
 from unbend.interpolation import distance_coefficients
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.pseudoinverse import green_operator
@@ -37,25 +34,6 @@ from unbend.spectra import Spectrum
 from unbend.surface import Surface, make_surface
 
 COLUMNS = 496
-
-# The command, and then its peak memory in GiB. (Linux counts the parent's memory into the peak
-# that getrusage gives for a child.)
-_COMMAND = """
-import re, resource, sys
-from pathlib import Path
-from unbend.cli import main
-try:
-    main()
-except SystemExit as end:
-    if end.code:
-        raise
-status = Path("/proc/self/status")
-if status.exists():
-    peak = int(re.search(r"VmHWM:\\s*(\\d+)", status.read_text())[1]) / 2**20
-else:
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**30
-print(f"{peak:.3f}", file=sys.stderr)
-"""
 
 
 @dataclass(frozen=True)
@@ -75,40 +53,6 @@ class Row:
     def ratio(self) -> float:
         """How many times faster ours is."""
         return self.theirs / self.ours
-
-
-def seconds(work: Callable[[], Any]) -> tuple[float, Any]:
-    start = time.perf_counter()
-    result = work()
-    return time.perf_counter() - start, result
-
-
-def alternate(
-    ours: Callable[[], Any], peer: Callable[[], Any], repeats: int
-) -> tuple[float, Any, float, Any]:
-    """Median seconds and last result of both, run in turn; ours is compiled before."""
-    ours()
-    times: tuple[list[float], list[float]] = [], []
-    for _ in range(repeats):
-        took, mine = seconds(ours)
-        times[0].append(took)
-        took, theirs = seconds(peer)
-        times[1].append(took)
-    return statistics.median(times[0]), mine, statistics.median(times[1]), theirs
-
-
-def subdivide(mesh: Mesh, name: str) -> Mesh:
-    """Split every triangle into four."""
-    edges = find_edges(mesh.faces, mesh.n_vertices)
-    middle = mesh.vertices[edges.ends].mean(axis=1)
-    a, b, c = mesh.faces.T
-    ab, bc, ca = (mesh.n_vertices + edges.of_side.reshape(-1, 3)).T
-    faces = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return Mesh(
-        np.vstack([mesh.vertices, middle]),
-        np.vstack([np.stack(corners, axis=1) for corners in faces]),
-        name=name,
-    )
 
 
 def eigenpairs_by_scipy(surface: Surface, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -256,17 +200,6 @@ def bench_columns(mesh: Mesh, count: int, share: int, mark: float) -> list[Row]:
     return rows
 
 
-def file_to_file(mesh: Mesh, folder: Path) -> tuple[float, float]:
-    """Wall seconds and peak GiB of the command, in a process of its own."""
-    source = folder / f"{mesh.n_vertices}.ply"
-    write_mesh(source, mesh)
-    command = [sys.executable, "-c", _COMMAND, "canonical", source, "-o", folder / "form.ply"]
-    took, done = seconds(lambda: subprocess.run(command, capture_output=True, text=True))
-    if done.returncode:
-        raise SystemExit(f"unbend canonical failed on {mesh.name}: {done.stderr}")
-    return took, float(done.stderr.split()[-1])
-
-
 def bench_growth(shapes: list[Mesh], repeats: int) -> list[Row]:
     """Exact forms of all sizes: in the library, and file to file."""
     rows = []
@@ -279,11 +212,6 @@ def bench_growth(shapes: list[Mesh], repeats: int) -> list[Row]:
             what = f"file to file, {mesh.name}"
             rows.append(Row(what, mesh.n_vertices, took, agreement=f"{peak:.2f} GiB"))
     return rows
-
-
-def quadruped(n: int) -> Mesh:
-    mesh = make_quadruped(n_vertices=n).mesh
-    return Mesh(mesh.vertices, mesh.faces, name="quadruped")
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from unbend import canonical_form
+from unbend import canonical_form, spectrum
 from unbend.errors import MeshError
 from unbend.memory import _control_groups, _machine, available_memory, check_memory, needed_memory
 
@@ -31,6 +31,8 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
     monkeypatch.setattr("unbend.memory.available_memory", lambda: 2**19)
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
         canonical_form(blob)
+    with pytest.raises(MeshError, match="fewer vertices"):
+        spectrum(blob, 10, cache=False)
     monkeypatch.setattr("unbend.memory.available_memory", lambda: None)
     check_memory("huge", 10**9)
 

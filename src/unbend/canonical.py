@@ -25,7 +25,6 @@ from unbend.distances.gram import SPECTRAL, spectral_filter, truncated_metric
 from unbend.errors import InputError, UnbendWarning
 from unbend.interpolation import distance_coefficients
 from unbend.mds import area_scaling, exact_scaling, sampled_scaling
-from unbend.memory import check_memory
 from unbend.sampling import shape_end, spread_samples
 from unbend.spectra import eigenpairs
 from unbend.surface import Surface, make_surface
@@ -172,9 +171,6 @@ def canonical_form(
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
     _check_dimension(n_components, surface, chosen, n_eigenpairs)
-    # A basis of about 1.6 k + 75 vectors is behind k eigenpairs, and their polishing copies them.
-    columns = 4 * n_eigenpairs + 75 if chosen == "sampled" else 0
-    check_memory(surface.mesh.name, surface.n_vertices, columns + _STRESS_VERTICES)
     with steps("factorisation"):
         metric = make_metric(distance, surface, time=time)
     if chosen == "exact":

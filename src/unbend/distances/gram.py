@@ -16,6 +16,7 @@ from unbend.distances import Metric
 from unbend.errors import InputError
 from unbend.linalg._threads import inner, one_blas_thread
 from unbend.linalg.pseudoinverse import green_operator
+from unbend.memory import check_memory
 from unbend.spectra import Spectrum, eigenpairs
 from unbend.surface import Surface
 
@@ -60,6 +61,7 @@ def gram_metric(kind: DistanceKind, surface: Surface, time: float) -> Metric:
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     areas = surface.operator.areas
+    check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
     green = green_operator(surface.operator.stiffness, areas)
     biharmonic = kind == "biharmonic"
 
