@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint format clean
+.PHONY: demo test lint format bench clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -18,6 +18,9 @@ lint: .venv/test.stamp ## ruff and mypy, changing nothing
 format: .venv/test.stamp ## ruff, in place
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+bench: .venv/bench.stamp ## times against other libraries; BENCH=--large adds a million vertices
+	$(BIN)/python benchmarks/engine.py $(BENCH)
 
 clean: ## remove the environment and all caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*

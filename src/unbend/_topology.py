@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -14,6 +14,12 @@ from unbend._types import BoolArray, FloatArray, IntArray
 # edge. It is about the square root of double precision: below it, the cotangent of the smallest
 # angle has lost half of its digits and outweighs every other face.
 DEGENERATE_HEIGHT = 1e-8
+
+# Faces measured at once: their temporaries stay in the cache.
+FACES_AT_ONCE = 2**14
+
+# Up to this many faces around a vertex, fans are counted by walking around it.
+_LONGEST_WALK = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +47,8 @@ class Edges:
 def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     """Collect the edges of faces that name three different vertices."""
     tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    low, high = np.minimum(tail, head), np.maximum(tail, head)
-    key = low * n_vertices + high
+    upward = tail < head
+    key = np.where(upward, tail * n_vertices + head, head * n_vertices + tail)
     order = np.argsort(key)
     ordered = key[order]
     is_new = np.ones(len(key), dtype=bool)
@@ -50,11 +56,10 @@ def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     starts = np.flatnonzero(is_new)
     of_side = np.empty(len(key), dtype=np.int64)
     of_side[order] = np.cumsum(is_new) - 1
-    representative = order[starts]
     return Edges(
-        ends=np.column_stack([low[representative], high[representative]]),
+        ends=np.column_stack(np.divmod(ordered[starts], max(n_vertices, 1))),
         n_faces=np.diff(np.append(starts, len(key))),
-        n_upward=np.bincount(of_side[tail < head], minlength=len(starts)),
+        n_upward=np.bincount(of_side[upward], minlength=len(starts)),
         of_side=of_side,
     )
 
@@ -100,7 +105,13 @@ class Components:
 
 def find_components(faces: IntArray, n_vertices: int) -> Components:
     """Group the vertices that faces connect."""
-    label = group_rows(faces, n_vertices)[len(faces) :]
+    index = faces.astype(np.int32)
+    links = index[:, [0, 0]].ravel(), index[:, 1:].ravel()
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(n_vertices, n_vertices))
+    n_labels, label = connected_components(graph, directed=False)
+    if n_labels == 1 and n_vertices > 1:  # as most meshes are
+        counts = np.array([n_vertices]), np.array([len(faces)])
+        return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
     used = np.zeros(n_vertices, dtype=bool)
     used[faces] = True
     labels, first, number = np.unique(label[used], return_index=True, return_inverse=True)
@@ -124,6 +135,10 @@ def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
     """
     if len(faces) == 0:
         return 0
+    degree = np.bincount(faces.ravel())
+    paired = (edges.n_faces == 1) | ((edges.n_faces == 2) & (edges.n_upward == 1))
+    if paired.all() and degree.max() <= _LONGEST_WALK:
+        return int((_walk_around(faces, edges, len(degree)) < degree).sum())
     side = edges.of_side.reshape(-1, 3)
     # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
     leaving, arriving = side, side[:, [2, 0, 1]]
@@ -138,6 +153,34 @@ def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
     corner_of_fan = np.unique(fan, return_index=True)[1]
     fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
     return int((fans_at_vertex > 1).sum())
+
+
+def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
+    """Size of one fan at each vertex of an oriented mesh: of the open one, if there is any.
+
+    A corner has the number of the side that leaves it. The next corner of its fan lies across
+    that side.
+    """
+    at_vertex = faces.ravel()
+    side = np.arange(len(at_vertex))
+    inner = edges.n_faces[edges.of_side] == 2
+    # The numbers of an edge's two sides, summed, less one of them is the other one.
+    twin = np.bincount(edges.of_side, side).astype(np.int64)[edges.of_side] - side
+    following = np.where(inner, twin + np.where(twin % 3 == 2, -2, 1), -1)
+    begins = np.ones(len(side), dtype=bool)
+    begins[following[inner]] = False
+    first = np.full(n_vertices, -1)
+    first[at_vertex] = side
+    first[at_vertex[begins]] = side[begins]
+    size = np.zeros(n_vertices, dtype=np.int64)
+    vertices = np.flatnonzero(first >= 0)
+    corner = first[vertices]
+    while len(vertices):
+        size[vertices] += 1
+        corner = following[corner]
+        going = (corner >= 0) & (corner != first[vertices])
+        vertices, corner = vertices[going], corner[going]
+    return size
 
 
 def has_repeated_index(faces: IntArray) -> BoolArray:
@@ -159,8 +202,16 @@ def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, flo
     Lengths are measured in units of the longest, so that no product overflows or vanishes in
     whatever unit of length the mesh comes.
     """
-    if len(faces) == 0:
-        return np.empty(0, dtype=bool), 0.0
+    degenerate = np.empty(len(faces), dtype=bool)
+    area = 0.0
+    for start in range(0, len(faces), FACES_AT_ONCE):
+        part = slice(start, start + FACES_AT_ONCE)
+        degenerate[part], part_area = _measure(vertices, faces[part])
+        area += part_area
+    return degenerate, area
+
+
+def _measure(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
     a, b, c = (vertices[faces[:, k]] / 4 for k in range(3))  # / 4: no difference overflows
     u, v = b - a, c - a
     scale = float(max(u.max(), -u.min(), v.max(), -v.min()))

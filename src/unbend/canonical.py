@@ -141,7 +141,8 @@ def canonical_form(
     InputError
         If a name or number is out of range.
     MeshError
-        If the mesh cannot be used; the message names the vertex or face.
+        If the mesh cannot be used; the message names the vertex or face. If its computation does
+        not fit into the memory that is free.
     SolverError
         If an eigenpair does not reach its accuracy.
 

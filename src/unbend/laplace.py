@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._topology import FACES_AT_ONCE
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError
+from unbend.linalg._threads import run_all
 from unbend.mesh import Mesh, as_mesh
 from unbend.preparation import Prepared, prepare
 
@@ -99,24 +102,35 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
     if mesh.is_point_cloud:
         raise MeshError(f'{mesh.name}: a point cloud has no cotangent Laplacian; use "robust"')
     faces, n = mesh.faces, mesh.n_vertices
-    corners = mesh.vertices[faces]  # (m, 3 corners, 3 coordinates)
+    cotangents, corner_areas = np.empty(faces.shape), np.empty(faces.shape)
+
+    def measure(start: int) -> None:
+        part = slice(start, start + FACES_AT_ONCE)
+        cotangents[part], corner_areas[part] = _measure_corners(mesh, part, area_kind)
+
+    run_all(partial(measure, start) for start in range(0, len(faces), FACES_AT_ONCE))
+    vertex_areas: FloatArray = np.bincount(faces.ravel(), corner_areas.ravel(), n).astype(float)
+    cotangents /= 2
+    return Laplacian(_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
+
+
+def _measure_corners(mesh: Mesh, part: slice, area_kind: AreaKind) -> tuple[FloatArray, FloatArray]:
+    """Cotangents of the corners of some faces, and the area that belongs to each corner."""
+    corners = mesh.vertices[mesh.faces[part]]  # (m, 3 corners, 3 coordinates)
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge facing corner
     squared = np.einsum("mij,mij->mi", opposite, opposite)
     double_area = np.linalg.norm(np.cross(opposite[:, 1], opposite[:, 2]), axis=1)
     flat = double_area <= np.finfo(float).eps * squared.max(axis=1)
     if flat.any():
         raise MeshError(
-            f"{mesh.name}: face {int(flat.argmax())} has no area, so its cotangents do not exist; "
-            'use the "robust" Laplacian'
+            f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its cotangents "
+            'do not exist; use the "robust" Laplacian'
         )
     # cot of a corner: (b^2 + c^2 - a^2) / (4 area), a being the edge that faces it
     cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
     if area_kind == "voronoi":
-        corner_areas = _mixed_voronoi(squared, cotangents, double_area / 2)
-    else:
-        corner_areas = np.repeat(double_area[:, None] / 6, 3, axis=1)
-    vertex_areas: FloatArray = np.bincount(faces.ravel(), corner_areas.ravel(), n).astype(float)
-    return Laplacian(_stiffness(faces, cotangents / 2, n), vertex_areas, "cotangent")
+        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2)
+    return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1)
 
 
 def _stiffness(faces: IntArray, weights: FloatArray, n: int) -> SparseMatrix:

@@ -47,7 +47,9 @@ def exact_scaling(
         image -= image.mean(axis=0)
         return image
 
-    values, vectors = largest_eigenpairs(centred, n, n_components, random_state=random_state)
+    values, vectors = largest_eigenpairs(
+        centred, n, n_components, random_state=random_state, block_size=max(8, n_components + 3)
+    )  # solves for eight columns cost little more than for one
     return _points(vectors, values, np.ones(n)), values
 
 

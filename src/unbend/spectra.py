@@ -15,6 +15,7 @@ from unbend.errors import InputError
 from unbend.laplace import Laplacian
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.signs import fix_signs
+from unbend.memory import check_memory
 from unbend.surface import Surface, make_surface
 
 # Largest relative residual |W phi - lambda A phi| / |lambda A phi|, unless another is asked for.
@@ -83,7 +84,8 @@ def spectrum(
     InputError
         If `k` is out of range.
     MeshError
-        If the mesh cannot be used; the message names the vertex or face.
+        If the mesh cannot be used; the message names the vertex or face. If its computation does
+        not fit into the memory that is free.
     SolverError
         If an eigenpair's residual stays larger than `tol`.
 
@@ -122,6 +124,8 @@ def eigenpairs(surface: Surface, k: int, *, tol: float = _RESIDUAL, cache: bool 
     key = cache_key(surface.mesh, operator.kind, surface.area_kind, tol) if cache else ""
     found = load_eigenpairs(key, k) if cache else None
     if found is None:
+        # A basis of about 1.6 k + 75 vectors is behind k pairs, and their polishing copies them.
+        check_memory(surface.mesh.name, surface.n_vertices, 4 * k + 75)
         found = solve(operator, k, tol)
         if cache:
             store_eigenpairs(key, *found)

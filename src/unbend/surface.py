@@ -89,8 +89,10 @@ def make_surface(
     name = prepared.mesh.name
     if not 0 < area < np.inf:
         raise MeshError(f"{name}: its area is {area:g}; give coordinates in a sensible unit")
-    pieces, _ = csgraph.connected_components(operator.stiffness, directed=False)
-    if connected and pieces > 1:
+    # The cotangent Laplacian joins what the faces join; others look further or less far.
+    look = connected and operator.kind != "cotangent"
+    pieces = csgraph.connected_components(operator.stiffness, directed=False)[0] if look else 1
+    if pieces > 1:
         raise MeshError(
             f"{name}: its Laplacian falls into {pieces} pieces; bridge the gaps between its points"
         )

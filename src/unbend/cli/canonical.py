@@ -148,8 +148,9 @@ def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
     suffix = Path(out).suffix.lower()
     if suffix in _MESH_SUFFIXES:
         # Faces outside the chosen component have lost their vertices: no viewer could draw them.
-        whole = np.isfinite(form.points[shape.faces]).all(axis=(1, 2))
-        write_mesh(out, Mesh(form.points, shape.faces[whole]))
+        there = np.isfinite(form.points.sum(axis=1))
+        faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
+        write_mesh(out, Mesh(form.points, faces))
         return
     with atomic_write(out) as file:
         if suffix == ".npy":

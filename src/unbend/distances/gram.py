@@ -14,7 +14,9 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
 from unbend.distances import Metric
 from unbend.errors import InputError
+from unbend.linalg._threads import inner, one_blas_thread
 from unbend.linalg.pseudoinverse import green_operator
+from unbend.memory import check_memory
 from unbend.spectra import Spectrum, eigenpairs
 from unbend.surface import Surface
 
@@ -22,6 +24,8 @@ SPECTRAL = ("biharmonic", "commute-time", "diffusion")
 
 # exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
 _NEGLIGIBLE = 1e-16
+# Columns solved for at once: a chunk for each of a few threads, and little memory.
+_AT_ONCE = 32
 # Eigenpairs beyond which a diffusion time is called too short to be computed.
 _MOST_EIGENPAIRS = 2000
 
@@ -57,6 +61,7 @@ def gram_metric(kind: DistanceKind, surface: Surface, time: float) -> Metric:
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     areas = surface.operator.areas
+    check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
     green = green_operator(surface.operator.stiffness, areas)
     biharmonic = kind == "biharmonic"
 
@@ -68,8 +73,15 @@ def gram_metric(kind: DistanceKind, surface: Surface, time: float) -> Metric:
         return green(_indicators(vertices, len(areas)))
 
     def between(samples: IntArray) -> FloatArray:
-        column = columns(samples)
-        kernel = column.T @ (column * areas[:, None]) if biharmonic else column[samples]
+        n = len(areas)
+        column = np.empty((n if biharmonic else len(samples), len(samples)))
+        for start in range(0, len(samples), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            some = columns(samples[part])
+            # K A K = (sqrt(A) K)^T (sqrt(A) K) needs the weights once.
+            column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]
+        with one_blas_thread():
+            kernel = inner(column, column) if biharmonic else column
         return _distances(kernel, kernel.diagonal(), kernel.diagonal())
 
     def from_sources(sources: IntArray) -> FloatArray:

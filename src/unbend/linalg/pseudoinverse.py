@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy.sparse as sp
 
 from unbend._types import FloatArray, SparseMatrix
 from unbend.linalg.factorization import factorize
@@ -49,15 +50,17 @@ def green_operator(
     array([ 1.,  0., -1.])
     """
     total = areas.sum()
-    # The system is consistent, so one vertex may be fixed at zero: what is left is definite,
-    # and the solution differs from the wanted one by a constant.
-    factor = factorize(stiffness[1:, 1:])
+    # A consistent system stays true when one diagonal entry is enlarged: the equations add up to
+    # zero, hence that vertex is at zero. The matrix is definite then, and the solution differs
+    # from the wanted one by a constant.
+    fixed = sp.csr_array(stiffness, dtype=np.float64).T  # symmetric, and now in compressed columns
+    fixed = fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
+    factor = factorize(fixed)
 
     def green(rhs: FloatArray) -> FloatArray:
-        # The equation of the fixed vertex is left out, so its right-hand side never enters.
-        load = rhs[1:] - np.multiply.outer(areas[1:], rhs.sum(axis=0) / total)
-        solution = np.zeros(rhs.shape)
-        solution[1:] = factor.solve(load)
+        load = np.multiply.outer(areas, rhs.sum(axis=0) / -total)
+        load += rhs
+        solution = factor.solve(load)
         solution -= areas @ solution / total
         return solution
 

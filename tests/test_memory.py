@@ -1,0 +1,61 @@
+"""Memory: what is predicted, what is free, and the sentence between them."""
+
+import resource
+import sys
+
+import pytest
+
+from unbend import canonical_form, spectrum
+from unbend.errors import MeshError
+from unbend.memory import _control_groups, _machine, available_memory, check_memory, needed_memory
+
+GIB = 2**30
+
+
+def test_prediction_is_near_what_a_million_vertices_took():
+    assert needed_memory(1_039_970, 64) / GIB == pytest.approx(3.04, rel=0.1)
+    assert needed_memory(200_000, 64) / GIB == pytest.approx(0.68 - 0.15, rel=0.25)
+
+
+def test_more_vertices_and_columns_need_more():
+    assert needed_memory(2_000) > 2 * needed_memory(1_000)
+    assert needed_memory(1_000, 10) == needed_memory(1_000) + 80_000
+
+
+def test_free_memory_is_known_here():
+    free = available_memory()
+    assert free is None or 2**20 < free < 2**50
+
+
+def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
+    monkeypatch.setattr("unbend.memory.available_memory", lambda: 2**19)
+    with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
+        canonical_form(blob)
+    with pytest.raises(MeshError, match="fewer vertices"):
+        spectrum(blob, 10, cache=False)
+    monkeypatch.setattr("unbend.memory.available_memory", lambda: None)
+    check_memory("huge", 10**9)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_the_tightest_control_group_counts(tmp_path, version):
+    proc, root = tmp_path / "proc", tmp_path / "cgroup"
+    (proc / "self").mkdir(parents=True)
+    line = "0::/a/b" if version == 2 else "3:cpu:/x\n7:memory:/a/b"
+    (proc / "self" / "cgroup").write_text(line)
+    top = root if version == 2 else root / "memory"
+    (top / "a" / "b").mkdir(parents=True)
+    limit, usage = ("max", "current") if version == 2 else ("limit_in_bytes", "usage_in_bytes")
+    for group, most, used in ((top / "a", "5000", "3000"), (top / "a" / "b", "max", "10")):
+        (group / f"memory.{limit}").write_text(most)
+        (group / f"memory.{usage}").write_text(used)
+        (group / "memory.stat").write_text("anon 1\ninactive_file 500\n")
+    assert [left for left in _control_groups(proc, root) if left is not None] == [2500]
+    assert _control_groups(tmp_path, root) == []
+
+
+def test_free_memory_of_the_machine(tmp_path):
+    (tmp_path / "meminfo").write_text("MemTotal: 9 kB\nMemAvailable: 7 kB\n")
+    assert _machine(tmp_path) == 7 * 1024
+    if sys.platform != "win32":
+        assert _machine(tmp_path / "nothing") > resource.getpagesize()
