@@ -168,9 +168,17 @@ def test_a_missed_pair_is_noticed():
     assert not _inverse._none_missed(matrix, values, blurred, 40)  # no gap to count below
 
 
-def test_unreachable_accuracy_is_an_error():
+def test_unreachable_accuracy_is_an_error(monkeypatch):
+    monkeypatch.setattr(_inverse, "_POLISHINGS", 1)
     with pytest.raises(SolverError, match="relative residual"):
         smallest_eigenpairs(*laplacian(*scattered(700, 0)), 20, tol=0.0)
+
+
+def test_no_tolerance_at_all_means_rounding():
+    stiffness, areas = laplacian(*scattered(700, 0))
+    values, vectors = smallest_eigenpairs(stiffness, areas, 20, tol=0.0)
+    residuals = np.linalg.norm(stiffness @ vectors - areas[:, None] * vectors * values, axis=0)
+    assert residuals.max() < 1e-13 * np.linalg.norm(abs(stiffness) @ abs(vectors), axis=0).max()
 
 
 def test_progress_ends_at_one():

@@ -89,9 +89,11 @@ def inverse_lanczos(
                 basis.add_random(block_size)
                 continue
         # All that was found as near above the shift as 0 is below takes part: see _polish.
-        known = max(wanted, int(np.searchsorted(values, 2.2 * shift)))
-        rough = basis.combine(coordinates[:, :known])
-        values, vectors, reached = _polish(matrix, factor, values[:known], rough, k, floor, tol)
+        rough = residuals > 1e-2 * np.maximum(values, floor)
+        rough |= values > 2.2 * shift
+        known = max(wanted, int(np.argmax(np.append(rough, True))))
+        vectors = basis.combine(coordinates[:, :known])
+        values, vectors, reached = _polish(matrix, factor, values[:known], vectors, k, floor, tol)
         if reached <= tol:
             return values, vectors
         goal /= 10
