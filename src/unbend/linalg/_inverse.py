@@ -17,7 +17,7 @@ from unbend.linalg.factorization import Factorization, factorize
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
-_POLISHINGS = 8  # corrections before a new try with a larger basis; one is the rule
+_POLISHINGS = 3  # corrections before another try; one is the rule
 _ROUNDING = 20 * np.finfo(np.float64).eps
 
 
@@ -88,14 +88,20 @@ def inverse_lanczos(
             if not counted:
                 basis.add_random(block_size)
                 continue
-        # All that was found as near above the shift as 0 is below takes part: see _polish.
+        # What has converged takes part; if that is not enough, all that was found as near above
+        # the shift as 0 is below, because a correction keeps what is nearer than its own pair.
         rough = residuals > 1e-2 * np.maximum(values, floor)
         rough |= values > 2.2 * shift
-        known = max(wanted, int(np.argmax(np.append(rough, True))))
-        vectors = basis.combine(coordinates[:, :known])
-        values, vectors, reached = _polish(matrix, factor, values[:known], vectors, k, floor, tol)
-        if reached <= tol:
-            return values, vectors
+        tries = (
+            (int(np.argmax(np.append(~converged, True))), _POLISHINGS),
+            (max(wanted, int(np.argmax(np.append(rough, True)))), 2 * _POLISHINGS),
+        )
+        for known, steps in tries:
+            near = basis.combine(coordinates[:, :known])
+            found = _polish(matrix, factor, values[:known], near, k, floor, tol, steps)
+            reached = found[2]
+            if reached <= tol:
+                return found[:2]
         goal /= 10
     raise SolverError(
         f"no {k} eigenpairs to a relative residual of {tol:g}; {reached:.1e} was reached, or the "
@@ -216,6 +222,7 @@ def _polish(
     k: int,
     floor: float,
     tol: float,
+    steps: int,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Make k orthonormal Ritz vectors of the matrix; measure their largest residual.
 
@@ -228,7 +235,7 @@ def _polish(
     image = matrix @ vectors - vectors * values
     if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
         vectors = vectors - factor.solve(image)
-    for _ in range(_POLISHINGS):
+    for _ in range(steps):
         image = matrix @ vectors
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
