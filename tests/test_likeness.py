@@ -9,8 +9,9 @@ from unbend import Mesh, canonical_form, read_mesh
 from unbend.alignment import procrustes
 from unbend.datasets import make_biped, make_quadruped, rest_map
 from unbend.errors import InputError
-from unbend.likeness import aligned_cosine, similarity, vertex_areas
+from unbend.likeness import aligned_cosine, similarity
 from unbend.matching import Match
+from unbend.mesh import vertex_areas
 
 
 def _match(forward, backward) -> Match:
@@ -117,10 +118,6 @@ def test_what_does_not_fit(blob: Mesh) -> None:
     ):
         with pytest.raises(InputError, match=sentence):
             similarity(*arguments, **options)
-
-
-def test_points_count_alike() -> None:
-    assert vertex_areas(np.zeros((5, 3))).tolist() == [1] * 5
 
 
 def test_poses_of_a_real_wolf(real_data: Path) -> None:

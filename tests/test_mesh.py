@@ -6,6 +6,7 @@ import pytest
 
 from unbend import Mesh, as_mesh, write_mesh
 from unbend.errors import FileError, InputError, MeshError
+from unbend.mesh import vertex_areas
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -104,3 +105,7 @@ def test_anything_else_is_refused(thing):
 def test_a_missing_file_is_refused():
     with pytest.raises(FileError, match="there is no such file"):
         as_mesh("nowhere.off")
+
+
+def test_points_have_equal_areas():
+    assert vertex_areas(np.zeros((5, 3))).tolist() == [1] * 5

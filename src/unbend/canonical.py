@@ -30,7 +30,7 @@ from unbend.spectra import eigenpairs
 from unbend.surface import Surface, make_surface
 
 # Stress is taken over all pairs of this many random vertices.
-_STRESS_VERTICES = 64
+_STRESS_VERTICES = 32
 
 
 @dataclass(frozen=True, eq=False)

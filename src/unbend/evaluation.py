@@ -9,7 +9,7 @@ import numpy as np
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MissingExtraError
-from unbend.mesh import Mesh, as_mesh
+from unbend.mesh import Mesh, as_mesh, vertex_areas
 
 THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
@@ -36,8 +36,8 @@ class Evaluation:
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
     continuity : float or None
-        Mean stretch of the edges of the source, when it was given: the geodesic-free ratio
-        ``|T(i) - T(j)| / |i - j|`` of edge lengths in space, area-normalised; 1 for a rigid map.
+        Total length in space of the images of the source's edges over that of the edges, both
+        at unit area, when the source was given; 1 for a rigid map, more the more a map tears.
     """
 
     direct: FloatArray
@@ -193,7 +193,7 @@ def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> F
     missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
     if missing:
         from_vertex = _exact_solver(mesh) if kind == "exact" else _heat_solver(mesh)
-        scale = np.sqrt(_vertex_areas(mesh).sum())
+        scale = np.sqrt(vertex_areas(mesh).sum())
         for vertex in missing:
             rows[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
     result = np.array([rows[int(i)][j] for i, j in zip(sources, targets, strict=True)], dtype=float)
@@ -231,16 +231,8 @@ def _exact_solver(mesh: Mesh) -> Any:
     return lambda vertex: solver.geodesicDistances(np.array([vertex]), None)[0]
 
 
-def _vertex_areas(mesh: Mesh) -> FloatArray:
-    corners = mesh.vertices[mesh.faces]
-    double = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(double, axis=1) / 6
-    total = np.bincount(mesh.faces.ravel(), np.repeat(area, 3), mesh.n_vertices)
-    return np.asarray(total, dtype=np.float64)
-
-
 def _coverage(images: IntArray, target: Mesh) -> float:
-    areas = _vertex_areas(target)
+    areas = vertex_areas(target)
     return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())
 
 
@@ -253,5 +245,5 @@ def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float:
     edges = edges[(images[edges] >= 0).all(axis=1)]
     before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)
     after = np.linalg.norm(np.diff(target.vertices[images[edges]], axis=1)[:, 0], axis=1)
-    scale = np.sqrt(_vertex_areas(source).sum() / _vertex_areas(target).sum())
+    scale = np.sqrt(vertex_areas(source).sum() / vertex_areas(target).sum())
     return float(scale * after.sum() / before.sum())

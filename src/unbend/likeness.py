@@ -12,7 +12,7 @@ from unbend.canonical import CanonicalForm, canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.errors import InputError
 from unbend.matching import Match
-from unbend.mesh import Mesh, as_mesh
+from unbend.mesh import Mesh, as_mesh, vertex_areas
 
 
 def similarity(
@@ -143,34 +143,6 @@ def aligned_cosine(
         raise InputError("all corresponding points coincide: there is no shape to compare")
     cross = (left * mass[:, None]).T @ right / (norms[0] * norms[1])
     return float(min(np.linalg.svd(cross, compute_uv=False).sum(), 1.0))
-
-
-def vertex_areas(mesh: Any) -> FloatArray:
-    """Give each vertex a third of the area of the faces around it.
-
-    Parameters
-    ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-
-    Returns
-    -------
-    (n,) ndarray of float64
-        In squared units of the mesh; 0 at vertices that no face uses. All 1 for a point cloud.
-
-    Examples
-    --------
-    >>> from unbend.likeness import vertex_areas
-    >>> vertex_areas(([[0, 0, 0], [3, 0, 0], [0, 2, 0]], [[0, 1, 2]]))
-    array([1., 1., 1.])
-    """
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        return np.ones(mesh.n_vertices)
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
-    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
 
 
 def _points(

@@ -200,3 +200,31 @@ def as_mesh(mesh: Any) -> Mesh:
         f"a {type(mesh).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
         "pair, or an object with .vertices and .faces"
     )
+
+
+def vertex_areas(mesh: Any) -> FloatArray:
+    """Give each vertex a third of the area of the faces around it.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+
+    Returns
+    -------
+    (n,) ndarray of float64
+        In squared units of the mesh; 0 at vertices that no face uses. All 1 for a point cloud.
+
+    Examples
+    --------
+    >>> from unbend.mesh import vertex_areas
+    >>> vertex_areas(([[0, 0, 0], [3, 0, 0], [0, 2, 0]], [[0, 1, 2]]))
+    array([1., 1., 1.])
+    """
+    mesh = as_mesh(mesh)
+    if mesh.is_point_cloud:
+        return np.ones(mesh.n_vertices)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
+    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))

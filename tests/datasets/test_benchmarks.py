@@ -238,9 +238,10 @@ def test_truth_that_does_not_fit_is_refused(cats, tmp_path):
     for text, message in [
         ("1\n2\n", r"cat0\.vts has 600 rows and cat2\.vts has 2"),
         ("1\n601\n", r"row 2 names vertex 601, but cat2\.off has 600"),
-        ("0\n1\n", r"cat2\.vts: must hold one vertex id"),
-        ("1\nx\n", r"cat2\.vts: must hold one vertex id"),
-        ("", r"cat2\.vts: must hold one vertex id"),
+        ("0\n1\n", r"cat2\.vts: row 0 is 0, but counted from 1"),
+        ("-1\n1\n", r"cat2\.vts: row 0 names no vertex"),
+        ("1\nx\n", r"cat2\.vts: row 1 holds 'x'"),
+        ("", r"cat2\.vts is empty"),
     ]:
         rows.write_text(text)
         with pytest.raises(FileError, match=message):

@@ -125,8 +125,8 @@ def compare(
 
     from unbend.canonical import canonical_form
     from unbend.likeness import similarity as likeness
-    from unbend.likeness import vertex_areas
     from unbend.matching import match
+    from unbend.mesh import vertex_areas
 
     wanted = (
         itertools.combinations(range(len(shapes)), 2)

@@ -12,6 +12,7 @@ from unbend._formats import data_lines, polygon_rows, positions
 from unbend._types import IntArray
 from unbend.errors import FileError, MeshError
 from unbend.io import read_mesh
+from unbend.maps import read_map
 from unbend.mesh import Mesh
 
 # Where a shape is there in several formats, the first of these is read.
@@ -95,15 +96,13 @@ def _from_one(faces: Any, name: str) -> IntArray:
 
 def read_rows(path: Path) -> IntArray:
     """Read a .vts file: one vertex id per row, counted from 1 there and from 0 here."""
-    words = read_bytes(path).split()
-    try:
-        rows = np.array(words, dtype=np.bytes_).astype(np.int64)
-    except (ValueError, OverflowError):
-        rows = np.zeros(1, dtype=np.int64)
-    if len(words) == 0 or rows.min() < 1:
-        raise FileError(f"{path.name}: must hold one vertex id, a whole number from 1 on, per line")
-    result: IntArray = rows - 1
-    return result
+    rows = read_map(path, base=1)
+    if rows.min() < 0:
+        raise FileError(
+            f"{path.name}: row {int(rows.argmin())} names no vertex; put the collection's file "
+            "there again"
+        )
+    return rows
 
 
 def read_features(path: Path) -> IntArray:

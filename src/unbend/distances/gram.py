@@ -14,7 +14,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
 from unbend.distances import Metric
 from unbend.errors import InputError
-from unbend.linalg._threads import inner, one_blas_thread
+from unbend.linalg._threads import by_columns, inner, one_blas_thread
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.memory import check_memory
 from unbend.spectra import Spectrum, eigenpairs
@@ -65,12 +65,15 @@ def gram_metric(kind: DistanceKind, surface: Surface, time: float) -> Metric:
     green = green_operator(surface.operator.stiffness, areas)
     biharmonic = kind == "biharmonic"
 
-    def gram(block: FloatArray) -> FloatArray:
+    def product(block: FloatArray) -> FloatArray:
         once = green(block)
         return green((once.T * areas).T) if biharmonic else once
 
+    def gram(block: FloatArray) -> FloatArray:
+        return by_columns(product, block)
+
     def columns(vertices: IntArray) -> FloatArray:
-        return green(_indicators(vertices, len(areas)))
+        return by_columns(green, _indicators(vertices, len(areas)))
 
     def between(samples: IntArray) -> FloatArray:
         n = len(areas)

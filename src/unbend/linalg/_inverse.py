@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg._threads import combine, inner
+from unbend.linalg._threads import inner, rotate
 from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
@@ -63,7 +63,7 @@ def inverse_lanczos(
     wanted = max(k, below)
     usual = 1.6 * wanted + 75  # columns that surfaces need, measured
     rng = np.random.default_rng(random_state)
-    basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.1 * usual))
+    basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.4 * usual))
     check = min(wanted + 40, n)
     goal, counted, reached = tol / 2, False, np.inf
     while basis.done < min(n, _LIMIT + 10 * wanted):
@@ -112,10 +112,11 @@ def inverse_lanczos(
 def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
     """Choose the shift by Weyl's law (unit area), corrected by the count of what lies below it.
 
-    Pairs near the shift are found first. For many pairs it lies in their middle; a second count
-    above them costs a factorisation. For few, it lies above them, where the count comes free.
+    Pairs near the shift are found first. For many pairs it lies amid them, where the basis stays
+    smallest; a second count above them costs a factorisation. For few, it lies above them, where
+    the count comes free.
     """
-    share = 1.1 if k <= _FEW else 0.5
+    share = 1.1 if k <= _FEW else 0.6
     size = abs(matrix).max()
     shift = min(4 * np.pi * share * k, 2 * size)
     best, last = None, -1
@@ -170,7 +171,9 @@ def _nearest(n: int, factor: Factorization) -> float:
 
 
 def _shifted(matrix: SparseMatrix, shift: float) -> Factorization:
-    return factorize(matrix - shift * sp.eye_array(matrix.shape[0]), indefinite=True)
+    # What solves leave is taken out by the last corrections.
+    shifted = matrix - shift * sp.eye_array(matrix.shape[0])
+    return factorize(shifted, indefinite=True, refine=False)
 
 
 def _near_pairs(
@@ -232,13 +235,15 @@ def _polish(
     the matrix makes much of them. A step of inverse iteration, written as a correction so that
     only the correction is rounded, removes them where the residual falls short.
     """
-    image = matrix @ vectors - vectors * values
+    image = matrix @ vectors
+    image -= vectors * values
     if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
-        vectors = vectors - factor.solve(image)
+        vectors -= factor.solve(image)
     for _ in range(steps):
         image = matrix @ vectors
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
-        vectors, image = combine(None, vectors, rotation), combine(None, image, rotation)
+        rotate(vectors, rotation)
+        rotate(image, rotation)
         image -= vectors * values
         lengths = np.linalg.norm(image[:, :k], axis=0)
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)

@@ -15,6 +15,7 @@ import threadpoolctl
 
 from unbend._types import FloatArray
 
+COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
 _ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
 _pinned = threading.Lock()
 _pins: list[Any] = []
@@ -69,6 +70,41 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
         return [task() for task in pending]
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(lambda task: task(), pending))
+
+
+def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
+    """Apply a function to a block of columns a chunk at a time, chunks spread over threads.
+
+    A chunk is what the triangular solves take at once; all else that is done to it then finds it
+    in the cache.
+
+    Parameters
+    ----------
+    work : callable
+        Maps (n, r) to (n, r), column by column.
+    block : (n, r) array of float64
+
+    Returns
+    -------
+    (n, r) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import by_columns
+    >>> by_columns(lambda chunk: 2 * chunk, np.ones((1, 3)))
+    array([[2., 2., 2.]])
+    """
+    if block.ndim == 1 or block.shape[1] <= COLUMNS:
+        return work(block)
+    result = np.empty(block.shape)
+
+    def at(first: int) -> None:
+        part = slice(first, first + COLUMNS)
+        result[:, part] = work(np.ascontiguousarray(block[:, part]))
+
+    run_all(functools.partial(at, first) for first in range(0, block.shape[1], COLUMNS))
+    return result
 
 
 @contextmanager
@@ -161,6 +197,31 @@ def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> F
 
     run_all(functools.partial(work, rows) for rows in _rows(tall))
     return result
+
+
+def rotate(tall: FloatArray, small: FloatArray) -> None:
+    """Replace tall columns by ``tall @ small``, in place, in threads.
+
+    Parameters
+    ----------
+    tall : (n, p) array of float64
+        Changed in place.
+    small : (p, p) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import rotate
+    >>> columns = np.eye(2)
+    >>> rotate(columns, np.array([[0.0, 1.0], [1.0, 0.0]]))
+    >>> columns.tolist()
+    [[0.0, 1.0], [1.0, 0.0]]
+    """
+
+    def work(rows: slice) -> None:
+        tall[rows] = (small.T @ tall[rows].T).T
+
+    run_all(functools.partial(work, rows) for rows in _rows(tall))
 
 
 def _rows(tall: FloatArray) -> list[slice]:
