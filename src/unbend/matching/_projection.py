@@ -14,8 +14,8 @@ def closest_faces(
 
     Parameters
     ----------
-    points : (n, 3) ndarray of float64
-    positions : (m, 3) ndarray of float64
+    points : (n, d) ndarray of float64
+    positions : (m, d) ndarray of float64
         Vertices of the surface to land on.
     triangles : (f, 3) ndarray of int64
     vertices : (n,) ndarray of int64
@@ -47,7 +47,7 @@ def closest_faces(
 
 
 def project_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Barycentric coordinates (n, 3) of the point of each triangle (n, 3, 3) nearest to a point."""
+    """Barycentric coordinates (n, 3) of the point of each triangle (n, 3, d) nearest to a point."""
     best = np.full(len(points), np.inf)
     weights = np.zeros((len(points), 3))
 

@@ -1,9 +1,10 @@
-"""Polish: move the source onto the target as rigidly as possible, starting from a spectral map.
+"""Polish: move each shape onto the other as rigidly as possible, starting from a spectral map.
 
-A map through smooth functions slides a little along featureless parts. Deforming the source
-itself, every neighbourhood turned but hardly stretched (Sorkine & Alexa, "As-rigid-as-possible
-surface modeling", SGP 2007), takes the slide out. Closest points are found by walking over the
-meshes from where the map stands, so a leg is never caught by the leg beside it.
+A map through smooth functions slides a little along featureless parts. Deforming the shapes
+themselves, every neighbourhood turned but hardly stretched (Sorkine & Alexa, "As-rigid-as-possible
+surface modeling", SGP 2007), takes the slide out. Points correspond that are close in both poses:
+what one deformation gets wrong the other seldom gets wrong too. They are found by walking over
+the meshes from where the map stands, so a leg is never caught by the leg beside it.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ import scipy.sparse as sp
 
 from unbend._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
 from unbend._types import FloatArray, IntArray
-from unbend.linalg.factorization import Factorization, factorize
+from unbend.linalg.factorization import factorize
 from unbend.matching._shape import Shape, vertex_normals
 
-# Pull towards the target, in units of 1 / area: stiffness and pull balance over a length that is
-# the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
+# Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
+# is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
 _PULLS = (300.0, 1000.0, 3000.0)
-_STEPS_PER_PULL = 5
+_STEPS_PER_PULL = 8
 # Rotations are averaged over about this length: limbs turn as wholes, which keeps their ends
 # from sliding, yet joints still bend.
 _TURNING_LENGTH = 0.03
@@ -36,17 +37,16 @@ class Registered(NamedTuple):
     Attributes
     ----------
     source_to_target, target_to_source : ndarrays of int64
-    posed : (n, 3) ndarray of float64
-        The deformed source.
-    stretch : float
-        Energy of the edges' changes of length, as a share of that of the edges: what is left of
-        isometry. Of two maps between the same shapes the truer one has less of it.
+    source_places : (n, 6) ndarray of float64
+        Positions of the source's vertices in the target's pose and in its own.
+    target_places : (m, 6) ndarray of float64
+        Positions of the target's vertices in its own pose and in the source's.
     """
 
     source_to_target: IntArray
     target_to_source: IntArray
-    posed: FloatArray
-    stretch: float
+    source_places: FloatArray
+    target_places: FloatArray
 
 
 def register(
@@ -56,71 +56,105 @@ def register(
     source_to_target: IntArray,
     target_to_source: IntArray,
 ) -> Registered:
-    """Polish a pair of point maps by a deformation of the source.
+    """Polish a pair of point maps by deformations of both shapes.
 
     Parameters
     ----------
     source, target : Shape
     functional_map : (k, k) ndarray of float64
-        Gives the starting pose: the target's positions, pulled back smoothly.
+        Gives the starting poses: the other shape's positions, pulled back smoothly.
     source_to_target, target_to_source : ndarrays of int64
         The maps to polish.
     """
-    k = len(functional_map)
-    basis = source.basis[:, :k]
-    posed = basis @ (functional_map @ target.position_coefficients[:k])
-    smooth = basis @ source.position_coefficients[:k]
-    spokes = source.spokes
-    stiffness = sp.diags(np.asarray(spokes.sum(axis=1)).ravel()) - spokes
-    mass = sp.diags(source.areas)
-    average = factorize(mass + _TURNING_LENGTH**2 * stiffness)
-    rotations = _start_rotations(_covariances(source, average, smooth, posed))
+    ours = _Deformation(source, target, functional_map)
+    theirs = _Deformation(target, source, functional_map.T)
     forward, backward = source_to_target, target_to_source
-    ahead = posed
     for stage, pull in enumerate(_PULLS):
-        # Both directions pull, each with the whole area: on average twice a vertex's own.
-        system = factorize(stiffness + 2 * pull * mass)
+        ours.stiffen(pull)
+        theirs.stiffen(pull)
         for step in range(_STEPS_PER_PULL):
             if stage + step:
-                forward, backward = _closest(source, target, ahead, forward, backward)
-            force = source.areas[:, None] * (target.vertices[forward] + ahead)
-            force += _scatter(backward, target.areas[:, None] * target.vertices, len(ahead))
-            force -= np.bincount(backward, target.areas, len(ahead))[:, None] * ahead
-            turned = rotated_divergence(
-                spokes.indptr, spokes.indices, spokes.data, source.vertices, rotations
-            )
-            before, posed = posed, system.solve(turned + pull * force)
-            turn_rotations(_covariances(source, average, source.vertices, posed), rotations)
-            ahead = posed + _MOMENTUM * (posed - before)
+                forward, backward = _closest(ours, theirs, forward, backward)
+            ours.step(forward, backward)
+            theirs.step(backward, forward)
+    ours.ahead, theirs.ahead = ours.posed, theirs.posed
     for _ in range(2):
-        forward, backward = _closest(source, target, posed, forward, backward)
-    return Registered(forward, backward, posed, _stretch(source, posed))
+        forward, backward = _closest(ours, theirs, forward, backward)
+    return Registered(
+        forward,
+        backward,
+        np.hstack([ours.posed, source.vertices]),
+        np.hstack([target.vertices, theirs.posed]),
+    )
 
 
-def _stretch(source: Shape, posed: FloatArray) -> float:
-    edges = source.spokes.tocoo()
-    before = np.linalg.norm(source.vertices[edges.row] - source.vertices[edges.col], axis=1)
-    after = np.linalg.norm(posed[edges.row] - posed[edges.col], axis=1)
-    return float((edges.data @ (after - before) ** 2) / (edges.data @ before**2))
+class _Deformation:
+    """A shape on its way into another's pose.
+
+    Attributes
+    ----------
+    posed : (n, 3) ndarray of float64
+    ahead : (n, 3) ndarray of float64
+        Where the last step leads to.
+    """
+
+    def __init__(self, shape: Shape, goal: Shape, functional_map: FloatArray) -> None:
+        self.shape, self.goal = shape, goal
+        k = len(functional_map)
+        basis = shape.basis[:, :k]
+        self.posed = self.ahead = basis @ (functional_map @ goal.position_coefficients[:k])
+        self._stiffness = sp.diags(np.asarray(shape.spokes.sum(axis=1)).ravel()) - shape.spokes
+        self._mass = sp.diags(shape.areas)
+        self._average = factorize(self._mass + _TURNING_LENGTH**2 * self._stiffness)
+        smooth = basis @ shape.position_coefficients[:k]
+        self._rotations = _start_rotations(self._covariances(smooth))
+
+    def stiffen(self, pull: float) -> None:
+        """Set the pull of the steps that follow."""
+        # Both directions pull, each with the whole area: on average twice a vertex's own.
+        self._pull = pull
+        self._system = factorize(self._stiffness + 2 * pull * self._mass)
+
+    def step(self, forward: IntArray, backward: IntArray) -> None:
+        """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
+        shape, goal, spokes = self.shape, self.goal, self.shape.spokes
+        n = len(shape.vertices)
+        force = shape.areas[:, None] * (goal.vertices[forward] + self.ahead)
+        force += _scatter(backward, goal.areas[:, None] * goal.vertices, n)
+        force -= np.bincount(backward, goal.areas, n)[:, None] * self.ahead
+        turned = rotated_divergence(
+            spokes.indptr, spokes.indices, spokes.data, shape.vertices, self._rotations
+        )
+        before, self.posed = self.posed, self._system.solve(turned + self._pull * force)
+        turn_rotations(self._covariances(shape.vertices), self._rotations)
+        self.ahead = self.posed + _MOMENTUM * (self.posed - before)
+
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        """Positions and normals ahead, and at rest: (n, 6) each."""
+        normals = vertex_normals(self.ahead, self.shape.faces)
+        return (
+            np.hstack([self.ahead, _NORMAL_WEIGHT * normals]),
+            np.hstack([self.shape.vertices, _NORMAL_WEIGHT * self.shape.normals]),
+        )
+
+    def _covariances(self, rest: FloatArray) -> FloatArray:
+        """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
+        spokes = self.shape.spokes
+        cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, self.posed)
+        return self._average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
 
 
 def _closest(
-    source: Shape, target: Shape, posed: FloatArray, forward: IntArray, backward: IntArray
+    ours: _Deformation, theirs: _Deformation, forward: IntArray, backward: IntArray
 ) -> tuple[IntArray, IntArray]:
-    left = np.hstack([posed, _NORMAL_WEIGHT * vertex_normals(posed, source.faces)])
-    right = np.hstack([target.vertices, _NORMAL_WEIGHT * target.normals])
-    ours = source.spokes.indptr, source.spokes.indices
-    theirs = target.spokes.indptr, target.spokes.indices
-    return walk(left, right, forward, *ours, *theirs), walk(right, left, backward, *theirs, *ours)
-
-
-def _covariances(
-    source: Shape, average: Factorization, rest: FloatArray, posed: FloatArray
-) -> FloatArray:
-    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
-    spokes = source.spokes
-    cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, posed)
-    return average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
+    """Points of either shape that are close to the other's in both poses."""
+    left, right = np.hstack(ours.rows()), np.hstack(theirs.rows()[::-1])
+    mine = ours.shape.spokes.indptr, ours.shape.spokes.indices
+    other = theirs.shape.spokes.indptr, theirs.shape.spokes.indices
+    return (
+        walk(left, right, forward, *mine, *other),
+        walk(right, left, backward, *other, *mine),
+    )
 
 
 def _start_rotations(covariances: FloatArray) -> FloatArray:

@@ -79,12 +79,11 @@ class Shape:
         return _spokes(self.vertices, self.faces)
 
     def reflected(self) -> Shape:
-        """Return the mirror image; inside out, until its faces are read as turned too."""
-        mirror = replace(self, vertices=self.vertices * np.array([-1.0, 1.0, 1.0]))
-        # What does not depend on position is shared; normals turn with the surface.
-        for name in ("samples", "signature", "spokes"):
+        """Return the mirror image, its faces turned so that the same side stays outside."""
+        mirrored = self.vertices * np.array([-1.0, 1.0, 1.0])
+        mirror = replace(self, vertices=mirrored, faces=self.faces[:, ::-1])
+        for name in ("samples", "signature", "spokes"):  # what does not depend on handedness
             mirror.__dict__[name] = getattr(self, name)
-        mirror.__dict__["normals"] = self.normals * np.array([-1.0, 1.0, 1.0])
         return mirror
 
 

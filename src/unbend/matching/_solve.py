@@ -56,7 +56,8 @@ class Solution:
     source_to_target, target_to_source : ndarrays of int64
     functional_map : (k, k) ndarray of float64
     landing : pair of ndarrays
-        Positions of the source's vertices (n, 3) and the target's (m, 3) in a common pose.
+        Positions of the source's vertices (n, d) and the target's (m, d) that correspond where
+        they are close: in one common pose, or in two side by side.
     """
 
     source_to_target: IntArray
@@ -99,9 +100,8 @@ def refine(
     source, target : Shape
     candidate : Candidate
     polish : bool, default=True
-        Whether to grow the map to all eigenfunctions and polish it by registrations, of either
-        shape to the other, of which the one that stretches less is taken; else the map's nearest
-        neighbours are taken as it stands.
+        Whether to grow the map to all eigenfunctions and polish it by moving each shape onto the
+        other; else the map's nearest neighbours are taken as it stands.
     on_step : callable, optional
         Told the stage's name and the share of it that is done.
     """
@@ -117,15 +117,14 @@ def refine(
     functional_map = _grown(source, target, candidate.functional_map, _SIZES, _GROWTH_SAMPLES)
     told("refine", 0.4)
     forward, backward = dense_maps(source, goal, functional_map)
-    ours = register(source, goal, functional_map, forward, backward)
-    told("refine", 0.7)
-    theirs = register(goal, source, functional_map.T, backward, forward)
+    found = register(source, goal, functional_map, forward, backward)
     told("refine", 1.0)
-    if theirs.stretch < ours.stretch:
-        maps = theirs.target_to_source, theirs.source_to_target
-        return Solution(*maps, functional_map, (source.vertices, theirs.posed))
-    maps = ours.source_to_target, ours.target_to_source
-    return Solution(*maps, functional_map, (ours.posed, goal.vertices))
+    return Solution(
+        found.source_to_target,
+        found.target_to_source,
+        functional_map,
+        (found.source_places, found.target_places),
+    )
 
 
 def _grown(
