@@ -52,12 +52,13 @@ def reproduce(
     """  # noqa: D301
     from pathlib import Path
 
+    from unbend.datasets import Collection
     from unbend.errors import InputError
     from unbend.report.figures import new_figure
-    from unbend.reproduce.data import SYNTHETIC, describe, open_data
+    from unbend.reproduce.data import SYNTHETIC, open_data
     from unbend.reproduce.page import make_folder, write_index, write_page
     from unbend.reproduce.run import Run
-    from unbend.reproduce.targets import TARGETS, check_shapes
+    from unbend.reproduce.targets import TARGETS, shapes_for
 
     if jobs < 1:
         raise InputError(f"--jobs must be at least 1, not {jobs}")
@@ -69,23 +70,28 @@ def reproduce(
     skipped: dict[str, str] = {}
     with _progress() as progress:
         found = open_data(data, pieces, quick, progress)
+        run = Run(
+            found.shapes.collection if found.shapes else Collection("TOSCA", {}, {}, None, {}),
+            found.scape.collection if found.scape else None,
+            quick,
+            jobs,
+            found.store,
+            progress,
+        )
         wanted = list(TARGETS) if target == "all" else [target]
         for name in wanted:
-            run = Run(
-                found.shapes, found.scape, quick, jobs, found.store, lambda step: progress(step)
-            )
             try:
-                check_shapes(name, run)
+                described = shapes_for(name, found)
             except InputError as error:
                 if target != "all":
                     raise
                 skipped[name] = str(error)
                 continue
+            progress(name)
             result = TARGETS[name](run)
             where = SYNTHETIC if found.synthetic else "DIR"
             command = f"unbend reproduce {name} --data {where} -o OUT" + " --quick" * quick
-            page = write_page(folder, name, result, command, describe(found.rows), found.notes)
-            pages[name] = str(page)
+            pages[name] = str(write_page(folder, name, result, command, described))
             write_index(folder, skipped)
         index = write_index(folder, skipped)
     for name, why in skipped.items():

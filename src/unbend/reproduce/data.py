@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unbend._text import plural
 from unbend.datasets import Collection, load_scape, load_tosca
 from unbend.errors import FileError
 from unbend.reproduce.run import Arrays, kept
@@ -21,7 +22,6 @@ _TOSCA_FOLDERS = ("", "TOSCA", "tosca")
 _REMESHED_FOLDERS = ("tosca_remeshed", "TOSCA_remeshed")
 _SCAPE_FOLDERS = ("", "SCAPE", "scape")
 _OTHER_FOLDERS = ("tosca_original",)
-_NO_SHAPES = Collection("TOSCA", {}, {}, None, {})
 _SHIFTED = (
     "mesh072 of this copy is the shape that SCAPE calls mesh071: whoever made the copy put another "
     "one in its place."
@@ -29,28 +29,34 @@ _SHIFTED = (
 
 
 @dataclass(frozen=True)
-class Data:
-    """Shapes to run on, where pieces made from them are kept, and what a page says of them.
+class Described:
+    """A collection and what a page says of it.
 
     Attributes
     ----------
-    shapes : Collection
-        Empty where there is only SCAPE.
-    scape : Collection or None
-    store : Path
-    synthetic : bool
-    rows : list of dict
-        For each collection: its title, numbers of shapes, classes and vertices.
-    notes : tuple of str
-        Sentences: what was left out, and why.
+    collection : Collection
+    about : str
+        How many shapes there are, of how many vertices.
+    caveats : tuple of str
+        Sentences: how they differ from the paper's.
+    left_out : tuple of str
+        Sentences: which files were passed over, and why.
     """
 
-    shapes: Collection
-    scape: Collection | None
+    collection: Collection
+    about: str
+    caveats: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Data:
+    """Shapes to run on, and where pieces made from them are kept."""
+
+    shapes: Described | None
+    scape: Described | None
     store: Path
     synthetic: bool
-    rows: list[dict[str, object]]
-    notes: tuple[str, ...]
 
 
 def open_data(data: str, pieces: Path, quick: bool, progress: Callable[[str], None]) -> Data:
@@ -82,30 +88,39 @@ def open_data(data: str, pieces: Path, quick: bool, progress: Callable[[str], No
         found = _find(Path(data), quick)
     store = pieces / _digest(found)
     progress("reading the shapes")
-    rows: list[dict[str, object]] = []
-    notes: list[str] = []
-    chosen: list[Collection | None] = []
-    for collection in found:
-        if collection is None:
-            chosen.append(None)
-            continue
-        sizes = _sizes(store, collection)
-        collection, said = without_strangers(collection, sizes)
-        counts = [sizes[name] for name in collection.names]
-        rows.append(
-            {
-                "collection": collection.title,
-                "shapes": len(collection),
-                "classes": len(collection.classes),
-                "fewest vertices": min(counts),
-                "most vertices": max(counts),
-                "numbered alike": collection.corres is None,
-            }
+    shapes, scape = (
+        None if one is None else _describe(one, store, quick, data == SYNTHETIC) for one in found
+    )
+    return Data(shapes, scape, store, data == SYNTHETIC)
+
+
+def _describe(collection: Collection, store: Path, quick: bool, ours: bool) -> Described:
+    sizes = _sizes(store, collection)
+    collection, left_out = without_strangers(collection, sizes)
+    counts = [sizes[name] for name in collection.names]
+    low, high = min(counts), max(counts)
+    vertices = f"{low:,}" if low == high else f"{low:,} to {high:,}"
+    alike = "numbered alike" if collection.corres is None else "each meshed on its own"
+    kinds = plural(len(collection.classes), "kind")
+    caveats = []
+    if ours:
+        caveats.append(
+            "These shapes are our own: the paper's figures, which are for others, are given for "
+            "orientation only."
         )
-        notes += said
-        chosen.append(collection)
-    shapes, scape = chosen
-    return Data(shapes or _NO_SHAPES, scape, store, data == SYNTHETIC, rows, tuple(notes))
+    elif collection.corres is not None:
+        caveats.append(
+            "The paper used the original shapes; these are the same poses, remeshed each on its "
+            "own, so that no method can profit from vertices that are numbered or placed alike."
+        )
+    if quick:
+        caveats.append("A quick run: few pairs, which decide nothing.")
+    return Described(
+        collection,
+        f"{collection.title}: {len(collection)} shapes of {kinds}, {vertices} vertices, {alike}",
+        tuple(caveats),
+        left_out,
+    )
 
 
 def without_strangers(
@@ -198,17 +213,3 @@ def _sizes(store: Path, collection: Collection) -> dict[str, int]:
         return {name: np.array(collection.mesh(name).n_vertices) for name in collection.names}
 
     return {name: int(n) for name, n in kept(store, f"sizes-{collection.title}", read).items()}
-
-
-def describe(rows: list[dict[str, object]]) -> str:
-    """Say in one sentence what the shapes are; commas in their numbers."""
-    parts = []
-    for row in rows:
-        low, high = row["fewest vertices"], row["most vertices"]
-        vertices = f"{low:,}" if low == high else f"{low:,} to {high:,}"
-        alike = "numbered alike" if row["numbered alike"] else "each meshed on its own"
-        parts.append(
-            f"{row['collection']}: {row['shapes']} shapes of {row['classes']} kinds, "
-            f"{vertices} vertices, {alike}"
-        )
-    return "; ".join(parts)

@@ -19,6 +19,7 @@ from unbend._files import atomic_write
 from unbend.errors import FileError
 from unbend.linalg._threads import n_threads
 from unbend.report.figures import save_figure
+from unbend.reproduce.data import Described
 from unbend.reproduce.result import Result
 
 _PACKAGES = ("unbend", "numpy", "scipy", "numba", "potpourri3d", "matplotlib")
@@ -26,9 +27,7 @@ _PACKAGES = ("unbend", "numpy", "scipy", "numba", "potpourri3d", "matplotlib")
 _MOST_ROWS = 40
 
 
-def write_page(
-    folder: Path, target: str, result: Result, command: str, data: str, notes: Sequence[str]
-) -> Path:
+def write_page(folder: Path, target: str, result: Result, command: str, data: Described) -> Path:
     """Write everything that an experiment found into a folder of its own.
 
     Parameters
@@ -40,10 +39,8 @@ def write_page(
     result : Result
     command : str
         What runs it again.
-    data : str
-        What it ran on, in a sentence.
-    notes : sequence of str
-        Sentences on shapes that were left out.
+    data : Described
+        What it ran on.
 
     Returns
     -------
@@ -66,8 +63,9 @@ def write_page(
         "title": result.title,
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "command": command,
-        "data": data,
-        "left out": list(notes),
+        "data": data.about,
+        "caveats": list(data.caveats),
+        "left out": list(data.left_out),
         "machine": machine(),
         "versions": versions(),
     }
@@ -164,7 +162,8 @@ def markdown_table(rows: Sequence[dict[str, object]]) -> str:
 
 
 def _page(result: Result, facts: dict[str, Any]) -> str:
-    parts = [f"# {result.title}", result.text.strip()]
+    said = " ".join([f"Run on {facts['data']}.", *facts["caveats"]])
+    parts = [f"# {result.title}", f"> {said}", result.text.strip()]
     parts += [f"![{name}]({name}.png)" for name in result.figures]
     for name, rows in result.tables.items():
         heading = f"## {name.replace('_', ' ').capitalize()}"

@@ -9,12 +9,12 @@ import numpy as np
 
 from unbend._types import FloatArray
 from unbend.alignment import align
-from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind
 from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.likeness import aligned_cosine
 from unbend.report.figures import new_figure
+from unbend.reproduce.forms import N_SAMPLES, form, some_points
 from unbend.reproduce.result import Figure, Result
 from unbend.reproduce.run import Arrays, Run, everywhere, piece
 
@@ -52,7 +52,11 @@ def table2(run: Run) -> Result:
         raise InputError("table2 needs one person in three poses or more, numbered alike")
     if run.quick:
         names = names[: N_PROBES + 1]
-    everywhere(run, form, [(scape, name, kind) for name in names for kind in DISTANCES])
+    everywhere(
+        run,
+        form,
+        [(scape, name, kind, "sampled", N_EIGENPAIRS) for name in names for kind in DISTANCES],
+    )
     rows = everywhere(
         run,
         compare,
@@ -86,27 +90,19 @@ def table2(run: Run) -> Result:
     )
 
 
-def form(shapes: Collection, name: str, kind: DistanceKind, k: int = N_EIGENPAIRS) -> Arrays:
-    """Canonical form by the paper's sampled method, from `k` eigenpairs and 200 samples."""
-    made = canonical_form(
-        shapes.mesh(name), distance=kind, method="sampled", n_eigenpairs=k, cache=False
-    )
-    return {"points": made.points, "seconds": np.array(sum(made.seconds.values()))}
-
-
 def compare(
     shapes: Collection, store: Path, model: str, probes: tuple[str, ...], kind: DistanceKind
 ) -> Arrays:
     """Cosines of a model with probes: by known correspondence, and after ICP."""
-    ours = piece(store, form, shapes, model, kind)["points"]
+    ours = piece(store, form, shapes, model, kind, "sampled", N_EIGENPAIRS)["points"]
     found: dict[str, list[float]] = {way: [] for way in WAYS}
     for probe in probes:
-        theirs = piece(store, form, shapes, probe, kind)["points"]
+        theirs = piece(store, form, shapes, probe, kind, "sampled", N_EIGENPAIRS)["points"]
         there = np.isfinite(ours).all(axis=1) & np.isfinite(theirs).all(axis=1)
         left, right = ours[there], theirs[there]
         found[KNOWN].append(aligned_cosine(left, right, np.ones(len(left))))
         # Other vertices of the one than of the other: ICP shall not meet the same points.
-        few = [_some(left, 0), _some(right, 1)]
+        few = some_points(left, N_POINTS, 0), some_points(right, N_POINTS, 1)
         found_by_icp = align(*few)
         turned = found_by_icp.apply(left)
         found[TURNED].append(cosine(turned, right))
@@ -124,12 +120,6 @@ def cosine(left: FloatArray, right: FloatArray) -> float:
     """Cosine of two sets of corresponding points, each about its centre, as they stand."""
     left, right = left - left.mean(axis=0), right - right.mean(axis=0)
     return float((left * right).sum() / (np.linalg.norm(left) * np.linalg.norm(right)))
-
-
-def _some(points: FloatArray, seed: int) -> FloatArray:
-    chance = np.random.default_rng(seed)
-    rows = np.sort(chance.permutation(len(points))[:N_POINTS])
-    return np.asarray(points[rows])
 
 
 def _summary(
@@ -163,10 +153,10 @@ def _text(summary: list[dict[str, object]], names: tuple[str, ...], n_probes: in
     )
     return f"""
 The paper's Table 2 gives the cosine of the canonical forms of a model and ten probes of SCAPE,
-with 50 eigenfunctions. Three columns of it can be read without doubt: {paper}. It does not say
-which poses these are, nor how the forms were aligned.
+with 50 eigenfunctions. Three columns of it can be read without doubt: {paper}.
+It does not say which poses these are, nor how the forms were aligned.
 
-Ours: three-dimensional forms by the sampled method, {N_EIGENPAIRS} eigenpairs and 200 samples,
+Ours: three-dimensional forms by the sampled method, {N_EIGENPAIRS} eigenpairs, {N_SAMPLES} samples,
 geodesics by the heat method. The model is {names[0]}, the probes the {n_probes} shapes that follow
 it ({names[1]} to {names[n_probes]}); the figures over all pairs of the {len(names)} shapes do not
 depend on that choice. The forms are centred, and aligned in three ways:
@@ -175,8 +165,8 @@ depend on that choice. The forms are centred, and aligned in three ways:
   alignment could reach), summed over all vertices;
 - **{TURNED}**: turned by ICP on {N_POINTS} random vertices of each form (not the same ones),
   then summed over all vertices by the known correspondence;
-- **{CLOSEST}**: the same ICP, summed over the closest points that it found. This measures how
-  near the point sets are, not whether the right points meet.
+- **{CLOSEST}**: the same ICP, summed over the closest points that it found. This measures
+  how near the point sets are, not whether the right points meet.
 
 """ + "\n".join(_verdict(row) for row in summary)
 
@@ -205,7 +195,7 @@ def _draw_probes(found: dict[tuple[str, str], FloatArray], probes: tuple[str, ..
         zip(WAYS, figure.subplots(1, len(WAYS), sharey=True), strict=True)
     ):
         for color, kind in zip(("C3", "C0"), DISTANCES, strict=True):
-            ax.plot(probes, found[way, kind][: len(probes)], "o-", color=color, ms=4, label=kind)
+            ax.plot(probes, found[way, kind][: len(probes)], "o", color=color, ms=4, label=kind)
             for value in PAPER[kind]:
                 ax.axhline(value, color=color, lw=0.8, ls=":", zorder=0)
         ax.set_title(way, fontsize=9)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from unbend.errors import InputError
+from unbend.reproduce.data import Data, Described
 from unbend.reproduce.result import Result
 from unbend.reproduce.run import Run
+from unbend.reproduce.table1 import table1
 from unbend.reproduce.table2 import table2
 
 TARGETS: dict[str, Callable[[Run], Result]] = {
+    "table1": table1,
     "table2": table2,
 }
 
@@ -17,21 +20,23 @@ TARGETS: dict[str, Callable[[Run], Result]] = {
 ON_SCAPE = frozenset({"table2"})
 
 
-def check_shapes(target: str, run: Run) -> None:
-    """Refuse an experiment whose shapes are not there.
+def shapes_for(target: str, data: Data) -> Described:
+    """Return the shapes that an experiment is about.
 
     Raises
     ------
     InputError
         With what to put where.
     """
-    if target in ON_SCAPE and run.scape is None:
+    found = data.scape if target in ON_SCAPE else data.shapes
+    if found is not None:
+        return found
+    if target in ON_SCAPE:
         raise InputError(
             f"{target} needs the shapes of SCAPE: put mesh000.off and so on into a folder SCAPE "
             "of the data folder, or give --data synthetic"
         )
-    if target not in ON_SCAPE and not len(run.shapes):
-        raise InputError(
-            f"{target} needs the shapes of TOSCA: put cat0.off and so on into a folder TOSCA of "
-            "the data folder, or give --data synthetic"
-        )
+    raise InputError(
+        f"{target} needs the shapes of TOSCA: put cat0.off and so on into a folder TOSCA of "
+        "the data folder, or give --data synthetic"
+    )
