@@ -14,6 +14,7 @@ from unbend.reproduce import forms
 from unbend.reproduce.result import Result
 from unbend.reproduce.run import Run
 from unbend.reproduce.table2 import cosine, table2
+from unbend.reproduce.table2_text import WAYS, Compared, table2_text
 
 
 @pytest.fixture(scope="module")
@@ -52,18 +53,38 @@ def test_the_library_says_the_same(run, result):
 
 
 def test_the_page_gives_the_figures_of_the_table(result):
-    known = result.tables["summary"][0]
-    assert known["correspondence"] == "known"
     rows = result.tables["all_pairs"]
-    means = [
-        np.mean([row[f"{kind}, known"] for row in rows]) for kind in ("geodesic", "biharmonic")
-    ]
-    assert [known["geodesic, all pairs"], known["biharmonic, all pairs"]] == pytest.approx(means)
-    ahead = [row["biharmonic, known"] > row["geodesic, known"] for row in rows]
-    assert known["biharmonic above, all pairs"] == f"{sum(ahead)} of 6"
-    assert f"biharmonic is above geodesic in {sum(ahead)} of 6" in result.text
-    assert f"({means[1]:.4f} against {means[0]:.4f})" in result.text
+    geodesic, biharmonic = (
+        np.array([row[f"{kind}, known"] for row in rows]) for kind in ("geodesic", "biharmonic")
+    )
+    probes, everything = result.tables["summary"][:2]
+    assert (probes["correspondence"], probes["over"], probes["pairs"]) == ("known", "probes", 3)
+    assert (everything["over"], everything["pairs"]) == ("all pairs", 6)
+    assert everything["geodesic"] == pytest.approx(geodesic.mean())
+    assert everything["by"] == pytest.approx((biharmonic - geodesic).mean())
+    above = int((biharmonic > geodesic).sum())
+    assert everything["biharmonic above in"] == above
+    said = f"{above} of 6 ({biharmonic.mean():.4f} against {geodesic.mean():.4f} on average"
+    assert said in result.text
     assert set(result.figures) == {"probes", "similarities"}
+
+
+def test_the_verdict_follows_the_figures():
+    def text(above: int) -> str:
+        geodesic = np.full(10, 0.9)
+        biharmonic = np.where(np.arange(10) < above, 0.95, 0.2)
+        both = [
+            Compared(way, over, geodesic, biharmonic)
+            for way in WAYS
+            for over in ("probes", "all pairs")
+        ]
+        return table2_text(both, tuple("abcdefghijk"), 10)
+
+    assert "- *known*: confirmed." in text(9)
+    assert "- *known*: neither confirmed nor refuted" in text(5)
+    assert "- *known*: refuted." in text(0)
+    assert "in 0 pairs by the geodesic and 5 by the biharmonic distance" in text(5)
+    assert "the paper's lie among the lowest of ours" in text(9)
 
 
 def test_a_second_run_computes_nothing(run, result, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -148,13 +149,13 @@ def _pair_rows(
     pairs: list[tuple[str, str]], kinds: list[str], found: list[Arrays]
 ) -> list[dict[str, object]]:
     """Mean errors and seconds of each pair, the worst progressive match first."""
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     for (source, target), kind, errors in zip(pairs, kinds, found, strict=True):
-        row: dict[str, object] = {"source": source, "target": target, "class": kind}
+        row: dict[str, Any] = {"source": source, "target": target, "class": kind}
         row |= {f"{method}, mean error": float(errors[method].mean()) for method in METHODS}
         row |= {f"{method}, s": float(errors[f"{method} seconds"]) for method in METHODS}
         rows.append(row | {"confidence": float(errors["confidence"])})
-    return sorted(rows, key=lambda row: -float(str(row[f"{PROGRESSIVE}, mean error"])))
+    return sorted(rows, key=lambda row: -row[f"{PROGRESSIVE}, mean error"])
 
 
 def _curves(found: list[Arrays], groups: dict[str, list[int]]) -> list[dict[str, object]]:

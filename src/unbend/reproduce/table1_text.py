@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from unbend.reproduce.correspondences import (
     EXACT,
     ICP_POINTS,
@@ -19,7 +21,7 @@ STRICT, LOOSE, NEARLY_ALL = (0.025, 0.05, 0.1), (0.15, 0.2), 99.5
 _AGREE = 5.0  # percentage points
 _WORST = 8
 
-Row = dict[str, object]
+Row = dict[str, Any]
 
 
 def table1_text(
@@ -88,7 +90,7 @@ mirrored as a whole.
 
 
 def _share(row: Row, limit: float) -> float:
-    return float(str(row[f"<= {limit:g}, %"]))
+    return float(row[f"<= {limit:g}, %"])
 
 
 def _goal(shares: dict[tuple[object, object], Row], column: str) -> str:
@@ -144,11 +146,9 @@ def _bound(shares: dict[tuple[object, object], Row], alternatives: list[Row], me
 
 
 def _pair(row: Row) -> str:
-    errors = ", ".join(
-        f"{method} {float(str(row[f'{method}, mean error'])):.4f}" for method in METHODS[:-1]
-    )
+    errors = ", ".join(f"{method} {row[f'{method}, mean error']:.4f}" for method in METHODS[:-1])
     return (
         f"- {row['source']} to {row['target']}: mean error "
-        f"{float(str(row[f'{PROGRESSIVE}, mean error'])):.4f}, confidence "
-        f"{float(str(row['confidence'])):.2f} ({errors})."
+        f"{row[f'{PROGRESSIVE}, mean error']:.4f}, confidence "
+        f"{row['confidence']:.2f} ({errors})."
     )
