@@ -154,7 +154,6 @@ def _level(known: Compared) -> str:
         + (
             "the paper's lie among the lowest of ours."
             if low <= paper.max()
-            else "none is as low as the paper's, which alignment or pairing of another kind must "
-            "account for."
+            else "none is as low as the paper's, and what makes the difference it does not say."
         )
     )
