@@ -12,6 +12,7 @@ Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
 Geodesics = Literal["heat", "exact"]
+Experiment = Literal["table1", "table2", "all"]
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
 Axis = Literal["x", "y", "z"]
 

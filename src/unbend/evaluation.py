@@ -14,8 +14,8 @@ from unbend.mesh import Mesh, as_mesh, vertex_areas
 THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
 
-# Distances from at most this many vertices are kept, of the meshes last used.
-_KEPT_ROWS = 20_000
+# Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.
+_KEPT_BYTES = 2**30
 _kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
 
 
@@ -204,7 +204,10 @@ def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> F
 
 
 def _forget() -> None:
-    while len(_kept) > 1 and sum(map(len, _kept.values())) > _KEPT_ROWS:
+    def size() -> int:
+        return sum(row.nbytes for rows in _kept.values() for row in rows.values())
+
+    while len(_kept) > 1 and size() > _KEPT_BYTES:
         _kept.pop(next(iter(_kept)))
 
 

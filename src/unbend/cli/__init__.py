@@ -26,6 +26,7 @@ from unbend.cli import (
     distance,
     evaluate,
     match,
+    reproduce,
     similarity,
     transfer,
 )
@@ -41,6 +42,7 @@ COMMANDS = (
     transfer.transfer,
     similarity.similarity,
     demo.demo,
+    reproduce.reproduce,
 )
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C

@@ -1,0 +1,42 @@
+"""The experiments by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from unbend.errors import InputError
+from unbend.reproduce.data import Data, Described
+from unbend.reproduce.result import Result
+from unbend.reproduce.run import Run
+from unbend.reproduce.table1 import table1
+from unbend.reproduce.table2 import table2
+
+TARGETS: dict[str, Callable[[Run], Result]] = {
+    "table1": table1,
+    "table2": table2,
+}
+
+# Experiments that run on SCAPE; all others run on TOSCA.
+ON_SCAPE = frozenset({"table2"})
+
+
+def shapes_for(target: str, data: Data) -> Described:
+    """Return the shapes that an experiment is about.
+
+    Raises
+    ------
+    InputError
+        With what to put where.
+    """
+    found = data.scape if target in ON_SCAPE else data.shapes
+    if found is not None:
+        return found
+    if target in ON_SCAPE:
+        raise InputError(
+            f"{target} needs the shapes of SCAPE: put mesh000.off and so on into a folder SCAPE "
+            "of the data folder, or give --data synthetic"
+        )
+    raise InputError(
+        f"{target} needs the shapes of TOSCA: put cat0.off and so on into a folder TOSCA of "
+        "the data folder, or give --data synthetic"
+    )
