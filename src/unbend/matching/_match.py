@@ -40,7 +40,7 @@ def match(
 
     The shapes' spectral canonical forms are aligned in growing dimension, many hypotheses at a
     time; among those that keep the surface right side out, the one that moves patches of the
-    surface most rigidly is taken, and a nearly rigid deformation of the source polishes it.
+    surface most rigidly is taken, and nearly rigid deformations of both shapes polish it.
 
     Parameters
     ----------
