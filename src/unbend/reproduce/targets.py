@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from unbend.errors import InputError
 from unbend.reproduce.data import Data, Described
+from unbend.reproduce.figure1 import figure1
+from unbend.reproduce.figure3 import figure3
 from unbend.reproduce.result import Result
 from unbend.reproduce.run import Run
 from unbend.reproduce.table1 import table1
@@ -14,6 +16,8 @@ from unbend.reproduce.table2 import table2
 TARGETS: dict[str, Callable[[Run], Result]] = {
     "table1": table1,
     "table2": table2,
+    "figure1": figure1,
+    "figure3": figure3,
 }
 
 # Experiments that run on SCAPE; all others run on TOSCA.
