@@ -193,8 +193,8 @@ def _text(pair: tuple[str, ...], summary: list[dict[str, object]]) -> str:
     right = ", ".join(str(row["class"]) for row in summary if row["right"]) or "no class"
     wrong = "".join(
         f"\nFor {row['class']} it does not: true pairs end "
-        f"{row['true pairs, least residual']:.2f} of the form's size apart, where the best rigid motion leaves "
-        f"{row['true pairs, best possible']:.2f}; "
+        f"{row['true pairs, least residual']:.2f} of the form's size apart, "
+        f"where the best rigid motion leaves {row['true pairs, best possible']:.2f}; "
         f"{'another start ends' if row['starts that end right'] else 'no start ends'} there."
         for row in summary
         if not row["right"]
@@ -213,9 +213,9 @@ mean squares as shares of the second form's size.
 
 A form is unique up to an orthogonal matrix only, so ICP needs a start: we turn principal axes onto
 principal axes with each of the eight choices of signs, and take the end of least residual. ICP
-goes down from every start and stops in the nearest valley: of the eight starts of a pair, {number}
-end with true pairs within {_RIGHT}. From a bad start the form ends up turned end to end or mirrored,
-and the residual curve falls and levels out like a good one.
+goes down from every start and stops in the nearest valley: of the eight starts of a pair,
+{number} end with true pairs within {_RIGHT}. From a bad start the form ends up turned end to end
+or mirrored, and the residual curve falls and levels out like a good one.
 The least residual leads to the true correspondence for {right}.{wrong}
 
 A body whose left mirrors its right has a mirrored end with nearly the same residual, which no

@@ -9,6 +9,7 @@ from unbend.reproduce.data import Data, Described
 from unbend.reproduce.figure1 import figure1
 from unbend.reproduce.figure3 import figure3
 from unbend.reproduce.result import Result
+from unbend.reproduce.robustness import robustness
 from unbend.reproduce.run import Run
 from unbend.reproduce.table1 import table1
 from unbend.reproduce.table2 import table2
@@ -18,6 +19,7 @@ TARGETS: dict[str, Callable[[Run], Result]] = {
     "table2": table2,
     "figure1": figure1,
     "figure3": figure3,
+    "robustness": robustness,
 }
 
 # Experiments that run on SCAPE; all others run on TOSCA.
