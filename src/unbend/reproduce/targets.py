@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from unbend.errors import InputError
+from unbend.reproduce.convergence import convergence
 from unbend.reproduce.data import Data, Described
+from unbend.reproduce.efficiency import efficiency
 from unbend.reproduce.figure1 import figure1
 from unbend.reproduce.figure3 import figure3
 from unbend.reproduce.result import Result
@@ -20,6 +22,8 @@ TARGETS: dict[str, Callable[[Run], Result]] = {
     "figure1": figure1,
     "figure3": figure3,
     "robustness": robustness,
+    "efficiency": efficiency,
+    "convergence": convergence,
 }
 
 # Experiments that run on SCAPE; all others run on TOSCA.
