@@ -58,20 +58,18 @@ def reproduce(
     from unbend.errors import InputError
     from unbend.report.figures import new_figure
     from unbend.reproduce.data import SYNTHETIC, open_data
-    from unbend.reproduce.page import make_folder, write_index, write_page
+    from unbend.reproduce.page import write_index, write_page
     from unbend.reproduce.run import Run
     from unbend.reproduce.targets import TARGETS, shapes_for
 
     if jobs < 1:
         raise InputError(f"--jobs must be at least 1, not {jobs}")
     new_figure(1, 1)  # matplotlib is missing? Say so before the work.
-    folder = make_folder(Path(out))
-    pieces = make_folder(folder / "pieces")
-    (pieces / ".gitignore").write_text("*\n")  # made from shapes that may not be passed on
+    folder = Path(out)
     pages: dict[str, str] = {}
     skipped: dict[str, str] = {}
     with _progress() as progress:
-        found = open_data(data, pieces, quick, progress)
+        found = open_data(data, folder / "pieces", quick, progress)
         run = Run(
             found.shapes.collection if found.shapes else Collection("TOSCA", {}, {}, None, {}),
             found.scape.collection if found.scape else None,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unbend._files import atomic_write
 from unbend._text import plural
 from unbend.datasets import Collection, load_scape, load_tosca
 from unbend.errors import FileError
@@ -79,13 +80,17 @@ def open_data(data: str, pieces: Path, quick: bool, progress: Callable[[str], No
     FileError
         If there is nothing to run on.
     """
-    if data == SYNTHETIC:
+    asked = None if data == SYNTHETIC else _find(Path(data), quick)
+    make_folder(pieces)
+    with atomic_write(pieces / ".gitignore") as file:
+        file.write(b"*\n")  # made from shapes that may not be passed on
+    if asked is None:
         found: list[Collection | None] = [
             make_species(pieces, quick, progress),
             make_people(pieces, quick, progress),
         ]
     else:
-        found = _find(Path(data), quick)
+        found = asked
     store = pieces / _digest(found)
     progress("reading the shapes")
     shapes, scape = (
@@ -121,6 +126,20 @@ def _describe(collection: Collection, store: Path, quick: bool, ours: bool) -> D
         tuple(caveats),
         left_out,
     )
+
+
+def make_folder(folder: Path) -> Path:
+    """Make a folder, or say in one sentence why it cannot be.
+
+    Raises
+    ------
+    FileError
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make the folder {folder}: {error.strerror}") from None
+    return folder
 
 
 def without_strangers(

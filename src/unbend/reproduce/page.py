@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from unbend._files import atomic_write
-from unbend.errors import FileError
 from unbend.linalg._threads import n_threads
 from unbend.report.figures import save_figure
-from unbend.reproduce.data import Described
+from unbend.reproduce.data import Described, make_folder
 from unbend.reproduce.result import Result
 
 _PACKAGES = ("unbend", "numpy", "scipy", "numba", "potpourri3d", "matplotlib")
@@ -103,20 +102,6 @@ def write_index(folder: Path, skipped: dict[str, str]) -> Path:
     lines += [f"\nNot run: {name}. {why[0].upper()}{why[1:]}." for name, why in skipped.items()]
     _write(folder / "README.md", "\n".join(lines) + "\n")
     return folder / "README.md"
-
-
-def make_folder(folder: Path) -> Path:
-    """Make a folder, or say in one sentence why it cannot be.
-
-    Raises
-    ------
-    FileError
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make the folder {folder}: {error.strerror}") from None
-    return folder
 
 
 def machine() -> dict[str, object]:

@@ -14,19 +14,23 @@ from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.likeness import aligned_cosine
 from unbend.report.figures import new_figure
-from unbend.reproduce.forms import N_SAMPLES, form, some_points
+from unbend.reproduce.forms import form, some_points
 from unbend.reproduce.result import Figure, Result
 from unbend.reproduce.run import Arrays, Run, everywhere, piece
+from unbend.reproduce.table2_text import (
+    CLOSEST,
+    DISTANCES,
+    KNOWN,
+    N_EIGENPAIRS,
+    N_POINTS,
+    PAPER,
+    TURNED,
+    WAYS,
+    Compared,
+    table2_text,
+)
 
-# What is left of the paper's table: three probes by both distances.
-PAPER = {"geodesic": (0.9034, 0.8761, 0.8720), "biharmonic": (0.9117, 0.8828, 0.8813)}
-DISTANCES: tuple[DistanceKind, ...] = ("geodesic", "biharmonic")
-N_EIGENPAIRS = 50
 N_PROBES = 10
-N_POINTS = 1000  # of each form, for ICP
-
-KNOWN, TURNED, CLOSEST = "known", "icp, known points", "icp, closest points"
-WAYS = (KNOWN, TURNED, CLOSEST)
 
 
 def table2(run: Run) -> Result:
@@ -74,11 +78,11 @@ def table2(run: Run) -> Result:
             found[way, kind] = np.concatenate([row[way] for row in part])
     pairs = list(itertools.combinations(names, 2))
     n_probes = min(N_PROBES, len(names) - 1)
-    summary = [_summary(found, way, n_probes) for way in WAYS]
+    compared = _compared(found, n_probes)
     return Result(
         title="Table 2: cosine similarity of one person's canonical forms",
         tables={
-            "summary": summary,
+            "summary": [one.row() for one in compared],
             "probes": _pair_rows(found, pairs[:n_probes]),
             "all_pairs": _pair_rows(found, pairs),
         },
@@ -86,7 +90,7 @@ def table2(run: Run) -> Result:
             "probes": _draw_probes(found, names[1 : n_probes + 1]),
             "similarities": _draw_all(found, names),
         },
-        text=_text(summary, names, n_probes),
+        text=table2_text(compared, names, n_probes),
     )
 
 
@@ -122,17 +126,12 @@ def cosine(left: FloatArray, right: FloatArray) -> float:
     return float((left * right).sum() / (np.linalg.norm(left) * np.linalg.norm(right)))
 
 
-def _summary(
-    found: dict[tuple[str, str], FloatArray], way: str, n_probes: int
-) -> dict[str, object]:
-    row: dict[str, object] = {"correspondence": way}
-    ahead = found[way, "biharmonic"] - found[way, "geodesic"]
-    for label, some in (("probes", slice(n_probes)), ("all pairs", slice(None))):
-        for kind in DISTANCES:
-            row[f"{kind}, {label}"] = float(found[way, kind][some].mean())
-        row[f"biharmonic above, {label}"] = f"{(ahead[some] > 0).sum()} of {len(ahead[some])}"
-        row[f"by, {label}"] = float(ahead[some].mean())
-    return row
+def _compared(found: dict[tuple[str, str], FloatArray], n_probes: int) -> list[Compared]:
+    return [
+        Compared(way, over, *(found[way, kind][rows] for kind in DISTANCES))
+        for way in WAYS
+        for over, rows in (("probes", slice(n_probes)), ("all pairs", slice(None)))
+    ]
 
 
 def _pair_rows(
@@ -143,49 +142,6 @@ def _pair_rows(
         | {f"{kind}, {way}": float(found[way, kind][i]) for way in WAYS for kind in DISTANCES}
         for i, (model, probe) in enumerate(pairs)
     ]
-
-
-def _text(summary: list[dict[str, object]], names: tuple[str, ...], n_probes: int) -> str:
-    paper = "; ".join(
-        f"{'S-MDS (geodesic)' if kind == 'geodesic' else kind} "
-        + ", ".join(f"{value:.4f}" for value in PAPER[kind])
-        for kind in DISTANCES
-    )
-    return f"""
-The paper's Table 2 gives the cosine of the canonical forms of a model and ten probes of SCAPE,
-with 50 eigenfunctions. Three columns of it can be read without doubt: {paper}.
-It does not say which poses these are, nor how the forms were aligned.
-
-Ours: three-dimensional forms by the sampled method, {N_EIGENPAIRS} eigenpairs, {N_SAMPLES} samples,
-geodesics by the heat method. The model is {names[0]}, the probes the {n_probes} shapes that follow
-it ({names[1]} to {names[n_probes]}); the figures over all pairs of the {len(names)} shapes do not
-depend on that choice. The forms are centred, and aligned in three ways:
-
-- **{KNOWN}**: by the known correspondence, the best rotation or reflection (the most that any
-  alignment could reach), summed over all vertices;
-- **{TURNED}**: turned by ICP on {N_POINTS} random vertices of each form (not the same ones),
-  then summed over all vertices by the known correspondence;
-- **{CLOSEST}**: the same ICP, summed over the closest points that it found. This measures
-  how near the point sets are, not whether the right points meet.
-
-""" + "\n".join(_verdict(row) for row in summary)
-
-
-def _verdict(row: dict[str, object]) -> str:
-    def said(label: str) -> str:
-        by = float(str(row[f"by, {label}"]))
-        side = "above" if by > 0 else "below"
-        return (
-            f"biharmonic is above geodesic in {row[f'biharmonic above, {label}']} and "
-            f"{abs(by):.4f} {side} it on average ({float(str(row[f'biharmonic, {label}'])):.4f} "
-            f"against {float(str(row[f'geodesic, {label}'])):.4f})"
-        )
-
-    order = "confirmed" if float(str(row["by, all pairs"])) > 0 else "not confirmed"
-    return (
-        f"- *{row['correspondence']}*: among the probes {said('probes')}; over all pairs "
-        f"{said('all pairs')}. The paper's order is {order} in the mean over all pairs."
-    )
 
 
 def _draw_probes(found: dict[tuple[str, str], FloatArray], probes: tuple[str, ...]) -> Figure:
