@@ -188,8 +188,7 @@ def _text(summary: list[dict[str, object]]) -> str:
     which = f"lower for {', '.join(lower)}" if lower else "lower for no class"
     return f"""
 The paper's Figure 1 shows shapes in several poses, the S-MDS forms of geodesic distances, and the
-forms of the biharmonic distance. It claims nothing in numbers; to the eye its forms of one class
-look alike.
+forms of the biharmonic distance: to the eye, forms of one class look alike.
 
 Ours: above, the shapes; in the middle, S-MDS forms (geodesics by the heat method, {N_SAMPLES}
 samples, {N_EIGENPAIRS} eigenpairs); below, exact biharmonic forms. The same point has the same

@@ -203,7 +203,7 @@ def _text(pair: tuple[str, ...], summary: list[dict[str, object]]) -> str:
     number = " to ".join(str(one) for one in (counts[0], counts[-1])[: len(counts)])
     return f"""
 The paper's Figure 3 shows two canonical forms before and after ICP, and the residual falling with
-the steps. It gives no numbers and does not say where ICP starts.
+the steps.
 
 Ours: the first two poses of each class, three-dimensional biharmonic forms by the sampled method
 ({N_EIGENPAIRS} eigenpairs, {N_SAMPLES} samples), ICP on {ICP_POINTS} random vertices of each (not

@@ -95,7 +95,7 @@ def text(
     )
     return f"""
 The paper says that the biharmonic distance, unlike the geodesic one, is insensitive to noise and
-topology. It gives no measurements of that.
+topology.
 
 Ours: the first pose of each class ({", ".join(names)}) is perturbed, and its three-dimensional
 forms at unit area, exact biharmonic ones and S-MDS ones of geodesics by the heat method, are
