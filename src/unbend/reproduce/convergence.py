@@ -52,12 +52,16 @@ def convergence(run: Run) -> Result:
     found = everywhere(run, sweep, [(run.shapes, name) for name in names])
     mean = {key: np.exp(np.mean([np.log(one[key]) for one in found], axis=0)) for key in found[0]}
     rows: list[dict[str, object]] = [
-        {"eigenpairs": k, "samples": p} | {way: _short(mean[f"grid, {way}"][i, j]) for way in WAYS}
+        {
+            "eigenpairs": k,
+            "samples": p,
+            **{way: _short(mean[f"grid, {way}"][i, j]) for way in WAYS},
+        }
         for i, k in enumerate(EIGENPAIRS)
         for j, p in enumerate(SAMPLES)
     ]
     by_mu: list[dict[str, object]] = [
-        {"mu": f"{mu:g}"} | {way: _short(mean[f"mu, {way}"][i]) for way in WAYS}
+        {"mu": f"{mu:g}", **{way: _short(mean[f"mu, {way}"][i]) for way in WAYS}}
         for i, mu in enumerate(MUS)
     ]
     return Result(
@@ -148,7 +152,7 @@ def _text(mean: Arrays, names: list[str]) -> str:
     grid = mean["grid, projection"]
 
     def at(k: int, p: int, way: str = WAYS[0]) -> str:
-        return f"{mean[f'grid, {way}'][EIGENPAIRS.index(k), SAMPLES.index(p)]:.1e}"
+        return f"{100 * mean[f'grid, {way}'][EIGENPAIRS.index(k), SAMPLES.index(p)]:.2g} %"
 
     best = MUS[int(np.nanargmin(mean["mu, projection"]))]
     more, fewer = EIGENPAIRS.index(200), EIGENPAIRS.index(50)
@@ -161,7 +165,7 @@ Ours: the first pose of each class ({", ".join(names)}), sampled forms by both i
 paper, Eq. 15 ("projection", rows and columns one after the other; dots) and Eq. 14
 ("least-squares", both at once; crosses, only where samples are more than eigenpairs, for otherwise
 they do not determine it), against the exact form: root mean square distance of the vertices after
-the best rigid motion, as a share of the form's size; geometric means over the shapes.
+the best rigid motion, in percent of the form's size; geometric means over the shapes.
 
 - With {USUAL[0]} eigenpairs, {USUAL[1]} samples and mu = {USUAL[2]:g}, the setting of the other
   experiments, the sampled form is {at(100, 200)} of its size from the exact one by projection,

@@ -174,7 +174,11 @@ def _draw(rows: list[dict[str, object]], quick: bool) -> Figure:
                     color=color, ms=4, lw=1.3, label=name,
                 )  # fmt: skip
             ax.set_xscale("log")
-            ax.set_yscale("log")
+            if unit == "s":
+                ax.set_yscale("log")
+                ax.yaxis.set_major_formatter("{x:g}")
+            else:
+                ax.set_ylim(bottom=0)
             ticks = _column(mine, key).astype(int)
             ax.set_xticks(ticks, [f"{tick:,}" for tick in ticks], fontsize=8)
             ax.set_xticks([], minor=True)
@@ -197,7 +201,7 @@ def _text(rows: list[dict[str, object]], fits: list[dict[str, object]], quick: b
     }
     memory = (
         "Memory is by how much the peak of a process of its own rises above what it held before; "
-        "below some 50 MiB that is buffers of the libraries."
+        "about 40 MiB of each are taken once, whatever the size."
         if f"{EXACT}, MiB" in rows[0]
         else "Memory was not measured: this system does not tell a process its peak."
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.reproduce.convergence import convergence
 from unbend.reproduce.data import Data, Described
@@ -26,8 +27,17 @@ TARGETS: dict[str, Callable[[Run], Result]] = {
     "convergence": convergence,
 }
 
-# Experiments that run on SCAPE; all others run on TOSCA.
+# Experiments that run on SCAPE; most others run on TOSCA.
 ON_SCAPE = frozenset({"table2"})
+# Those that need shapes which no collection has.
+_ON_OUR_OWN = {
+    "efficiency": Described(
+        Collection("shapes of our own", {}, {}, None, {}),
+        "shapes of our own: a walking dog, meshed at every size",
+        (),
+        (),
+    )
+}
 
 
 def shapes_for(target: str, data: Data) -> Described:
@@ -38,6 +48,8 @@ def shapes_for(target: str, data: Data) -> Described:
     InputError
         With what to put where.
     """
+    if target in _ON_OUR_OWN:
+        return _ON_OUR_OWN[target]
     found = data.scape if target in ON_SCAPE else data.shapes
     if found is not None:
         return found
