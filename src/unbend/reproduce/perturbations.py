@@ -18,6 +18,7 @@ _N_HOLES = 8
 # Of the longest way on the shape: what touches and is farther apart than this is not neighbouring.
 _FAR = 0.5
 _PROBES = 400
+_REACH = 0.25  # of the way between the two parts: how far from its middle a weld may reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ def perturb(mesh: Mesh, kind: str, strength: float) -> Perturbed:
     Raises
     ------
     InputError
-        If there is no such kind.
+        If there is no such kind, or no room for so many tubes.
     MissingExtraError
         If decimation is asked for and fast-simplification is not installed.
 
@@ -133,8 +134,11 @@ def _weld(mesh: Mesh, n_tubes: int, chance: np.random.Generator) -> Mesh:
     """
     here, there = touching(mesh, chance)
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    one = _faces_near(mesh, here)
-    other = _faces_near(mesh, there)
+    # Each end stays on its own part.
+    ways = along_edges(mesh, np.array([here, there]))
+    one, other = (
+        np.flatnonzero(way[mesh.faces].max(axis=1) < _REACH * ways[0, there]) for way in ways
+    )
     taken = np.zeros(mesh.n_vertices, dtype=bool)
     gone: list[int] = []
     walls: list[IntArray] = []
@@ -150,6 +154,8 @@ def _weld(mesh: Mesh, n_tubes: int, chance: np.random.Generator) -> Mesh:
                 gone += [int(face), int(end)]
                 walls.append(_tube(mesh.vertices, mesh.faces[face], mesh.faces[end]))
                 break
+    if len(walls) < n_tubes:
+        raise InputError(f"{mesh.name} has room for {len(walls)} tubes, not {n_tubes}")
     faces = np.concatenate([np.delete(mesh.faces, gone, axis=0), *walls])
     return Mesh(mesh.vertices, faces, name=mesh.name)
 
@@ -171,12 +177,6 @@ def touching(mesh: Mesh, chance: np.random.Generator) -> tuple[int, int]:
     if np.isfinite(gaps_back).any():
         a = int(gaps_back.argmin())
     return a, b
-
-
-def _faces_near(mesh: Mesh, vertex: int) -> IntArray:
-    """Faces around a vertex on the surface, enough of them for many tubes."""
-    away = along_edges(mesh, np.array([vertex]))[0][mesh.faces].max(axis=1)
-    return np.asarray(np.argsort(away, kind="stable")[:400])
 
 
 def _tube(vertices: FloatArray, start: IntArray, end: IntArray) -> IntArray:

@@ -60,9 +60,10 @@ def robustness(run: Run) -> Result:
     if not names:
         raise InputError("robustness needs the shapes of TOSCA, or --data synthetic")
     names = names[: 1 if run.quick else None]
-    strengths = dict(STRENGTHS)
-    if find_spec("fast_simplification") is None:
-        del strengths["decimation"]
+    can_decimate = find_spec("fast_simplification") is not None
+    strengths = {
+        kind: several for kind, several in STRENGTHS.items() if can_decimate or kind != "decimation"
+    }
     everywhere(
         run, form, [(run.shapes, n, *kind, N_EIGENPAIRS) for n in names for kind in KINDS.values()]
     )
