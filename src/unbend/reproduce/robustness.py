@@ -37,7 +37,7 @@ _BODIES = {
     "octopus": lambda **options: make_octopus("crawling", **options),
 }
 _N_VERTICES = {True: 2000, False: 8000}  # quick, full
-_N_ROWS = 1000
+_N_ROWS = 500
 
 
 def robustness(run: Run) -> Result:

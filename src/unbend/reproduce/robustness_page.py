@@ -62,11 +62,11 @@ def draw(
         below.set_xlabel(_UNITS[kind], fontsize=8)
         below.set_xlim(-0.3, len(mine) - 0.7)
         above.set_yscale("log")
-        below.set_ylim(bottom=0)
         for ax in (above, below):
             ax.tick_params(labelsize=8)
             ax.grid(axis="y", color="0.92")
             ax.spines[["top", "right"]].set_visible(False)
+    axes[1, 0].set_ylim(bottom=0)
     axes[0, 0].set_ylabel("form moved / its size", fontsize=9)
     axes[1, 0].set_ylabel("mean error of the map\n(grey: each shape)", fontsize=9)
     figure.legend(
