@@ -16,7 +16,7 @@ import numpy as np
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.mesh import Mesh
 from unbend.report.figures import new_figure
 from unbend.reproduce.correspondences import EXACT, FORMS, N_EIGENPAIRS, PAPERS, SMDS
@@ -114,7 +114,7 @@ def peak_of(name: str, vertices: FloatArray, faces: IntArray, n_samples: int) ->
 
 def _warm_up(name: str) -> None:
     """Compile what is compiled, and load what is loaded, before anything is measured."""
-    _form(make_quadruped(n_vertices=500).mesh, name, 50)
+    _form(make_sphere(3), name, 50)
 
 
 def _resident(field: str) -> float:

@@ -23,7 +23,7 @@ _DONE = {
     "holes": "eight discs cut out, together a share of the vertices, and what falls off",
     "part missing": "one disc cut off, likewise",
     "shortcut": "the two parts that are nearest in space, among those farther apart on the shape "
-    "than half of the longest way, joined by tubes that are one face wide",
+    "than half of the longest way, joined by tubes one face wide: the finer the mesh, the narrower",
 }
 _NO_DECIMATION = (
     "Decimation was left out: it needs fast-simplification, `pip install 'unbend[reproduce]'`."
