@@ -71,7 +71,7 @@ def perturb(mesh: Mesh, kind: str, strength: float) -> Perturbed:
     >>> from unbend.datasets import make_sphere
     >>> from unbend.reproduce.perturbations import perturb
     >>> perturb(make_sphere(3), "part missing", 0.25).mesh
-    Mesh(482 vertices, 912 faces)
+    Mesh(482 vertices, 922 faces)
     """
     chance = np.random.default_rng(0)
     every = np.arange(mesh.n_vertices)

@@ -186,6 +186,11 @@ def _summary(kind: str, strength: float, every: list[dict[str, object]]) -> dict
     for label in KINDS:
         for column in (label, f"{label}, but for scale"):
             row[column] = float(np.mean([float(str(one[column])) for one in mine]))
+    less = sum(
+        float(str(one["biharmonic, but for scale"])) < float(str(one["S-MDS, but for scale"]))
+        for one in mine
+    )
+    row["biharmonic moves less"] = f"{less} of {len(mine)}"
     errors = [float(str(one["map error"])) for one in mine]
     row["map error"] = float(np.mean(errors))
     row["right maps"] = f"{sum(error < RIGHT for error in errors)} of {len(errors)}"
