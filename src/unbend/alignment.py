@@ -170,12 +170,20 @@ def align(
     choices = np.array(_axis_choices(left, right, reflect))
     tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
     starts = [
-        _iterate(*few, choices[i], reflect, _START_STEPS, tolerance)
+        icp(*few, choices[i], reflect=reflect, max_iterations=_START_STEPS, tolerance=tolerance)
         for i in np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS]
     ]
     starts.sort(key=lambda start: float(start[2][-1]))
     found = [
-        _iterate(left, right, rotation, reflect, max_iterations, tolerance, translation)
+        icp(
+            left,
+            right,
+            rotation,
+            translation,
+            reflect=reflect,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
     rotation, translation, residuals = min(found, key=lambda one: float(one[2][-1]))
@@ -228,15 +236,44 @@ def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list
     return choices
 
 
-def _iterate(
+def icp(
     source: FloatArray,
     target: FloatArray,
     rotation: FloatArray,
-    reflect: bool,
-    max_iterations: int,
-    tolerance: float,
     translation: FloatArray | None = None,
+    *,
+    reflect: bool = True,
+    max_iterations: int = 100,
+    tolerance: float = 1e-6,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Iterate closest points from one given start; :func:`align` tries many.
+
+    Parameters
+    ----------
+    source : (n_source, d) ndarray of float64
+    target : (n_target, d) ndarray of float64
+    rotation : (d, d) ndarray of float64
+        Orthogonal: where to start.
+    translation : (d,) ndarray of float64, optional
+        Default: none.
+    reflect, max_iterations, tolerance
+        See :func:`align`.
+
+    Returns
+    -------
+    rotation : (d, d) ndarray of float64
+    translation : (d,) ndarray of float64
+    residuals : (n_iterations + 1,) ndarray of float64
+        As in :class:`Alignment`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.alignment import icp
+    >>> line = np.array([[0.0, 0], [1, 0], [3, 0]])
+    >>> bool(icp(line, line + [0.2, 0], np.eye(2))[2][-1] < 1e-9)
+    True
+    """
     if translation is None:
         translation = np.zeros(source.shape[1])
     forward, backward, residual = closest_points(source @ rotation.T + translation, target)

@@ -12,7 +12,9 @@ Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
 Geodesics = Literal["heat", "exact"]
-Experiment = Literal["table1", "table2", "all"]
+Experiment = Literal[
+    "table1", "table2", "figure1", "figure3", "robustness", "efficiency", "convergence", "all"
+]
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
 Axis = Literal["x", "y", "z"]
 

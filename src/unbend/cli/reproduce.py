@@ -18,7 +18,9 @@ def reproduce(
     target: Annotated[
         Experiment,
         typer.Argument(
-            metavar="TARGET", help="table1 (with Figure 2, its plot), table2, or all of them."
+            metavar="TARGET",
+            help="table1 (with Figure 2, its plot), table2, figure1, figure3; robustness, "
+            "efficiency or convergence; or all of them.",
         ),
     ],
     data: Annotated[

@@ -95,6 +95,16 @@ def rasterize(
     place = row * counts[0] + column
     nearest = np.full(counts[0] * counts[1], -np.inf)
     np.maximum.at(nearest, place, depth)
+    # Parts thinner than a pixel, the limbs of canonical forms, are drawn by their edges.
+    thin = _along_edges(corners, origin, pixel)
+    bare = np.isneginf(nearest[thin[2] * counts[0] + thin[1]])
+    face, column, row, share = (
+        np.concatenate([one, more[bare]])
+        for one, more in zip((face, column, row, share), thin, strict=True)
+    )
+    depth = np.einsum("ci,ci->c", share, corners[face, :, 2])
+    place = row * counts[0] + column
+    np.maximum.at(nearest, place, depth)
     front = np.flatnonzero(depth == nearest[place])
     place, face, share = place[front], face[front], share[front]
     normals = _vertex_normals(seen, faces)
@@ -137,6 +147,26 @@ def _covered(
     within = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9) & np.isfinite(safe[face])
     share = np.stack([1 - s - t, s, t], axis=1)[within]
     return face[within], column[within], row[within], share
+
+
+def _along_edges(
+    corners: FloatArray, origin: FloatArray, pixel: float
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Pixels that the edges of faces pass, in the form of :func:`_covered`."""
+    flat = (corners[..., :2] - origin) / pixel
+    found: list[tuple[IntArray, IntArray, IntArray, FloatArray]] = []
+    for i in range(3):
+        j = (i + 1) % 3
+        steps = np.ceil(np.linalg.norm(flat[:, j] - flat[:, i], axis=1)).astype(np.int64) + 1
+        face = np.repeat(np.arange(len(corners)), steps)
+        nth = np.arange(len(face)) - np.repeat(np.cumsum(steps) - steps, steps)
+        t = nth / np.maximum(steps - 1, 1)[face]
+        share = np.zeros((len(face), 3))
+        share[:, i], share[:, j] = 1 - t, t
+        column, row = np.floor(np.einsum("ci,cij->cj", share, flat[face])).astype(np.int64).T
+        found.append((face, column, row, share))
+    face, column, row, share = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return face, column, row, share
 
 
 def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:

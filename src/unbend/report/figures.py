@@ -21,6 +21,7 @@ __all__ = [
     "draw_mesh",
     "new_figure",
     "position_colors",
+    "same_scale",
     "save_figure",
 ]
 
@@ -222,7 +223,7 @@ def draw_canonical_forms(
             rows[row].append(ax)
         figure.text(0.02 + (i + 0.5) * width, 0.02, caption, ha="center", fontsize=9)
     for row_axes in rows:
-        _same_scale(row_axes)
+        same_scale(row_axes)
     save_figure(figure, path)
 
 
@@ -268,8 +269,25 @@ def _draw(
     ax.set_axis_off()
 
 
-def _same_scale(axes: list[Any]) -> None:
-    """Give every axes of a row the same span, so that sizes can be compared."""
+def same_scale(axes: Sequence[Any]) -> None:
+    """Give axes with meshes of one size in the figure the same span, so that sizes compare.
+
+    Parameters
+    ----------
+    axes : sequence of matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.report.figures import draw_mesh, new_figure, same_scale
+    >>> ball = make_sphere(2)
+    >>> axes = new_figure(2, 1).subplots(1, 2)
+    >>> for ax, size in zip(axes, (1, 2)):
+    ...     draw_mesh(ax, (size * ball.vertices, ball.faces))
+    >>> same_scale(axes)
+    >>> bool(axes[0].get_xlim()[1] == axes[1].get_xlim()[1])
+    True
+    """
     limits = [(ax.get_xlim(), ax.get_ylim()) for ax in axes]
     span_x = max(x[1] - x[0] for x, _ in limits) / 2
     span_y = max(y[1] - y[0] for _, y in limits) / 2

@@ -165,7 +165,7 @@ def _processes(number: int) -> Iterator[ProcessPoolExecutor]:
     """End the processes with the block, at once where it fails or is interrupted."""
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(number, mp_context=context, initializer=_begin)
+    pool = ProcessPoolExecutor(number, mp_context=context, initializer=single_thread)
     try:
         yield pool
     except BaseException:
@@ -176,8 +176,8 @@ def _processes(number: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def _begin() -> None:
-    """Leave Ctrl-C to the parent, and the other cores to the other processes."""
+def single_thread() -> None:
+    """Begin a process: leave Ctrl-C to the parent, and the other cores to the other processes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["OMP_NUM_THREADS"] = "1"
     threadpoolctl.threadpool_limits(1)

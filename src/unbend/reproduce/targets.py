@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from unbend.datasets import Collection
 from unbend.errors import InputError
+from unbend.reproduce.convergence import convergence
 from unbend.reproduce.data import Data, Described
+from unbend.reproduce.efficiency import efficiency
+from unbend.reproduce.figure1 import figure1
+from unbend.reproduce.figure3 import figure3
 from unbend.reproduce.result import Result
+from unbend.reproduce.robustness import robustness
 from unbend.reproduce.run import Run
 from unbend.reproduce.table1 import table1
 from unbend.reproduce.table2 import table2
@@ -14,10 +20,24 @@ from unbend.reproduce.table2 import table2
 TARGETS: dict[str, Callable[[Run], Result]] = {
     "table1": table1,
     "table2": table2,
+    "figure1": figure1,
+    "figure3": figure3,
+    "robustness": robustness,
+    "efficiency": efficiency,
+    "convergence": convergence,
 }
 
-# Experiments that run on SCAPE; all others run on TOSCA.
+# Experiments that run on SCAPE; most others run on TOSCA.
 ON_SCAPE = frozenset({"table2"})
+# Those that need shapes which no collection has.
+_ON_OUR_OWN = {
+    "efficiency": Described(
+        Collection("shapes of our own", {}, {}, None, {}),
+        "shapes of our own: a walking dog, meshed at every size",
+        (),
+        (),
+    )
+}
 
 
 def shapes_for(target: str, data: Data) -> Described:
@@ -28,6 +48,8 @@ def shapes_for(target: str, data: Data) -> Described:
     InputError
         With what to put where.
     """
+    if target in _ON_OUR_OWN:
+        return _ON_OUR_OWN[target]
     found = data.scape if target in ON_SCAPE else data.shapes
     if found is not None:
         return found

@@ -1,0 +1,81 @@
+"""Perturbations do what they say, leave good surfaces, and do the same each time."""
+
+import numpy as np
+import pytest
+
+from unbend import diagnose
+from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import InputError, MissingExtraError
+from unbend.reproduce.perturbations import along_edges, mean_edge, perturb, touching
+
+BALL = make_sphere(3)
+DOG = make_quadruped("sitting", n_vertices=800).mesh
+
+
+def test_noise_is_normal_and_as_strong_as_asked():
+    moved = perturb(BALL, "noise", 0.5)
+    height = np.linalg.norm(moved.mesh.vertices, axis=1) - 1
+    assert height.std() == pytest.approx(0.5 * mean_edge(BALL), rel=0.1)
+    along = (moved.mesh.vertices * BALL.vertices).sum(axis=1)[:, None] * BALL.vertices
+    assert np.abs(moved.mesh.vertices - along).max() < 0.02 * np.abs(height).max()
+    assert (moved.mesh.faces == BALL.faces).all()
+    assert (moved.origin == np.arange(BALL.n_vertices)).all()
+
+
+@pytest.mark.parametrize(("kind", "n_rims"), [("part missing", 1), ("holes", 8)])
+def test_what_is_cut_out_leaves_its_share_and_its_rims(kind, n_rims):
+    ball = make_sphere(4)
+    cut = perturb(ball, kind, 0.1)
+    assert len(cut.origin) == pytest.approx(0.9 * ball.n_vertices, abs=20)
+    assert (cut.mesh.vertices == ball.vertices[cut.origin]).all()
+    # Discs may run into each other, and cut a crumb off that is left out.
+    assert 1 <= diagnose(cut.mesh).boundary_loops <= n_rims
+
+
+@pytest.mark.parametrize("n_tubes", [1, 4])
+def test_each_tube_is_a_handle(n_tubes):
+    welded = perturb(DOG, "shortcut", n_tubes)
+    found = diagnose(welded.mesh)
+    assert diagnose(DOG).genus == 0
+    assert found.genus == n_tubes
+    assert found.closed
+    assert found.non_manifold_edges == found.non_manifold_vertices == found.inconsistent_edges == 0
+    assert (welded.mesh.vertices == DOG.vertices).all()
+
+
+def test_parts_that_touch_are_near_in_space_and_far_on_the_shape():
+    here, there = touching(DOG, np.random.default_rng(0))
+    gap = np.linalg.norm(DOG.vertices[here] - DOG.vertices[there])
+    way = along_edges(DOG, np.array([here]))[0]
+    assert way[there] > 0.4 * way.max()
+    assert way[there] > 3 * gap
+    # No other vertex as far away on the shape is nearer in space.
+    gaps = np.linalg.norm(DOG.vertices - DOG.vertices[here], axis=1)
+    assert gap <= 1.5 * gaps[way >= way[there]].min()
+
+
+def test_decimation_keeps_the_surface():
+    pytest.importorskip("fast_simplification")
+    coarse = perturb(BALL, "decimation", 0.25)
+    assert coarse.mesh.n_faces == pytest.approx(0.25 * BALL.n_faces, rel=0.02)
+    assert np.abs(np.linalg.norm(coarse.mesh.vertices, axis=1) - 1).max() < 0.05
+    away = np.linalg.norm(BALL.vertices[coarse.origin] - coarse.mesh.vertices, axis=1)
+    assert away.max() < mean_edge(BALL)
+
+
+def test_decimation_without_its_extra_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "fast_simplification", None)
+    with pytest.raises(MissingExtraError, match=r"unbend\[reproduce\]"):
+        perturb(BALL, "decimation", 0.5)
+
+
+def test_the_same_each_time():
+    for kind, strength in (("noise", 0.5), ("holes", 0.1), ("shortcut", 2)):
+        one, other = perturb(DOG, kind, strength).mesh, perturb(DOG, kind, strength).mesh
+        assert (one.vertices == other.vertices).all()
+        assert (one.faces == other.faces).all()
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(InputError, match="no perturbation 'fire'"):
+        perturb(BALL, "fire", 1)
