@@ -1,5 +1,6 @@
 """Matching: truths on shapes whose correspondence is known, and on real ones where given."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.evaluation import evaluate
 from unbend.matching import match, symmetry
+from unbend.matching._confidence import _best_rival, decide
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._solve import candidates
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -62,6 +66,25 @@ def test_another_pose_and_meshing(make) -> None:
     result = evaluate(found.source_to_target, target.mesh, np.arange(1500), truth)
     assert result.mean() < 0.03
     assert found.confidence > 0.5
+
+
+def test_polished_maps_decide_between_rivals() -> None:
+    # Put a person's rival, back to front say, a little before the right map: the better fit wins.
+    source = make_biped("standing", n_vertices=1500)
+    target = make_biped("walking", n_vertices=1200, meshing=1)
+    left, right = (prepare_shape(one.mesh, 150, True, None)[1] for one in (source, target))
+    ranked, _ = candidates(left, right)
+    rival = _best_rival(left, right, ranked[0], ranked[1:])
+    assert rival is not None
+    misled = [replace(rival, rigidity=ranked[0].rigidity - 0.1), ranked[0]]
+    found = decide(left, right, misled, polish=True)
+    truth = rest_map(source, target)
+    assert found.ranked[0] is ranked[0]
+    assert _share_right(found.solution.source_to_target, target.mesh, truth) > 0.99
+    assert 0.5 < found.confidence <= 1
+    unpolished = decide(left, right, misled, polish=False)
+    assert unpolished.ranked == misled
+    assert _share_right(unpolished.solution.source_to_target, target.mesh, truth) < 0.5
 
 
 def test_vertex_order_motion_and_unit_do_not_matter(blob: Mesh) -> None:

@@ -10,7 +10,7 @@ from unbend._types import FloatArray
 from unbend.alignment import align, closest_points
 from unbend.errors import InputError
 from unbend.matching import _solve
-from unbend.matching._confidence import confidence
+from unbend.matching._confidence import decide
 from unbend.matching._inputs import Progress, expand, expand_rows, prepare_shape
 from unbend.matching._projection import closest_faces
 from unbend.matching._result import Hypothesis, Match
@@ -40,7 +40,8 @@ def match(
 
     The shapes' spectral canonical forms are aligned in growing dimension, many hypotheses at a
     time; among those that keep the surface right side out, the one that moves patches of the
-    surface most rigidly is taken, and nearly rigid deformations of both shapes polish it.
+    surface most rigidly is taken, and nearly rigid deformations of both shapes polish it. Where
+    two maps move it nearly alike, both are polished, and the one that fits better is taken.
 
     Parameters
     ----------
@@ -109,8 +110,8 @@ def match(
     reversing = _solve.rank(left, right, maps, reflected=True) if mirrored or allow_mirror else []
     if allow_mirror:
         ranked = sorted([*ranked, *reversing], key=lambda one: one.rigidity)
+    ranked, solution, confidence = decide(left, right, ranked, polish=refine, on_step=progress)
     chosen = ranked[0]
-    solution = _solve.refine(left, right, chosen, polish=refine, on_step=progress)
     faces = weights = None
     if barycentric:
         faces, weights = closest_faces(*solution.landing, right.faces, solution.source_to_target)
@@ -120,7 +121,7 @@ def match(
         functional_map=_functional_map(left, right, solution),
         orientation=chosen.orientation * (-1 if chosen.reflected else 1),
         residual=_solve.point_residual(left, right, solution.functional_map),
-        confidence=confidence(left, right, ranked),
+        confidence=confidence,
         hypotheses=tuple(
             Hypothesis(one.rigidity, one.orientation * (-1 if one.reflected else 1))
             for one in ranked
@@ -178,14 +179,14 @@ def symmetry(
     surface, shape = prepare_shape(mesh, n_eigenpairs, cache, progress)
     _, maps = _solve.candidates(shape, shape, progress)
     ranked = _solve.rank(shape, shape, maps, reflected=True)
-    solution = _solve.refine(shape, shape, ranked[0], polish=refine, on_step=progress)
+    ranked, solution, confidence = decide(shape, shape, ranked, polish=refine, on_step=progress)
     return Match(
         source_to_target=expand(solution.source_to_target, surface, surface),
         target_to_source=expand(solution.target_to_source, surface, surface),
         functional_map=_functional_map(shape, shape, solution),
         orientation=-ranked[0].orientation,
         residual=_solve.point_residual(shape, shape, solution.functional_map),
-        confidence=confidence(shape, shape, ranked),
+        confidence=confidence,
         hypotheses=tuple(Hypothesis(one.rigidity, -one.orientation) for one in ranked),
     )
 
@@ -197,7 +198,9 @@ def _match_by_icp(ours: Surface, left: Shape, theirs: Surface, right: Shape) -> 
         forms[0][left.samples[:_POINTS_FOR_ICP]], forms[1][right.samples[:_POINTS_FOR_ICP]]
     )
     whole = closest_points(found.apply(forms[0]), forms[1])[:2]
-    solution = _solve.Solution(*whole, found.rotation.T, (left.vertices, right.vertices))
+    solution = _solve.Solution(
+        *whole, found.rotation.T, (left.vertices, right.vertices), found.residual
+    )
     return Match(
         source_to_target=expand(whole[0], ours, theirs),
         target_to_source=expand(whole[1], theirs, ours),

@@ -58,12 +58,15 @@ class Solution:
     landing : pair of ndarrays
         Positions of the source's vertices (n, d) and the target's (m, d) that correspond where
         they are close: in one common pose, or in two side by side.
+    residual : float
+        Root mean square distance of corresponding places, both directions.
     """
 
     source_to_target: IntArray
     target_to_source: IntArray
     functional_map: FloatArray
     landing: tuple[FloatArray, FloatArray]
+    residual: float
 
 
 def rank(source: Shape, target: Shape, maps: FloatArray, *, reflected: bool) -> list[Candidate]:
@@ -113,18 +116,29 @@ def refine(
         k = len(candidate.functional_map)
         pulled = candidate.functional_map @ goal.position_coefficients[:k]
         smooth = target.basis[:, :k] @ goal.position_coefficients[:k]
-        return Solution(*maps, candidate.functional_map, (source.basis[:, :k] @ pulled, smooth))
+        places = source.basis[:, :k] @ pulled, smooth
+        return _solution(source, target, *maps, candidate.functional_map, places)
     functional_map = _grown(source, target, candidate.functional_map, _SIZES, _GROWTH_SAMPLES)
     told("refine", 0.4)
     forward, backward = dense_maps(source, goal, functional_map)
     found = register(source, goal, functional_map, forward, backward)
     told("refine", 1.0)
-    return Solution(
-        found.source_to_target,
-        found.target_to_source,
-        functional_map,
-        (found.source_places, found.target_places),
-    )
+    places = found.source_places, found.target_places
+    return _solution(source, target, *found[:2], functional_map, places)
+
+
+def _solution(
+    source: Shape,
+    target: Shape,
+    forward: IntArray,
+    backward: IntArray,
+    functional_map: FloatArray,
+    places: tuple[FloatArray, FloatArray],
+) -> Solution:
+    ahead = source.areas @ ((places[0] - places[1][forward]) ** 2).sum(axis=1)
+    back = target.areas @ ((places[1] - places[0][backward]) ** 2).sum(axis=1)
+    residual = float(np.sqrt((ahead + back) / 2))
+    return Solution(forward, backward, functional_map, places, residual)
 
 
 def _grown(
