@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 import dense
 from unbend import Mesh, canonical_form, distance
-from unbend.datasets import make_sphere
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 
 METHODS = [
@@ -194,3 +194,31 @@ def test_bad_arguments_are_refused_in_one_sentence(blob, options, message):
     with pytest.raises(InputError, match=message) as error:
         canonical_form(blob, **options)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("distance", ["biharmonic", "commute-time"])
+def test_a_coarse_mesh_leads_to_the_same_form(distance):
+    mesh = make_quadruped("walking", n_vertices=3000).mesh
+    ball = make_sphere(4)
+    cap = ball.faces[(ball.vertices[ball.faces][:, :, 0] < 0.5).all(axis=1)]
+    used, faces = np.unique(cap, return_inverse=True)
+    sheet = Mesh(ball.vertices[used] * [1.5, 1, 0.7], faces.reshape(-1, 3))
+    for shape in (mesh, sheet):
+        direct = canonical_form(shape, distance=distance)
+        form = canonical_form(shape, distance=distance, max_vertices=300)
+        assert form.residual == 1e-6
+        assert np.allclose(form.eigenvalues, direct.eigenvalues, rtol=1e-6)
+        signs = np.sign((form.points * direct.points).sum(axis=0))
+        assert np.abs(form.points * signs - direct.points).max() < 1e-4 * np.ptp(direct.points)
+
+
+def test_max_vertices_that_suffice_change_nothing():
+    mesh = make_quadruped(n_vertices=600).mesh
+    direct, form = canonical_form(mesh), canonical_form(mesh, max_vertices=600)
+    assert np.array_equal(form.points, direct.points)
+    assert form.residual is None
+    for options in ({"method": "sampled"}, {"weighting": "area"}, {"distance": "diffusion"}):
+        with pytest.raises(InputError, match="max_vertices"):
+            canonical_form(mesh, max_vertices=300, **options)
+    with pytest.raises(InputError, match="at least 100, not 5"):
+        canonical_form(mesh, max_vertices=5)

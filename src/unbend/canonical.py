@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time as clock
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from unbend._routes import RESIDUAL, Options, Steps, exact, sampled, two_level
 from unbend._types import FloatArray
 from unbend.choices import (
     DIFFUSION_TIME,
@@ -20,17 +19,14 @@ from unbend.choices import (
     Method,
     Weighting,
 )
-from unbend.distances import Metric, check_kind, length_power, make_metric
-from unbend.distances.gram import SPECTRAL, spectral_filter, truncated_metric
+from unbend.distances import Metric, check_kind, length_power
+from unbend.distances.gram import SPECTRAL
 from unbend.errors import InputError, UnbendWarning
-from unbend.interpolation import distance_coefficients
-from unbend.mds import area_scaling, exact_scaling, sampled_scaling
-from unbend.sampling import shape_end, spread_samples
-from unbend.spectra import eigenpairs
 from unbend.surface import Surface, make_surface
 
-# Stress is taken over all pairs of this many random vertices.
+# Stress is taken over all pairs of this many random vertices; of a quarter with max_vertices.
 _STRESS_VERTICES = 32
+_FEWEST_COARSE = 100  # fewer do not know the shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +43,8 @@ class CanonicalForm:
         or by area as the weighting says. A negative one (the distances are not Euclidean)
         belongs to a column of zeros.
     stress : float
-        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 64 random vertices,
-        d being the exact distance: 0 for a perfect embedding.
+        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices (8
+        with `max_vertices`), d being the exact distance: 0 for a perfect embedding.
     distance, method, weighting, laplacian : str
         What was used; never ``"auto"``.
     area : float
@@ -57,6 +53,9 @@ class CanonicalForm:
         What was done to the input, a sentence each.
     seconds : dict of str to float
         Wall time of each step.
+    residual : float or None
+        What `max_vertices` leaves at most: residual of the form's eigenpairs on all vertices,
+        relative to the largest eigenvalue. None for the direct ways, which leave 1e-10.
     """
 
     points: FloatArray
@@ -69,6 +68,7 @@ class CanonicalForm:
     area: float
     notes: tuple[str, ...]
     seconds: dict[str, float]
+    residual: float | None = None
 
 
 def canonical_form(
@@ -88,6 +88,7 @@ def canonical_form(
     keep_scale: bool = False,
     random_state: int = 0,
     cache: bool = True,
+    max_vertices: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CanonicalForm:
     """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
@@ -129,6 +130,11 @@ def canonical_form(
         Seed of the vertices that the stress is taken over, and of the solver's first vectors.
     cache : bool, default=True
         Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
+    max_vertices : int, optional
+        For meshes too large to factorise: where there are more vertices, one with about so many
+        is factorised in place of the mesh, and its form refined on all vertices to a residual
+        of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
+        and commute-time forms with uniform weights; needs the extra ``large``.
     progress : callable, optional
         Called with the name of each step as it begins.
 
@@ -143,6 +149,8 @@ def canonical_form(
     MeshError
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
+    MissingExtraError
+        If `max_vertices` is exceeded and fast-simplification is not installed.
     SolverError
         If an eigenpair does not reach its accuracy.
 
@@ -167,34 +175,33 @@ def canonical_form(
     chosen = _choose_method(method, distance)
     if weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {weighting!r}')
-    steps = _Steps(progress)
+    if max_vertices is not None and max_vertices < _FEWEST_COARSE:
+        raise InputError(f"max_vertices must be at least {_FEWEST_COARSE}, not {max_vertices}")
+    options = Options(
+        distance,
+        n_components,
+        weighting,
+        n_eigenpairs,
+        n_samples,
+        mu,
+        interpolation,
+        time,
+        random_state,
+        cache,
+        max_vertices,
+    )
+    steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
     _check_dimension(n_components, surface, chosen, n_eigenpairs)
-    with steps("factorisation"):
-        metric = make_metric(distance, surface, time=time)
-    if chosen == "exact":
-        points, eigenvalues = _exact(
-            surface, metric, distance, n_components, weighting, time, cache, random_state, steps
-        )
-    else:
-        points, eigenvalues = _sampled(
-            surface,
-            metric,
-            distance,
-            n_components,
-            weighting,
-            min(n_eigenpairs, surface.n_vertices),
-            min(n_samples, surface.n_vertices),
-            mu,
-            interpolation,
-            time,
-            cache,
-            steps,
-        )
+    large = max_vertices is not None and surface.n_vertices > max_vertices
+    if large and chosen != "exact":
+        raise InputError('max_vertices is for exact forms; use method="exact"')
+    route = two_level if large else exact if chosen == "exact" else sampled
+    points, eigenvalues, metric = route(surface, options, steps)
     with steps("stress"):
-        stress = _stress(points, metric, random_state)
-
+        count = _STRESS_VERTICES // 4 if large else _STRESS_VERTICES
+        stress = _stress(points, metric, count, random_state)
     negative = _eigenvalue_notes(eigenvalues)
     for note in negative:
         warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
@@ -212,6 +219,7 @@ def canonical_form(
         area=surface.area,
         notes=surface.prepared.notes + negative,
         seconds=steps.seconds,
+        residual=RESIDUAL if large else None,
     )
 
 
@@ -234,64 +242,9 @@ def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -
         raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
 
 
-def _exact(
-    surface: Surface,
-    metric: Metric,
-    distance: DistanceKind,
-    d: int,
-    weighting: Weighting,
-    time: float,
-    cache: bool,
-    random_state: int,
-    steps: _Steps,
-) -> tuple[FloatArray, FloatArray]:
-    if weighting == "uniform":
-        assert metric.gram is not None  # every distance in SPECTRAL has one
-        with steps("scaling"):
-            return exact_scaling(metric.gram, surface.n_vertices, d, random_state=random_state)
-    with steps("spectrum"):
-        spectrum = eigenpairs(surface, d + 1, cache=cache)
-    filtered = spectral_filter(distance, spectrum.eigenvalues, time)
-    return area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
-
-
-def _sampled(
-    surface: Surface,
-    metric: Metric,
-    distance: DistanceKind,
-    d: int,
-    weighting: Weighting,
-    n_eigenpairs: int,
-    n_samples: int,
-    mu: float,
-    interpolation: Interpolation,
-    time: float,
-    cache: bool,
-    steps: _Steps,
-) -> tuple[FloatArray, FloatArray]:
-    with steps("spectrum"):
-        spectrum = eigenpairs(surface, n_eigenpairs, cache=cache)
-    with steps("sampling"):
-        start = shape_end(spectrum)
-        if distance in SPECTRAL:
-            # Truncated distances are as good for spreading samples, and cost next to nothing.
-            rough = truncated_metric(distance, spectrum, time)
-            samples = spread_samples(rough.from_sources, surface.n_vertices, n_samples, start)
-            distances = metric.between(samples.indices)
-        else:
-            samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, start)
-            distances = samples.distances
-    with steps("interpolation"):
-        coefficients = distance_coefficients(
-            distances**2, samples.indices, spectrum, mu=mu, interpolation=interpolation
-        )
-    with steps("scaling"):
-        return sampled_scaling(coefficients, spectrum.eigenfunctions, spectrum.areas, d, weighting)
-
-
-def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
+def _stress(points: FloatArray, metric: Metric, count: int, random_state: int) -> float:
     chance = np.random.default_rng(random_state)
-    some = np.sort(chance.permutation(len(points))[:_STRESS_VERTICES])
+    some = np.sort(chance.permutation(len(points))[:count])
     wanted = metric.between(some)
     reached = np.linalg.norm(points[some][:, None] - points[some][None, :], axis=2)
     return float(np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum()))
@@ -305,19 +258,3 @@ def _eigenvalue_notes(eigenvalues: FloatArray) -> tuple[str, ...]:
         f"{negative} of the {len(eigenvalues)} leading eigenvalues are negative (these distances "
         "are not Euclidean); their coordinates are zero",
     )
-
-
-class _Steps:
-    """Names and times the steps of a computation."""
-
-    def __init__(self, progress: Callable[[str], None] | None) -> None:
-        self.seconds: dict[str, float] = {}
-        self._progress = progress
-
-    @contextmanager
-    def __call__(self, name: str) -> Iterator[None]:
-        if self._progress is not None:
-            self._progress(name)
-        start = clock.perf_counter()
-        yield
-        self.seconds[name] = clock.perf_counter() - start

@@ -18,7 +18,13 @@ from unbend.linalg.signs import fix_signs
 
 
 def exact_scaling(
-    gram: Callable[[FloatArray], FloatArray], n: int, n_components: int, *, random_state: int = 0
+    gram: Callable[[FloatArray], FloatArray],
+    n: int,
+    n_components: int,
+    *,
+    tol: float = 1e-10,
+    start: FloatArray | None = None,
+    random_state: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Classical scaling of all n^2 distances with uniform weights, through products alone.
 
@@ -31,6 +37,10 @@ def exact_scaling(
         Product with g, (n, r) to (n, r).
     n, n_components : int
         Number of vertices; dimension d.
+    tol : float, default=1e-10
+        Largest residual of an eigenpair, relative to the largest eigenvalue.
+    start : (n, b) ndarray of float64, optional
+        First vectors of the Lanczos method, instead of random ones.
     random_state : int, default=0
         Seed of the first Lanczos vectors.
 
@@ -48,8 +58,14 @@ def exact_scaling(
         return image
 
     values, vectors = largest_eigenpairs(
-        centred, n, n_components, random_state=random_state, block_size=max(8, n_components + 3)
-    )  # solves for eight columns cost little more than for one
+        centred,
+        n,
+        n_components,
+        tol=tol,
+        random_state=random_state,
+        block_size=max(8, n_components + 3),  # eight columns cost little more than one
+        start=start,
+    )
     return _points(vectors, values, np.ones(n)), values
 
 

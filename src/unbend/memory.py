@@ -16,6 +16,8 @@ _GROWTH = 0.27
 _ENTRY_BYTES = 28
 # Bytes for each vertex of the mesh, the Laplacian and what the factorisation makes of it.
 _VERTEX_BYTES = 700
+# The same where only the coarse level is factorised: two levels of matrices and blocks of vectors.
+_ITERATIVE_BYTES = 2000
 
 
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
@@ -52,8 +54,12 @@ def available_memory() -> int | None:
     return min(known) if known else None
 
 
-def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
+def check_memory(
+    name: str, n_vertices: int, columns: int = 0, *, n_coarse: int | None = None
+) -> None:
     """Refuse a mesh whose computation will not fit into memory.
+
+    With `n_coarse`, a coarse level of so many vertices is factorised, not the mesh itself.
 
     Raises
     ------
@@ -61,11 +67,16 @@ def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
         With the figures, and what to do.
     """
     there = available_memory()
-    needed = needed_memory(n_vertices, columns)
+    if n_coarse is None:
+        needed = needed_memory(n_vertices, columns)
+        remedy = "give max_vertices (--max-vertices), or reduce the mesh to fewer vertices first"
+    else:
+        needed = needed_memory(n_coarse) + n_vertices * (_ITERATIVE_BYTES + 8 * columns)
+        remedy = "reduce the mesh to fewer vertices first"
     if there is not None and needed > there:
         raise MeshError(
             f"{name}: {n_vertices:,} vertices need about {_gib(needed)} of memory and "
-            f"{_gib(there)} are free; reduce the mesh to fewer vertices first"
+            f"{_gib(there)} are free; {remedy}"
         )
 
 

@@ -80,6 +80,15 @@ def canonical(
         bool,
         typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
     ] = False,
+    max_vertices: Annotated[
+        int | None,
+        typer.Option(
+            "--max-vertices",
+            metavar="N",
+            help="For meshes too large for the memory: factorise a mesh of about N vertices in "
+            "place of a larger one, and refine its form on all vertices.",
+        ),
+    ] = None,
     seed: SeedOption = 0,
     cache: CacheOption = True,
     as_json: JsonOption = False,
@@ -94,6 +103,7 @@ def canonical(
       unbend canonical cat.off -o cat_canonical.ply
       unbend canonical cat.off -o cat.npy --dim 10 --weighting area
       unbend canonical cat.off --distance geodesic --samples 300 --json
+      unbend canonical statue.ply -o statue_canonical.ply --max-vertices 200000
     """  # noqa: D301
     from unbend._files import check_writable
     from unbend.canonical import canonical_form
@@ -125,6 +135,7 @@ def canonical(
             keep_scale=keep_scale,
             random_state=seed,
             cache=cache,
+            max_vertices=max_vertices,
             progress=progress,
         )
         if out is not None:
@@ -174,6 +185,7 @@ def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, out: str | None) ->
             "area": form.area,
             "eigenvalues": form.eigenvalues,
             "stress": form.stress,
+            "residual": form.residual,
             "seconds": form.seconds,
             "warnings": [*shape.notes, *form.notes],
         }
@@ -189,6 +201,7 @@ def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None) -> None:
         f"{form.laplacian} Laplacian",
         "eigenvalues": "  ".join(shown + ["..."] * (len(form.eigenvalues) > len(shown))),
         "stress": f"{form.stress:.3f}",
+        **({} if form.residual is None else {"residual": f"at most {form.residual:.0e}"}),
         "time": f"{sum(form.seconds.values()):.2f} s",
     }
     if out is None:

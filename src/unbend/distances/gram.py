@@ -56,13 +56,22 @@ def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Met
     )
 
 
-def gram_metric(kind: DistanceKind, surface: Surface, time: float) -> Metric:
-    """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one)."""
+def gram_metric(
+    kind: DistanceKind,
+    surface: Surface,
+    time: float,
+    green: Callable[[FloatArray], FloatArray] | None = None,
+) -> Metric:
+    """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
+
+    `green` is the Green's operator, if there is one already; not for diffusion distances.
+    """
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     areas = surface.operator.areas
-    check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
-    green = green_operator(surface.operator.stiffness, areas)
+    if green is None:
+        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
+        green = green_operator(surface.operator.stiffness, areas)
     biharmonic = kind == "biharmonic"
 
     def product(block: FloatArray) -> FloatArray:

@@ -1,0 +1,38 @@
+"""The two-level Green's operator against the factorised one."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from unbend.datasets import make_quadruped
+from unbend.errors import SolverError
+from unbend.linalg import two_level
+from unbend.linalg.pseudoinverse import green_operator
+from unbend.linalg.two_level import two_level_green_operator
+from unbend.surface import make_surface
+
+
+@pytest.fixture(scope="module")
+def operator():
+    return make_surface(make_quadruped(n_vertices=800).mesh).operator
+
+
+@given(seed=st.integers(0, 10**6), n_coarse=st.integers(5, 200))
+def test_any_aggregates_give_the_factorised_answer(operator, seed, n_coarse):
+    chance = np.random.default_rng(seed)
+    n = len(operator.areas)
+    aggregates = np.concatenate([np.arange(n_coarse), chance.integers(0, n_coarse, n - n_coarse)])
+    green, _ = two_level_green_operator(operator.stiffness, operator.areas, aggregates)
+    load = chance.standard_normal((n, 3))
+    wanted = green_operator(operator.stiffness, operator.areas)(load)
+    assert np.abs(green(load) - wanted).max() < 1e-7 * np.abs(wanted).max()
+    assert np.allclose(green(load[:, 0]), wanted[:, 0], atol=1e-7 * np.abs(wanted).max())
+
+
+def test_what_does_not_converge_is_refused(operator, monkeypatch):
+    monkeypatch.setattr(two_level, "_MOST_STEPS", 2)
+    n = len(operator.areas)
+    green, _ = two_level_green_operator(operator.stiffness, operator.areas, np.arange(n) // 40)
+    with pytest.raises(SolverError, match="more coarse vertices"):
+        green(np.random.default_rng(0).standard_normal(n))
