@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.reproduce.folders import write_animals
+from unbend import Mesh
 from unbend.datasets import Collection, load_tosca, make_quadruped
 from unbend.errors import InputError
 from unbend.reproduce import robustness as module
@@ -39,6 +40,20 @@ def test_a_shape_itself_does_not_move():
     found = compare(mesh, forms, Perturbed(mesh, np.arange(500)))
     assert max(found[label] for label in KINDS) < 1e-9
     assert found["map error"] == 0
+
+
+def test_a_mesh_that_the_matcher_refuses_has_no_map():
+    mesh = make_quadruped(n_vertices=500).mesh
+    turned = Mesh(mesh.vertices, np.vstack([mesh.faces[:1, ::-1], mesh.faces[1:]]))
+    forms = {label: module._form(mesh, *method) for label, method in KINDS.items()}
+    found = compare(mesh, forms, Perturbed(turned, np.arange(500)))
+    assert np.isnan(found["map error"])
+    assert found["confidence"] == 0
+    row = {"perturbation": "noise", "strength": 1, "map error": float("nan")}
+    row |= {label: 0.1 for kind in KINDS for label in (kind, f"{kind}, but for scale")}
+    summary = module._summary("noise", 1, [row, row | {"map error": 0.01}])
+    assert summary["map error"] == 0.01
+    assert summary["right maps"] == "1 of 2"
 
 
 def test_weak_noise_moves_little_and_a_shortcut_much(result):

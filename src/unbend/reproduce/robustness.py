@@ -10,7 +10,7 @@ import numpy as np
 from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.datasets import Collection, make_biped, make_octopus, make_quadruped, rest_map
-from unbend.errors import InputError
+from unbend.errors import InputError, MeshError
 from unbend.evaluation import evaluate
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -126,14 +126,18 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Perturbed) -> Arrays:
     dict of str to ndarray
         ``vertices``; by each distance ``DISTANCE``, the root mean square distance of the same
         points over the form's size, and ``DISTANCE, but for scale``; ``map error``, mean, of the
-        progressive map from the perturbed shape to the clean one; ``confidence``.
+        progressive map from the perturbed shape to the clean one, NaN where the matcher refuses
+        the perturbed mesh; ``confidence``.
     """
     result: Arrays = {"vertices": np.array(perturbed.mesh.n_vertices)}
     for label, method in KINDS.items():
         moved = difference(_form(perturbed.mesh, *method), forms[label][perturbed.origin])
         result[label], result[f"{label}, but for scale"] = np.array(moved)
     # On the clean shape distances are the same for all perturbations.
-    found = match(perturbed.mesh, clean, cache=False)
+    try:
+        found = match(perturbed.mesh, clean, cache=False)
+    except MeshError:  # decimation may leave faces that disagree on what is outside
+        return result | {"map error": np.array(np.nan), "confidence": np.array(0.0)}
     rows = np.random.default_rng(0).permutation(perturbed.mesh.n_vertices)[:_N_ROWS]
     judged = evaluate(found.source_to_target, clean, rows, perturbed.origin[rows])
     result["map error"] = np.array(judged.mean())
@@ -192,6 +196,7 @@ def _summary(kind: str, strength: float, every: list[dict[str, object]]) -> dict
     )
     row["biharmonic moves less"] = f"{less} of {len(mine)}"
     errors = [float(str(one["map error"])) for one in mine]
-    row["map error"] = float(np.mean(errors))
+    made = [error for error in errors if error == error]
+    row["map error"] = float(np.mean(made)) if made else float("nan")
     row["right maps"] = f"{sum(error < RIGHT for error in errors)} of {len(errors)}"
     return row

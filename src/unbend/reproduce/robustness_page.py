@@ -105,7 +105,8 @@ scale, too, because the area changes with every perturbation; dashed: without), 
 shapes. Besides, the
 perturbed shape is matched to the clean one by the progressive matcher; errors are geodesic
 distances on the clean shape over the square root of its area, and a map is right if its mean error
-is below 0.08.
+is below 0.08. A perturbed mesh that the matcher refuses, because its faces disagree on which side
+is outside, has no map and counts as not right.
 
 {done}
 
