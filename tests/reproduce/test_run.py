@@ -5,20 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from counting import count
 from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.reproduce.run import Run, everywhere, kept, piece
 
 NOTHING = Collection("nothing", {}, {}, None, {})
-
-
-def count(log: Path, name: str, power: int) -> dict[str, np.ndarray]:
-    """Leave a line in the log for every call."""
-    with open(log, "a") as file:
-        file.write(f"{name}\n")
-    if name == "bad":
-        raise InputError("a bad one")
-    return {"value": np.array([len(name) ** power])}
 
 
 def make_run(folder: Path, jobs: int = 1) -> Run:
