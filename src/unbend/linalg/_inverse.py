@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -11,7 +13,7 @@ import scipy.sparse as sp
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg._threads import inner, rotate
+from unbend.linalg._threads import inner, rotate, run_all
 from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
@@ -65,7 +67,8 @@ def inverse_lanczos(
     rng = np.random.default_rng(random_state)
     basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.4 * usual))
     check = min(wanted + 40, n)
-    goal, counted, reached = tol / 2, False, np.inf
+    # Above the shift pairs must be counted; where all lie below it, that is done.
+    goal, counted, reached = tol / 2, below >= k, np.inf
     while basis.done < min(n, _LIMIT + 10 * wanted):
         basis.grow()
         if progress is not None:
@@ -83,25 +86,29 @@ def inverse_lanczos(
         converged = residuals <= goal * np.maximum(values, floor)
         if not converged[:wanted].all():
             continue
-        if below < k and not counted:
-            counted = _none_missed(matrix, values, residuals, k)
-            if not counted:
-                basis.add_random(block_size)
-                continue
         # What has converged takes part; if that is not enough, all that was found as near above
         # the shift as 0 is below, because a correction keeps what is nearer than its own pair.
         rough = residuals > 1e-2 * np.maximum(values, floor)
         rough |= values > 2.2 * shift
-        tries = (
-            (int(np.argmax(np.append(~converged, True))), _POLISHINGS),
-            (max(wanted, int(np.argmax(np.append(rough, True)))), 2 * _POLISHINGS),
-        )
-        for known, steps in tries:
-            near = basis.combine(coordinates[:, :known])
-            found = _polish(matrix, factor, values[:known], near, k, floor, tol, steps)
-            reached = found[2]
-            if reached <= tol:
-                return found[:2]
+        known = int(np.argmax(np.append(~converged, True)))
+        everything = max(wanted, int(np.argmax(np.append(rough, True))))
+        polish = functools.partial(_polish, matrix, factor, k=k, floor=floor, tol=tol)
+        near = basis.combine(coordinates[:, :known])
+        tasks: list[Callable[[], Any]] = [
+            functools.partial(polish, values[:known], near, steps=_POLISHINGS)
+        ]
+        if not counted:
+            tasks.append(functools.partial(_none_missed, matrix, values, residuals, k))
+        (best, vectors, reached), *counts = run_all(tasks)
+        counted = all(counts)
+        if not counted:
+            basis.add_random(block_size)
+            continue
+        if reached > tol:
+            near = basis.combine(coordinates[:, :everything])
+            best, vectors, reached = polish(values[:everything], near, steps=2 * _POLISHINGS)
+        if reached <= tol:
+            return best, vectors
         goal /= 10
     raise SolverError(
         f"no {k} eigenpairs to a relative residual of {tol:g}; {reached:.1e} was reached, or the "
