@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
 
@@ -46,8 +47,8 @@ def n_threads() -> int:
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
-    The threads live for this call only: a lasting pool would be dead, and its callers stuck,
-    in a forked process. Ctrl-C drops the tasks that have not begun.
+    The caller works too, and in the end waits for nothing but tasks that others have begun: so
+    tasks may call this themselves. An error or Ctrl-C drops the tasks that have not begun.
 
     Parameters
     ----------
@@ -64,12 +65,45 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     >>> run_all([lambda: 1, lambda: 2])
     [1, 2]
     """
-    pending = list(tasks)
-    workers = min(n_threads(), len(pending))
-    if workers <= 1:
-        return [task() for task in pending]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(lambda task: task(), pending))
+    pending = deque(enumerate(tasks))
+    results = [None] * len(pending)
+
+    def work() -> None:
+        try:
+            while taken := _take(pending):
+                i, task = taken
+                results[i] = task()
+        except BaseException:
+            pending.clear()
+            raise
+
+    n_helpers = min(n_threads(), len(pending)) - 1
+    helpers = [_helpers(n_helpers).submit(work) for _ in range(n_helpers)]
+    try:
+        work()
+    finally:
+        busy = [helper for helper in helpers if not helper.cancel()]
+        wait(busy)
+    for helper in busy:
+        helper.result()  # raises what went wrong there
+    return results
+
+
+def _take(pending: deque[Any]) -> Any:
+    try:
+        return pending.popleft()
+    except IndexError:
+        return None
+
+
+@functools.cache
+def _helpers(count: int) -> ThreadPoolExecutor:
+    # They stay: starting a thread takes longer than many a task.
+    return ThreadPoolExecutor(count, "unbend")
+
+
+if hasattr(os, "register_at_fork"):  # in a forked process they would be dead
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
