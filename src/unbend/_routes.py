@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from unbend._types import FloatArray
@@ -15,17 +16,18 @@ from unbend.distances import Metric, make_metric
 from unbend.distances.gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
 from unbend.errors import InputError
 from unbend.interpolation import distance_coefficients
-from unbend.linalg.two_level import two_level_green_operator
-from unbend.mds import area_scaling, exact_scaling, sampled_scaling
+from unbend.linalg.two_level import two_levels
+from unbend.mds import area_scaling, exact_scaling, refined_scaling, sampled_scaling
 from unbend.memory import check_memory
 from unbend.sampling import shape_end, spread_samples
 from unbend.spectra import eigenpairs
 from unbend.surface import Surface
 
-# Residuals of the two-level route: of a solve, and of the form's eigenpairs.
-_SOLVED, RESIDUAL = 1e-8, 1e-6
-# Columns of its vectors that are there at a time.
-_COLUMNS = 64
+# Residuals that the two-level route ends at: of the form's eigenpairs, and of the solves that its
+# stress is taken from.
+_RESIDUAL, _FOR_STRESS = 1e-6, 1e-4
+# Vectors it works on beyond the form's dimension; columns of vectors that are there at a time.
+_MORE, _COLUMNS = 5, 64
 
 
 @dataclass(frozen=True)
@@ -46,11 +48,15 @@ class Options:
 
 
 class Scaled(NamedTuple):
-    """Points (n, d), their eigenvalues, and the distances that they stand for."""
+    """Points (n, d), their eigenvalues, and the distances that they stand for.
+
+    The residual is that of the eigenpairs where a two-level solver was used.
+    """
 
     points: FloatArray
     eigenvalues: FloatArray
     metric: Metric
+    residual: float | None = None
 
 
 class Steps:
@@ -104,20 +110,28 @@ def two_level(surface: Surface, options: Options, steps: Steps) -> Scaled:
     with steps("coarsening"):
         aggregates = aggregate_vertices(surface.mesh, n_coarse)
     with steps("factorisation"):
-        operator = surface.operator
-        green, rough = two_level_green_operator(
-            operator.stiffness, operator.areas, aggregates, _SOLVED
-        )
-        metric = gram_metric(options.distance, surface, options.time, green)
-        start = rough(options.n_components + 3)
-    assert metric.gram is not None
+        stiffness, areas = surface.operator.stiffness, surface.operator.areas
+        green, rough = two_levels(stiffness, areas, aggregates)
+        start = rough(options.n_components + _MORE)
+    weights = [areas[:, None], None] if options.distance == "biharmonic" else [None]
+
+    def solves(
+        block: FloatArray, guesses: Sequence[FloatArray | None], tol: float
+    ) -> list[FloatArray]:
+        images = []
+        block = block - block.mean(axis=0)
+        for weight, guess in zip(weights, guesses, strict=False):
+            images.append(green(block, guess, tol))
+            block = images[-1] if weight is None else images[-1] * weight
+        images[-1] -= images[-1].mean(axis=0)
+        return images
+
     with steps("scaling"):
-        return Scaled(
-            *exact_scaling(
-                metric.gram, surface.n_vertices, options.n_components, tol=RESIDUAL, start=start
-            ),
-            metric,
+        points, eigenvalues, residual = refined_scaling(
+            solves, start, options.n_components, tol=_RESIDUAL
         )
+    metric = gram_metric(options.distance, surface, options.time, partial(green, tol=_FOR_STRESS))
+    return Scaled(points, eigenvalues, metric, residual)
 
 
 def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:

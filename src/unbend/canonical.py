@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._routes import RESIDUAL, Options, Steps, exact, sampled, two_level
+from unbend._routes import Options, Steps, exact, sampled, two_level
 from unbend._types import FloatArray
 from unbend.choices import (
     DIFFUSION_TIME,
@@ -54,8 +54,8 @@ class CanonicalForm:
     seconds : dict of str to float
         Wall time of each step.
     residual : float or None
-        What `max_vertices` leaves at most: residual of the form's eigenpairs on all vertices,
-        relative to the largest eigenvalue. None for the direct ways, which leave 1e-10.
+        What `max_vertices` leaves: the largest residual of the form's eigenpairs on all vertices,
+        relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
     """
 
     points: FloatArray
@@ -198,10 +198,9 @@ def canonical_form(
     if large and chosen != "exact":
         raise InputError('max_vertices is for exact forms; use method="exact"')
     route = two_level if large else exact if chosen == "exact" else sampled
-    points, eigenvalues, metric = route(surface, options, steps)
+    points, eigenvalues, metric, residual = route(surface, options, steps)
     with steps("stress"):
-        count = _STRESS_VERTICES // 4 if large else _STRESS_VERTICES
-        stress = _stress(points, metric, count, random_state)
+        stress = _stress(points, metric, random_state)
     negative = _eigenvalue_notes(eigenvalues)
     for note in negative:
         warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
@@ -219,7 +218,7 @@ def canonical_form(
         area=surface.area,
         notes=surface.prepared.notes + negative,
         seconds=steps.seconds,
-        residual=RESIDUAL if large else None,
+        residual=residual,
     )
 
 
@@ -242,9 +241,9 @@ def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -
         raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
 
 
-def _stress(points: FloatArray, metric: Metric, count: int, random_state: int) -> float:
+def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
     chance = np.random.default_rng(random_state)
-    some = np.sort(chance.permutation(len(points))[:count])
+    some = np.sort(chance.permutation(len(points))[:_STRESS_VERTICES])
     wanted = metric.between(some)
     reached = np.linalg.norm(points[some][:, None] - points[some][None, :], axis=2)
     return float(np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum()))

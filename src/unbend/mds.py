@@ -15,6 +15,7 @@ from unbend._types import FloatArray
 from unbend.choices import Weighting
 from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_signs
+from unbend.linalg.subspace import Solves, subspace_iteration
 
 
 def exact_scaling(
@@ -22,8 +23,6 @@ def exact_scaling(
     n: int,
     n_components: int,
     *,
-    tol: float = 1e-10,
-    start: FloatArray | None = None,
     random_state: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Classical scaling of all n^2 distances with uniform weights, through products alone.
@@ -37,10 +36,6 @@ def exact_scaling(
         Product with g, (n, r) to (n, r).
     n, n_components : int
         Number of vertices; dimension d.
-    tol : float, default=1e-10
-        Largest residual of an eigenpair, relative to the largest eigenvalue.
-    start : (n, b) ndarray of float64, optional
-        First vectors of the Lanczos method, instead of random ones.
     random_state : int, default=0
         Seed of the first Lanczos vectors.
 
@@ -61,12 +56,32 @@ def exact_scaling(
         centred,
         n,
         n_components,
-        tol=tol,
         random_state=random_state,
         block_size=max(8, n_components + 3),  # eight columns cost little more than one
-        start=start,
     )
     return _points(vectors, values, np.ones(n)), values
+
+
+def refined_scaling(
+    solves: Solves, start: FloatArray, n_components: int, *, tol: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Scale as :func:`exact_scaling` does, from rough vectors and with solves that are iterative.
+
+    Parameters
+    ----------
+    solves, start, tol
+        As in :func:`unbend.linalg.subspace.subspace_iteration`; the operator is ``J g J``.
+    n_components : int
+
+    Returns
+    -------
+    points : (n, d) ndarray of float64
+    eigenvalues : (d,) ndarray of float64
+    residual : float
+        Largest residual of an eigenpair, relative to the largest eigenvalue.
+    """
+    values, vectors, residual = subspace_iteration(solves, start, n_components, tol=tol)
+    return _points(vectors, values, np.ones(len(vectors))), values, residual
 
 
 def area_scaling(

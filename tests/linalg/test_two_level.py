@@ -9,7 +9,7 @@ from unbend.datasets import make_quadruped
 from unbend.errors import SolverError
 from unbend.linalg import two_level
 from unbend.linalg.pseudoinverse import green_operator
-from unbend.linalg.two_level import two_level_green_operator
+from unbend.linalg.two_level import two_levels
 from unbend.surface import make_surface
 
 
@@ -23,16 +23,19 @@ def test_any_aggregates_give_the_factorised_answer(operator, seed, n_coarse):
     chance = np.random.default_rng(seed)
     n = len(operator.areas)
     aggregates = np.concatenate([np.arange(n_coarse), chance.integers(0, n_coarse, n - n_coarse)])
-    green, _ = two_level_green_operator(operator.stiffness, operator.areas, aggregates)
+    green, _ = two_levels(operator.stiffness, operator.areas, aggregates)
     load = chance.standard_normal((n, 3))
     wanted = green_operator(operator.stiffness, operator.areas)(load)
     assert np.abs(green(load) - wanted).max() < 1e-7 * np.abs(wanted).max()
     assert np.allclose(green(load[:, 0]), wanted[:, 0], atol=1e-7 * np.abs(wanted).max())
+    guess = chance.standard_normal((n, 3)) * np.abs(wanted).max()
+    assert np.abs(green(load, guess) - wanted).max() < 1e-7 * np.abs(wanted).max()
+    assert np.abs(green(load, wanted, 1e-6) - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
 def test_what_does_not_converge_is_refused(operator, monkeypatch):
     monkeypatch.setattr(two_level, "_MOST_STEPS", 2)
     n = len(operator.areas)
-    green, _ = two_level_green_operator(operator.stiffness, operator.areas, np.arange(n) // 40)
+    green, _ = two_levels(operator.stiffness, operator.areas, np.arange(n) // 40)
     with pytest.raises(SolverError, match="more coarse vertices"):
         green(np.random.default_rng(0).standard_normal(n))

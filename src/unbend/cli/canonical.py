@@ -201,7 +201,7 @@ def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None) -> None:
         f"{form.laplacian} Laplacian",
         "eigenvalues": "  ".join(shown + ["..."] * (len(form.eigenvalues) > len(shown))),
         "stress": f"{form.stress:.3f}",
-        **({} if form.residual is None else {"residual": f"at most {form.residual:.0e}"}),
+        **({} if form.residual is None else {"residual": f"{form.residual:.0e}"}),
         "time": f"{sum(form.seconds.values()):.2f} s",
     }
     if out is None:

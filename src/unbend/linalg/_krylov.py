@@ -42,8 +42,6 @@ class KrylovBasis:
         Source of the starting block.
     capacity : int
         Number of columns to make room for; more are made when they are needed.
-    start : (n, b) array of float64, optional
-        The starting block, where something is known of the vectors sought.
 
     Examples
     --------
@@ -65,7 +63,6 @@ class KrylovBasis:
         block_size: int,
         rng: np.random.Generator,
         capacity: int = 64,
-        start: FloatArray | None = None,
     ) -> None:
         self.n, self.done, self.size = n, 0, 0
         self._operator, self._rng = operator, rng
@@ -73,10 +70,7 @@ class KrylovBasis:
         self._projection = np.zeros((0, 0))
         self._errors = np.zeros((0, 0))  # the estimate of E
         self._reserve(min(capacity, n))
-        if start is not None:
-            self._append(np.array(start, dtype=np.float64))
-        else:
-            self.add_random(block_size)
+        self.add_random(block_size)
 
     def add_random(self, count: int) -> None:
         """Put random columns into the next block: new directions for what the old ones miss."""

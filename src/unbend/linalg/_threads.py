@@ -191,7 +191,8 @@ def inner(left: FloatArray, right: FloatArray) -> FloatArray:
     array([[4., 4.]])
     """
     parts = run_all(
-        functools.partial(lambda rows: left[rows].T @ right[rows], rows) for rows in _rows(left)
+        functools.partial(lambda rows: left[rows].T @ right[rows], rows)
+        for rows in row_slices(len(left))
     )
     total: FloatArray = functools.reduce(np.add, parts)
     return total
@@ -229,7 +230,7 @@ def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> F
         def work(rows: slice) -> None:
             result[rows] -= (small.T @ tall[rows].T).T
 
-    run_all(functools.partial(work, rows) for rows in _rows(tall))
+    run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
     return result
 
 
@@ -255,8 +256,16 @@ def rotate(tall: FloatArray, small: FloatArray) -> None:
     def work(rows: slice) -> None:
         tall[rows] = (small.T @ tall[rows].T).T
 
-    run_all(functools.partial(work, rows) for rows in _rows(tall))
+    run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
 
 
-def _rows(tall: FloatArray) -> list[slice]:
-    return [slice(start, start + _ROWS) for start in range(0, len(tall), _ROWS)]
+def row_slices(n: int) -> list[slice]:
+    """Cut n rows into pieces for one task each.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import row_slices
+    >>> row_slices(20_000)
+    [slice(0, 16384, None), slice(16384, 20000, None)]
+    """
+    return [slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS)]

@@ -111,7 +111,6 @@ def largest_eigenpairs(
     tol: float = 1e-10,
     random_state: int = 0,
     block_size: int | None = None,
-    start: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the k algebraically largest eigenpairs of a symmetric operator.
 
@@ -132,8 +131,6 @@ def largest_eigenpairs(
     block_size : int, optional
         Number of vectors the operator is given at once, k + 3 by default. Of an eigenvalue that
         occurs more often than this, copies may be missed.
-    start : (n, b) array of float64, optional
-        Starting vectors instead of random ones, where something is known of those sought.
 
     Returns
     -------
@@ -164,7 +161,7 @@ def largest_eigenpairs(
         raise InputError(f"block_size = {block_size}: it must be at least 1")
     rng = np.random.default_rng(random_state)
     with one_blas_thread():
-        basis = KrylovBasis(operator, n, block_size, rng, start=start)
+        basis = KrylovBasis(operator, n, block_size, rng)
         while True:
             basis.grow()
             values, vectors, coupling = basis.ritz()

@@ -1,0 +1,64 @@
+"""Subspace iteration against a dense solver, with solves that are as inexact as they may be."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from unbend.errors import SolverError
+from unbend.linalg.subspace import subspace_iteration
+
+
+@given(seed=st.integers(0, 10**6), k=st.integers(1, 4), noise=st.floats(0, 1))
+def test_the_leading_eigenpairs_are_found(seed, k, noise):
+    chance = np.random.default_rng(seed)
+    n, b = 60, k + 5
+    frame = np.linalg.qr(chance.standard_normal((n, n)))[0]
+    values = np.sort(chance.uniform(0.1, 1, n) / np.arange(1, n + 1) ** 2)[::-1]
+    root = (frame * np.sqrt(values)) @ frame.T
+
+    def solves(block, guesses, tol):
+        images = []
+        for _ in range(2):
+            block = root @ block
+            error = chance.standard_normal(block.shape) / np.sqrt(n)
+            block = block + noise * tol * np.linalg.norm(block, axis=0) * error
+            images.append(block)
+        return images
+
+    start = frame[:, :b] + 0.1 * chance.standard_normal((n, b))
+    found, vectors, residual = subspace_iteration(solves, start, k, tol=1e-6)
+    assert residual <= 1e-6
+    assert np.allclose(found, values[:k], atol=1e-5 * values[0])
+    assert np.allclose(vectors.T @ vectors, np.eye(k), atol=1e-10)
+    image = root @ root @ vectors
+    assert np.linalg.norm(image - vectors * found, axis=0).max() < 1e-5 * values[0]
+
+
+def test_guesses_come_ever_nearer():
+    frame = np.linalg.qr(np.random.default_rng(0).standard_normal((40, 40)))[0]
+    values = 2.0 ** -np.arange(40)
+    operator = (frame * values) @ frame.T
+    errors = []
+
+    def solves(block, guesses, tol):
+        image = operator @ block
+        if guesses[0] is not None:
+            errors.append(np.linalg.norm(guesses[0][:, -2:] - image[:, -2:]) / values[0])
+        return [image]
+
+    start = frame[:, :8] + 0.05 * frame[:, 8:16]
+    subspace_iteration(solves, start, 2, tol=1e-9)
+    assert len(errors) >= 2
+    assert (np.diff(np.log(errors)) < 0).all()
+
+
+def test_what_stands_still_is_refused():
+    chance = np.random.default_rng(0)
+    with pytest.raises(SolverError, match="stay at a residual of"):
+        subspace_iteration(
+            lambda block, guesses, tol: [chance.standard_normal(block.shape)],
+            chance.standard_normal((30, 4)),
+            2,
+            tol=1e-6,
+        )
