@@ -1,32 +1,30 @@
 """Aggregates of vertices lie together on the surface, whatever their order."""
 
-import sys
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
 from unbend.coarsening import aggregate_vertices
 from unbend.datasets import make_octopus
-from unbend.errors import InputError, MissingExtraError
+from unbend.errors import InputError
 from unbend.mesh import Mesh
 
+OCTOPUS = make_octopus("swimming", n_vertices=3000).mesh
 
-def test_every_aggregate_is_connected():
-    mesh = make_octopus("swimming", n_vertices=3000).mesh
-    aggregates = aggregate_vertices(mesh, 200)
-    assert np.array_equal(np.unique(aggregates), np.arange(aggregates.max() + 1))
-    assert 150 < aggregates.max() < 260
-    i, j = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
+
+@given(n_coarse=st.integers(1, 3000), seed=st.integers(0, 100))
+def test_every_aggregate_is_connected(n_coarse, seed):
+    aggregates = aggregate_vertices(OCTOPUS, n_coarse, seed)
+    assert np.array_equal(np.unique(aggregates), np.arange(n_coarse))
+    i, j = OCTOPUS.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
     inside = aggregates[i] == aggregates[j]
     graph = sp.coo_array((np.ones(inside.sum()), (i[inside], j[inside])), shape=(3000, 3000))
-    assert connected_components(graph, directed=False)[0] == aggregates.max() + 1
+    assert connected_components(graph, directed=False)[0] == n_coarse
 
 
-def test_what_is_missing_is_named(monkeypatch):
+def test_a_point_cloud_is_refused():
     with pytest.raises(InputError, match="point cloud"):
         aggregate_vertices(Mesh(np.eye(3)), 2)
-    monkeypatch.setitem(sys.modules, "fast_simplification", None)
-    with pytest.raises(MissingExtraError, match=r"unbend\[large\]"):
-        aggregate_vertices(make_octopus(n_vertices=600).mesh, 100)

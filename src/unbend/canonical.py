@@ -134,7 +134,7 @@ def canonical_form(
         For meshes too large to factorise: where there are more vertices, one with about so many
         is factorised in place of the mesh, and its form refined on all vertices to a residual
         of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
-        and commute-time forms with uniform weights; needs the extra ``large``.
+        and commute-time forms with uniform weights.
     progress : callable, optional
         Called with the name of each step as it begins.
 
@@ -149,8 +149,6 @@ def canonical_form(
     MeshError
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
-    MissingExtraError
-        If `max_vertices` is exceeded and fast-simplification is not installed.
     SolverError
         If an eigenpair does not reach its accuracy.
 

@@ -15,6 +15,9 @@ from unbend.linalg._threads import row_slices, run_all
 from unbend.linalg.factorization import factorize
 from unbend.linalg.lanczos import smallest_eigenpairs
 
+_Finish = Callable[[slice, FloatArray], FloatArray]
+_Product = Callable[[FloatArray, FloatArray, _Finish], None]
+
 _MOST_STEPS = 400
 # Of Jacobi steps by the sums of the rows' absolute values; less than 2 keeps them definite.
 _SMOOTHING, _DAMPING = 1.2, 1.7
@@ -84,13 +87,16 @@ def two_levels(stiffness: SparseMatrix, areas: FloatArray, aggregates: IntArray)
     step = _DAMPING * inverse_sums[:, None]
     times, up, down = _by_rows(matrix), _by_rows(prolong), _by_rows(restrict)
 
-    def precondition(residual: FloatArray) -> FloatArray:
-        update: FloatArray = step * residual
-        left = times(update, lambda rows, image: residual[rows] - image)
-        coarser = factor.solve(down(left, lambda rows, image: image))
-        update = up(coarser, lambda rows, image: update[rows] + image)
-        return times(
-            update, lambda rows, image: update[rows] + step[rows] * (residual[rows] - image)
+    def precondition(residual: FloatArray, update: FloatArray, result: FloatArray) -> None:
+        np.multiply(step, residual, out=update)
+        times(update, result, lambda rows, image: residual[rows] - image)
+        coarse_load = np.empty((coarse.shape[0], residual.shape[1]))
+        down(result, coarse_load, lambda rows, image: image)
+        up(factor.solve(coarse_load), update, lambda rows, image: update[rows] + image)
+        times(
+            update,
+            result,
+            lambda rows, image: update[rows] + step[rows] * (residual[rows] - image),
         )
 
     def green(rhs: FloatArray, guess: FloatArray | None = None, tol: float = 1e-10) -> FloatArray:
@@ -110,47 +116,48 @@ def two_levels(stiffness: SparseMatrix, areas: FloatArray, aggregates: IntArray)
 
 
 def _conjugate_gradients(
-    times: Callable[..., FloatArray],
-    precondition: Callable[[FloatArray], FloatArray],
+    times: _Product,
+    precondition: Callable[[FloatArray, FloatArray, FloatArray], None],
     load: FloatArray,
     solution: FloatArray,
     tol: float,
 ) -> FloatArray:
     """Solve for each column on its own, all of them side by side, from the solution given."""
-    residual = times(solution, lambda rows, image: load[rows] - image)
+    # Large arrays are made once: memory fresh from the system costs as much as the work.
+    residual, direction, image, better, work = (np.empty_like(load) for _ in range(5))
+    times(solution, residual, lambda rows, image: load[rows] - image)
     goal = tol**2 * _dots(load, load)
-    direction = precondition(residual)
+    precondition(residual, work, direction)
     energy = _dots(residual, direction)
     for _ in range(_MOST_STEPS):
         if (_dots(residual, residual) <= goal).all():
             return solution
-        image = times(direction, lambda rows, image: image)
+        times(direction, image, lambda rows, image: image)
         curvature = _dots(direction, image)
         length = energy / np.where(curvature > 0, curvature, np.inf)  # 0 for what is solved
-        _add(solution, length, direction)
-        _add(residual, -length, image)
-        better = precondition(residual)
+        _combine(solution, 1.0, length, direction)
+        _combine(residual, 1.0, -length, image)
+        precondition(residual, work, better)
         before, energy = energy, _dots(residual, better)
-        _add(better, energy / np.where(before > 0, before, np.inf), direction)
-        direction = better
+        _combine(direction, energy / np.where(before > 0, before, np.inf), 1.0, better)
     raise SolverError(
         f"{_MOST_STEPS} steps of conjugate gradients did not reach a residual of {tol:g}; allow "
         "more coarse vertices"
     )
 
 
-def _by_rows(matrix: SparseMatrix) -> Callable[..., FloatArray]:
-    """Make the product with a matrix; what becomes of its rows is done while they are at hand."""
+def _by_rows(matrix: SparseMatrix) -> _Product:
+    """Make ``times(block, out, finish)``, the product of a matrix with a block of columns.
+
+    Its rows go to `out` through `finish`, which works on them while they are in the cache.
+    """
     parts = [(rows, matrix[rows]) for rows in row_slices(matrix.shape[0])]
 
-    def times(block: FloatArray, finish: Callable[[slice, FloatArray], FloatArray]) -> FloatArray:
-        result = np.empty((matrix.shape[0], block.shape[1]))
-
+    def times(block: FloatArray, out: FloatArray, finish: _Finish) -> None:
         def work(rows: slice, part: SparseMatrix) -> None:
-            result[rows] = finish(rows, part @ block)
+            out[rows] = finish(rows, part @ block)
 
         run_all(functools.partial(work, *part) for part in parts)
-        return result
 
     return times
 
@@ -164,10 +171,13 @@ def _dots(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(sum(run_all(functools.partial(work, rows) for rows in row_slices(len(left)))))
 
 
-def _add(target: FloatArray, factor: FloatArray, other: FloatArray) -> None:
-    """Add a multiple of each column, in place."""
+def _combine(
+    target: FloatArray, share: FloatArray | float, factor: FloatArray | float, other: FloatArray
+) -> None:
+    """Replace each column by a share of it and a multiple of the other's, in place."""
 
     def work(rows: slice) -> None:
+        target[rows] *= share
         target[rows] += factor * other[rows]
 
     run_all(functools.partial(work, rows) for rows in row_slices(len(target)))
