@@ -33,6 +33,16 @@ def test_any_aggregates_give_the_factorised_answer(operator, seed, n_coarse):
     assert np.abs(green(load, wanted, 1e-6) - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
+def test_rounding_errors_in_the_sum_of_a_residual_do_no_harm(operator):
+    """No solution has them; kept, they would be all that is left to solve for."""
+    n = len(operator.areas)
+    load = np.random.default_rng(0).standard_normal((n, 2))
+    wanted = green_operator(operator.stiffness, operator.areas)(load)
+    green, _ = two_levels(operator.stiffness, operator.areas, np.arange(n) // 4)
+    far = green(load, wanted + 1e4, 1e-12)
+    assert np.abs(far - wanted).max() < 1e-10 * np.abs(wanted).max()
+
+
 def test_what_does_not_converge_is_refused(operator, monkeypatch):
     monkeypatch.setattr(two_level, "_MOST_STEPS", 2)
     n = len(operator.areas)

@@ -92,6 +92,7 @@ def two_levels(stiffness: SparseMatrix, areas: FloatArray, aggregates: IntArray)
         times(update, result, lambda rows, image: residual[rows] - image)
         coarse_load = np.empty((coarse.shape[0], residual.shape[1]))
         down(result, coarse_load, lambda rows, image: image)
+        coarse_load -= coarse_load.mean(axis=0)  # rounding errors, for which there is no solution
         up(factor.solve(coarse_load), update, lambda rows, image: update[rows] + image)
         times(
             update,
