@@ -7,17 +7,16 @@ from pathlib import Path
 
 from unbend.errors import MeshError
 
-# Entries of the Cholesky factor for each vertex of a mesh of a million, minimum degree order, and
-# the power of the number of vertices that they grow with. Measured on irregular and on subdivided
-# animals: 24 at 50,000 vertices, 44 at 200,000, 61 at 800,000, 67 at 1,040,000.
-_FILL = 66.0
-_GROWTH = 0.27
-# Bytes for each of them while the factor is copied into the solver's form: 16 + 12.
-_ENTRY_BYTES = 28
+# Entries of the factor for each vertex of a mesh of a million, and the power of the number of
+# vertices that they grow with. Measured on subdivided animals: 68 at 200,000 vertices, 80 at
+# 1,040,000.
+_FILL = 80.0
+_GROWTH = 0.12
+_ENTRY_BYTES = 8
 # Bytes for each vertex of the mesh, the Laplacian and what the factorisation makes of it.
-_VERTEX_BYTES = 700
+_VERTEX_BYTES = 1150
 # The same where only the coarse level is factorised: two levels of matrices and blocks of vectors.
-_ITERATIVE_BYTES = 2000
+_ITERATIVE_BYTES = 2100
 
 
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
@@ -38,7 +37,7 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
     --------
     >>> from unbend.memory import needed_memory
     >>> round(needed_memory(1_000_000, 64) / 2**30, 1)
-    2.8
+    2.1
     """
     fill = _FILL * (n_vertices / 1e6) ** _GROWTH
     return int(n_vertices * (fill * _ENTRY_BYTES + _VERTEX_BYTES + 8 * columns))

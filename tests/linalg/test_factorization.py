@@ -22,7 +22,7 @@ from unbend.errors import InputError, SolverError
 from unbend.linalg import factorization
 from unbend.linalg.factorization import factorize
 
-BACKENDS = ["qdldl+numba", "qdldl", "superlu", "cholmod"]
+BACKENDS = ["multifrontal", "qdldl+numba", "qdldl", "superlu", "cholmod"]
 
 
 def fake_cholmod():
@@ -57,6 +57,7 @@ def fake_cholmod():
 @pytest.fixture(params=BACKENDS)
 def backend(request, monkeypatch):
     present = {
+        "multifrontal": {"numba"},
         "qdldl+numba": {"qdldl", "numba"},
         "qdldl": {"qdldl"},
         "superlu": set(),
@@ -65,6 +66,8 @@ def backend(request, monkeypatch):
     monkeypatch.setattr(factorization, "_installed", present.__contains__)
     monkeypatch.setattr(factorization, "_NUMBA_PAYS", 0)
     monkeypatch.setattr(factorization, "_CHOLMOD_PAYS", 0)
+    pays = 0 if request.param == "multifrontal" else 10**9
+    monkeypatch.setattr(factorization, "_DENSE_BLOCKS_PAY", pays)
     package = types.ModuleType("sksparse")
     package.cholmod = fake_cholmod()
     monkeypatch.setitem(sys.modules, "sksparse", package)
@@ -104,13 +107,13 @@ def test_every_backend_refuses_singular_matrices(backend):
             factorize(matrix)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     n=st.integers(1, 60),
     density=st.floats(0.0, 0.3),
     seed=st.integers(0, 10**6),
     definite=st.booleans(),
-    name=st.sampled_from(["qdldl+numba", "qdldl", "superlu"]),
+    name=st.sampled_from(BACKENDS[:-1]),
     unit=st.integers(-100, 100),
 )
 def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
@@ -122,10 +125,12 @@ def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
     eigenvalues = np.linalg.eigvalsh(dense)
     smallest, largest = np.sort(np.abs(eigenvalues))[[0, -1]]
     exact = rng.standard_normal((n, 3))
-    installed = {"qdldl+numba": ("qdldl", "numba"), "qdldl": ("qdldl",), "superlu": ()}[name]
+    installed = {"superlu": (), "qdldl": ("qdldl",)}.get(name, ("qdldl", "numba"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(factorization, "_installed", lambda package: package in installed)
         patch.setattr(factorization, "_NUMBA_PAYS", 0)
+        pays = 0 if name == "multifrontal" else 10**9
+        patch.setattr(factorization, "_DENSE_BLOCKS_PAY", pays)
         try:
             factor = factorize(sp.csc_array(matrix * 10.0**unit))
         except SolverError:
@@ -166,10 +171,12 @@ def test_bad_input():
     assert factor.solve(np.ones((3, 0))).shape == (3, 0)
 
 
-def test_solves_in_several_threads_at_once():
+@pytest.mark.parametrize("name", ["multifrontal", "qdldl+numba"])
+def test_solves_in_several_threads_at_once(name, monkeypatch):
+    monkeypatch.setattr(factorization, "_DENSE_BLOCKS_PAY", 0 if name == "multifrontal" else 10**9)
     stiffness, areas = laplacian(*icosphere(4))
     factor = factorize(stiffness + sp.diags_array(areas))
-    assert factor.backend == "qdldl+numba"
+    assert factor.backend == name
     rhs = np.random.default_rng(0).standard_normal((len(areas), 50))
     expected = factor.solve(rhs)
     with ThreadPoolExecutor(4) as pool:

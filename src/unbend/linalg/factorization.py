@@ -2,10 +2,11 @@
 
 Backends, chosen in :func:`_backends` and nowhere else:
 
+- ``"multifrontal"``: L D L^T of our own (nested dissection, no pivoting), for large systems.
 - ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), solves of our own.
 - ``"qdldl"``: the same with qdldl's solves, for systems too small to pay for importing Numba.
-- ``"cholmod"``: supernodal Cholesky where scikit-sparse is installed, for large positive definite
-  systems.
+- ``"cholmod"``: supernodal Cholesky where scikit-sparse is installed, for the largest positive
+  definite systems.
 - ``"superlu"``: SciPy's, in symmetric mode, where qdldl is missing.
 """
 
@@ -28,7 +29,8 @@ from unbend.linalg._threads import COLUMNS, run_all
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
-_CHOLMOD_PAYS = 500_000  # below, qdldl factorises as fast and our solves are faster
+_DENSE_BLOCKS_PAY = 100_000  # below, solves are no faster with our own factor
+_CHOLMOD_PAYS = 500_000  # below, our own solves are faster
 _SMALLEST_PIVOT = 1e-13  # relative to the diagonal it came from; less is cancellation
 _LARGEST_ERROR = 1e-4  # share of an error that a refinement step may leave
 _SMALL_ERROR = 1e-8  # share that may stay where solves need not be exact
@@ -44,7 +46,8 @@ class Factorization:
     n_negative : int
         Number of negative eigenvalues of the matrix (Sylvester's law of inertia).
     backend : str
-        What did the work: ``"qdldl+numba"``, ``"qdldl"``, ``"cholmod"`` or ``"superlu"``.
+        What did the work: ``"multifrontal"``, ``"qdldl+numba"``, ``"qdldl"``, ``"cholmod"`` or
+        ``"superlu"``.
     """
 
     n_negative: int
@@ -163,7 +166,9 @@ def _backends(n: int, indefinite: bool) -> Iterator[tuple[str, Callable[..., Any
     """Name the backends to try, best first."""
     if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
         yield "cholmod", _cholmod
-    if not _installed("qdldl"):
+    if n >= _DENSE_BLOCKS_PAY and _installed("numba"):
+        yield "multifrontal", _multifrontal
+    elif not _installed("qdldl"):
         yield "superlu", _superlu
     elif n >= _NUMBA_PAYS and _installed("numba"):
         yield "qdldl+numba", functools.partial(_qdldl, compiled=True)
@@ -173,6 +178,13 @@ def _backends(n: int, indefinite: bool) -> Iterator[tuple[str, Callable[..., Any
 
 def _installed(package: str) -> bool:
     return find_spec(package) is not None
+
+
+def _multifrontal(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
+    from unbend.linalg.multifrontal import factor, solve
+
+    found = factor(matrix)
+    return found.nodes.order, found.pivots, functools.partial(solve, found)
 
 
 def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _Solve]:
