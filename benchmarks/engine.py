@@ -157,7 +157,7 @@ def bench_columns(mesh: Mesh, count: int, share: int, mark: float) -> list[Row]:
 
     def ours() -> np.ndarray:
         gram = gram_metric("biharmonic", surface, 1.0).gram
-        columns = np.empty((n, count), order="F")
+        columns = np.empty((n, count))
         for start in range(0, count, 64):
             part = sources[start : start + 64]
             unit = np.zeros((n, len(part)))

@@ -6,8 +6,10 @@ import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from threading import Lock
 from typing import NamedTuple
+
+import numpy as np
 
 from unbend._types import FloatArray
 from unbend.choices import DistanceKind, Interpolation, Weighting
@@ -26,8 +28,9 @@ from unbend.surface import Surface
 # Residuals that the two-level route ends at: of the form's eigenpairs, and of the solves that its
 # stress is taken from.
 _RESIDUAL, _FOR_STRESS = 1e-6, 1e-4
-# Vectors it works on beyond the form's dimension; columns of vectors that are there at a time.
-_MORE, _COLUMNS = 5, 64
+# Vectors it works on beyond the form's dimension, and for its stress at a time; columns of vectors
+# that are there at a time.
+_MORE, _NARROW, _COLUMNS = 5, 8, 64
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,18 @@ def two_level(surface: Surface, options: Options, steps: Steps) -> Scaled:
         points, eigenvalues, residual = refined_scaling(
             solves, start, options.n_components, tol=_RESIDUAL
         )
-    metric = gram_metric(options.distance, surface, options.time, partial(green, tol=_FOR_STRESS))
+    lock = Lock()
+
+    def sparing(rhs: FloatArray) -> FloatArray:
+        # Each solve is spread over threads already, and a second one would double the memory.
+        solution = np.empty_like(rhs)
+        with lock:
+            for first in range(0, rhs.shape[1], _NARROW):
+                part = slice(first, first + _NARROW)
+                solution[:, part] = green(np.ascontiguousarray(rhs[:, part]), tol=_FOR_STRESS)
+        return solution
+
+    metric = gram_metric(options.distance, surface, options.time, sparing)
     return Scaled(points, eigenvalues, metric, residual)
 
 

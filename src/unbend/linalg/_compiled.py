@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -28,3 +29,8 @@ def compiled(function: Callable[..., Any], signature: str | None = None) -> Call
     except Exception:  # no usable cache folder costs compilations, never the result
         kernel = numba.njit(*signatures, nogil=True)(function)
     return kernel
+
+
+def kernel(*types: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Make a decorator that compiles for arguments of these types at once."""
+    return functools.partial(compiled, signature=f"({', '.join(types)})")

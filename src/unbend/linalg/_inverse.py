@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg._threads import inner, rotate, run_all
+from unbend.linalg._threads import inner, rotate, run_all, sparse_product
 from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
@@ -242,12 +242,13 @@ def _polish(
     the matrix makes much of them. A step of inverse iteration, written as a correction so that
     only the correction is rounded, removes them where the residual falls short.
     """
-    image = matrix @ vectors
+    rows = matrix.T  # the same, in compressed rows
+    image = sparse_product(rows, vectors)
     image -= vectors * values
     if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
         vectors -= factor.solve(image)
     for _ in range(steps):
-        image = matrix @ vectors
+        image = sparse_product(rows, vectors)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         rotate(vectors, rotation)
         rotate(image, rotation)

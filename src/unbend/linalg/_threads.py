@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import threadpoolctl
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, SparseMatrix
 
 COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
 _ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
@@ -257,6 +257,34 @@ def rotate(tall: FloatArray, small: FloatArray) -> None:
         tall[rows] = (small.T @ tall[rows].T).T
 
     run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
+
+
+def sparse_product(matrix: SparseMatrix, block: FloatArray) -> FloatArray:
+    """Compute ``matrix @ block``, rows split among threads.
+
+    Parameters
+    ----------
+    matrix : (m, n) sparse matrix of float64 in compressed rows
+    block : (n, r) array of float64
+
+    Returns
+    -------
+    (m, r) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np, scipy.sparse as sp
+    >>> from unbend.linalg._threads import sparse_product
+    >>> sparse_product(sp.eye_array(2).tocsr(), np.ones((2, 1))).tolist()
+    [[1.0], [1.0]]
+    """
+    result = np.empty((matrix.shape[0], block.shape[1]))
+
+    def work(rows: slice) -> None:
+        result[rows] = matrix[rows] @ block
+
+    run_all(functools.partial(work, rows) for rows in row_slices(len(result)))
+    return result
 
 
 def row_slices(n: int) -> list[slice]:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._types import IntArray
-from unbend.linalg._compiled import compiled
+from unbend.linalg._compiled import kernel
 from unbend.linalg._threads import run_all
 
 _LEVELS = 3  # of separators above the subtrees that threads share
@@ -165,11 +165,7 @@ def _subtree(starts: IntArray, neighbors: IntArray, *segment: Any) -> tuple[IntA
     return own - first, count - 1 - above
 
 
-def _compile(*types: str) -> Any:
-    return functools.partial(compiled, signature=f"({', '.join(types)})")
-
-
-@_compile(_LONGS, _INTS, _INTS, "int64", _INTS, _INTS, "int32")
+@kernel(_LONGS, _INTS, _INTS, "int64", _INTS, _INTS, "int32")
 def _search(starts, neighbors, label, own, queue, distance, seed):  # type: ignore[no-untyped-def]
     """Search breadth first among the vertices with a label; count what is reached."""
     queue[0] = seed
@@ -188,7 +184,7 @@ def _search(starts, neighbors, label, own, queue, distance, seed):  # type: igno
     return count
 
 
-@_compile(_LONGS, _INTS, _INTS, "int64", "int64", _INTS, _INTS, _INTS)
+@kernel(_LONGS, _INTS, _INTS, "int64", "int64", _INTS, _INTS, _INTS)
 def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ignore[no-untyped-def]
     """Reorder a segment into side, side and separator; give the sizes of the sides.
 
@@ -282,7 +278,7 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
     return n_sides[0], n_sides[1]
 
 
-@_compile(
+@kernel(
     _LONGS, _INTS, _INTS, "int64", "int64", _INTS, _INTS, _INTS, "int64[:, ::1]", "int64[:, ::1]"
 )
 def _dissect(starts, neighbors, order, first, last, label, near, far, found, waiting):  # type: ignore[no-untyped-def]
@@ -314,7 +310,7 @@ def _dissect(starts, neighbors, order, first, last, label, near, far, found, wai
     return count
 
 
-@_compile(_LONGS, _INTS, _INTS, _INTS, _LONGS, "int64[:, ::1]")
+@kernel(_LONGS, _INTS, _INTS, _INTS, _LONGS, "int64[:, ::1]")
 def _rows_below(starts, neighbors, order, inverse, begins, children):  # type: ignore[no-untyped-def]
     """Rows below each supernode's own: those of its columns' neighbours and of its children."""
     n, count = order.size, begins.size - 1

@@ -11,12 +11,12 @@ Importing this module imports Numba; only :mod:`unbend.linalg.factorization` doe
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.linalg._compiled import compiled
+from unbend.linalg._compiled import kernel
 from unbend.linalg._sweeps import PANEL, sweeps
 from unbend.linalg._threads import COLUMNS, one_blas_thread, run_all
 from unbend.linalg.dissection import Supernodes, dissect
@@ -157,11 +157,7 @@ def _solve_chunk(
     run_all(functools.partial(up, part) for part in subtrees)
 
 
-def _compile(*types: str) -> Any:
-    return functools.partial(compiled, signature=f"({', '.join(types)})")
-
-
-@_compile(_PAIRS, _LONGS, _LONGS, _LONGS, "int64", "int64", "int64")
+@kernel(_PAIRS, _LONGS, _LONGS, _LONGS, "int64", "int64", "int64")
 def _stack_updates(children, heights, depths, offsets, first, last, room):  # type: ignore[no-untyped-def]
     """Place the update matrices of a range of supernodes in two stacks; give where they end.
 
@@ -188,7 +184,7 @@ def _stack_updates(children, heights, depths, offsets, first, last, room):  # ty
     return room + most[0] + most[1]
 
 
-@_compile(
+@kernel(
     *(_LONGS, _INTS, _FLOATS, _INTS),
     *(_INTS, _LONGS, _PAIRS, _LONGS, _INTS),
     *(_FLOATS, _PAIRS, _FLOATS, _FLOATS, _LONGS, _FLOATS),
