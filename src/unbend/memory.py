@@ -16,7 +16,7 @@ _ENTRY_BYTES = 8
 # Bytes for each vertex of the mesh, the Laplacian and what the factorisation makes of it.
 _VERTEX_BYTES = 1150
 # The same where only the coarse level is factorised: two levels of matrices and blocks of vectors.
-_ITERATIVE_BYTES = 2100
+_ITERATIVE_BYTES = 1100
 
 
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
