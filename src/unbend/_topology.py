@@ -64,6 +64,43 @@ def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     )
 
 
+def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
+    """Turn faces until any two that are alone at an edge walk along it in opposite directions.
+
+    Of each connected part, turned are the fewer faces. Edges of more than two faces connect none.
+
+    Parameters
+    ----------
+    faces : (m, 3) ndarray of int64
+        Each names three different vertices.
+    n_vertices : int
+
+    Returns
+    -------
+    (m, 3) ndarray of int64, or None
+        None for a surface that has only one side.
+    """
+    m = len(faces)
+    edges = find_edges(faces, n_vertices)
+    sides = np.argsort(edges.of_side, kind="stable")
+    paired = (edges.n_faces == 2) & (edges.ends[:, 0] != edges.ends[:, 1])
+    firsts = (np.cumsum(edges.n_faces) - edges.n_faces)[paired]
+    one, other = sides[firsts] // 3, sides[firsts + 1] // 3
+    turned = (edges.n_upward[paired] != 1) * m
+    # Each face occurs twice: face i as it is, i + m as it would be, turned.
+    tails = np.concatenate([one, one + m])
+    heads = np.concatenate([other + turned, other + m - turned])
+    graph = coo_matrix((np.ones(len(tails)), (tails, heads)), shape=(2 * m, 2 * m))
+    count, labels = connected_components(graph, directed=False)
+    as_they_are, opposite = labels[:m], labels[m:]
+    if (as_they_are == opposite).any():
+        return None
+    votes = np.bincount(as_they_are, minlength=count)
+    turn = votes[as_they_are] < votes[opposite]
+    turn |= (votes[as_they_are] == votes[opposite]) & (as_they_are > opposite)
+    return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
+
+
 def group_rows(rows: IntArray, n_groups: int) -> IntArray:
     """Label rows so that rows that share a group, directly or through others, share a label.
 

@@ -13,7 +13,14 @@ import scipy.sparse as sp
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg._threads import inner, rotate, run_all, sparse_product
+from unbend.linalg._threads import (
+    column_lengths,
+    inner,
+    rotate,
+    run_all,
+    scale_and_add,
+    sparse_product,
+)
 from unbend.linalg.factorization import Factorization, factorize
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
@@ -244,16 +251,16 @@ def _polish(
     """
     rows = matrix.T  # the same, in compressed rows
     image = sparse_product(rows, vectors)
-    image -= vectors * values
-    if (np.linalg.norm(image[:, :k], axis=0) > tol * np.maximum(values[:k], floor) / 2).any():
+    scale_and_add(image, 1.0, -values, vectors)
+    if (column_lengths(image[:, :k]) > tol * np.maximum(values[:k], floor) / 2).any():
         vectors -= factor.solve(image)
     for _ in range(steps):
         image = sparse_product(rows, vectors)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         rotate(vectors, rotation)
         rotate(image, rotation)
-        image -= vectors * values
-        lengths = np.linalg.norm(image[:, :k], axis=0)
+        scale_and_add(image, 1.0, -values, vectors)
+        lengths = column_lengths(image[:, :k])
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
         if (lengths <= tol * ranks).all():
             break

@@ -9,7 +9,7 @@ import scipy.linalg
 
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg._threads import combine, inner
+from unbend.linalg._threads import column_lengths, combine, inner
 
 Operator = Callable[[FloatArray], FloatArray]
 
@@ -115,7 +115,7 @@ class KrylovBasis:
         old = self._columns[:, : self.size]
         along = np.zeros((self.size, count))
         beyond = np.eye(count)
-        before = np.linalg.norm(block, axis=0).max()
+        before = column_lengths(block).max()
         while True:
             step = inner(old, block)
             along += step @ beyond
@@ -124,7 +124,7 @@ class KrylovBasis:
             # is why their lengths are measured anew.
             rotation = np.linalg.eigh(inner(block, block))[1][:, ::-1][:, :room]
             block = combine(None, block, rotation)
-            lengths = np.linalg.norm(block, axis=0)
+            lengths = column_lengths(block)
             alive = lengths > _LOST * before
             beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)
             scale = np.where(alive, lengths, 1.0)

@@ -259,6 +259,66 @@ def rotate(tall: FloatArray, small: FloatArray) -> None:
     run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
 
 
+def column_dots(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Compute the inner product of each column with the other's, rows split among threads.
+
+    Parameters
+    ----------
+    left, right : (n, r) arrays of float64
+
+    Returns
+    -------
+    (r,) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import column_dots
+    >>> column_dots(np.ones((4, 2)), np.eye(4, 2)).tolist()
+    [1.0, 1.0]
+    """
+
+    def work(rows: slice) -> FloatArray:
+        return np.asarray(np.einsum("ij,ij->j", left[rows], right[rows]))
+
+    return np.asarray(sum(run_all(functools.partial(work, rows) for rows in row_slices(len(left)))))
+
+
+def column_lengths(block: FloatArray) -> FloatArray:
+    """Compute the Euclidean norm of each column, (n, r) to (r,), rows split among threads."""
+    return np.asarray(np.sqrt(column_dots(block, block)))
+
+
+def scale_and_add(
+    target: FloatArray, share: FloatArray | float, factor: FloatArray | float, other: FloatArray
+) -> None:
+    """Replace each column by a share of it and a multiple of the other's, in place, in threads.
+
+    Parameters
+    ----------
+    target : (n, r) array of float64
+        Changed in place.
+    share, factor : float or (r,) array of float64
+    other : (n, r) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg._threads import scale_and_add
+    >>> target = np.ones((1, 2))
+    >>> scale_and_add(target, 1.0, np.array([2.0, 3.0]), np.ones((1, 2)))
+    >>> target.tolist()
+    [[3.0, 4.0]]
+    """
+
+    def work(rows: slice) -> None:
+        if np.any(share != 1.0):
+            target[rows] *= share
+        target[rows] += factor * other[rows]
+
+    run_all(functools.partial(work, rows) for rows in row_slices(len(target)))
+
+
 def sparse_product(matrix: SparseMatrix, block: FloatArray) -> FloatArray:
     """Compute ``matrix @ block``, rows split among threads.
 

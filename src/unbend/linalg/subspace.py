@@ -9,7 +9,7 @@ import scipy.linalg
 
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg._threads import combine, inner, one_blas_thread
+from unbend.linalg._threads import column_lengths, combine, inner, one_blas_thread
 
 _MOST_STEPS = 50
 # Of what is missing from the eigenpairs, the share that solves may leave.
@@ -72,7 +72,7 @@ def subspace_iteration(
             values, rotation = values[::-1][:k], rotation[:, ::-1]
             found = combine(None, vectors, rotation[:, :k])
             left = combine(found * -values, images[-1], -rotation[:, :k])
-            residual = float(np.linalg.norm(left, axis=0).max() / values[0])
+            residual = float(column_lengths(left).max() / values[0])
             if residual <= tol:
                 return values, found, residual
             turn = rotation @ _orthonormalising(

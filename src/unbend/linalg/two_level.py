@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.errors import SolverError
-from unbend.linalg._threads import row_slices, run_all
+from unbend.linalg._threads import column_dots, row_slices, run_all, scale_and_add
 from unbend.linalg.factorization import factorize
 from unbend.linalg.lanczos import smallest_eigenpairs
 
@@ -127,20 +127,20 @@ def _conjugate_gradients(
     # Large arrays are made once: memory fresh from the system costs as much as the work.
     residual, direction, image, better, work = (np.empty_like(load) for _ in range(5))
     times(solution, residual, lambda rows, image: load[rows] - image)
-    goal = tol**2 * _dots(load, load)
+    goal = tol**2 * column_dots(load, load)
     precondition(residual, work, direction)
-    energy = _dots(residual, direction)
+    energy = column_dots(residual, direction)
     for _ in range(_MOST_STEPS):
-        if (_dots(residual, residual) <= goal).all():
+        if (column_dots(residual, residual) <= goal).all():
             return solution
         times(direction, image, lambda rows, image: image)
-        curvature = _dots(direction, image)
+        curvature = column_dots(direction, image)
         length = energy / np.where(curvature > 0, curvature, np.inf)  # 0 for what is solved
-        _combine(solution, 1.0, length, direction)
-        _combine(residual, 1.0, -length, image)
+        scale_and_add(solution, 1.0, length, direction)
+        scale_and_add(residual, 1.0, -length, image)
         precondition(residual, work, better)
-        before, energy = energy, _dots(residual, better)
-        _combine(direction, energy / np.where(before > 0, before, np.inf), 1.0, better)
+        before, energy = energy, column_dots(residual, better)
+        scale_and_add(direction, energy / np.where(before > 0, before, np.inf), 1.0, better)
     raise SolverError(
         f"{_MOST_STEPS} steps of conjugate gradients did not reach a residual of {tol:g}; allow "
         "more coarse vertices"
@@ -161,24 +161,3 @@ def _by_rows(matrix: SparseMatrix) -> _Product:
         run_all(functools.partial(work, *part) for part in parts)
 
     return times
-
-
-def _dots(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Inner products of the columns of one with those of the other."""
-
-    def work(rows: slice) -> FloatArray:
-        return np.asarray(np.einsum("ij,ij->j", left[rows], right[rows]))
-
-    return np.asarray(sum(run_all(functools.partial(work, rows) for rows in row_slices(len(left)))))
-
-
-def _combine(
-    target: FloatArray, share: FloatArray | float, factor: FloatArray | float, other: FloatArray
-) -> None:
-    """Replace each column by a share of it and a multiple of the other's, in place."""
-
-    def work(rows: slice) -> None:
-        target[rows] *= share
-        target[rows] += factor * other[rows]
-
-    run_all(functools.partial(work, rows) for rows in row_slices(len(target)))

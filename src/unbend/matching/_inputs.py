@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._topology import wind_alike
 from unbend._types import IntArray
 from unbend.errors import InputError, MeshError
 from unbend.matching._shape import Shape, make_shape
@@ -25,8 +26,12 @@ def prepare_shape(
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
     surface = make_surface(mesh)
-    faces = surface.mesh.faces
-    _check_winding(faces, mesh.name)
+    faces = wind_alike(surface.mesh.faces, surface.n_vertices)
+    if faces is None:
+        raise MeshError(
+            f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "
+            "cannot be told apart on it; repair the mesh"
+        )
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2), cache=cache)
     if progress is not None:
         progress("spectrum", 1.0)
@@ -34,20 +39,6 @@ def prepare_shape(
         surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions
     )
     return surface, shape
-
-
-def _check_winding(faces: IntArray, name: str) -> None:
-    """Every directed edge belongs to one face, or its neighbours disagree on what is outside."""
-    directed = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    order = np.lexsort(directed.T)
-    repeated = (np.diff(directed[order], axis=0) == 0).all(axis=1)
-    if repeated.any():
-        first = int(np.flatnonzero(repeated)[0])
-        one, other = sorted(int(i) // 3 for i in order[first : first + 2])
-        raise MeshError(
-            f"{name}: faces {one} and {other} run along their common edge in the same direction, "
-            "so it is unclear which side is outside; repair the winding of the faces"
-        )
 
 
 def expand(point_map: IntArray, source: Surface, target: Surface) -> IntArray:

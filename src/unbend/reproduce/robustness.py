@@ -136,7 +136,7 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Perturbed) -> Arrays:
     # On the clean shape distances are the same for all perturbations.
     try:
         found = match(perturbed.mesh, clean, cache=False)
-    except MeshError:  # decimation may leave faces that disagree on what is outside
+    except MeshError:  # decimation may leave a surface with only one side
         return result | {"map error": np.array(np.nan), "confidence": np.array(0.0)}
     rows = np.random.default_rng(0).permutation(perturbed.mesh.n_vertices)[:_N_ROWS]
     judged = evaluate(found.source_to_target, clean, rows, perturbed.origin[rows])

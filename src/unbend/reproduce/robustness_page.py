@@ -26,7 +26,7 @@ _DONE = {
     "than half of the longest way, joined by tubes one face wide: the finer the mesh, the narrower",
 }
 _NO_DECIMATION = (
-    "Decimation was left out: it needs fast-simplification, `pip install 'unbend[reproduce]'`."
+    "\n\nDecimation was left out: it needs fast-simplification, `pip install 'unbend[reproduce]'`."
 )
 
 
@@ -105,12 +105,10 @@ scale, too, because the area changes with every perturbation; dashed: without), 
 shapes. Besides, the
 perturbed shape is matched to the clean one by the progressive matcher; errors are geodesic
 distances on the clean shape over the square root of its area, and a map is right if its mean error
-is below 0.08. A perturbed mesh that the matcher refuses, because its faces disagree on which side
-is outside, has no map and counts as not right.
+is below 0.08. A perturbed mesh that the matcher refuses, because it has but one side, has no map
+and counts as not right.
 
-{done}
-
-{"" if decimated else _NO_DECIMATION}
+{done}{"" if decimated else _NO_DECIMATION}
 
 We call a form insensitive to what moves it less than another pose does: biharmonic forms of two
 poses of these shapes are {_percent(poses["biharmonic"])} apart but for scale, S-MDS forms
