@@ -15,6 +15,7 @@ from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg._threads import (
     column_lengths,
+    column_slices,
     inner,
     rotate,
     run_all,
@@ -250,12 +251,16 @@ def _polish(
     only the correction is rounded, removes them where the residual falls short.
     """
     rows = matrix.T  # the same, in compressed rows
-    image = sparse_product(rows, vectors)
+    # Large arrays are kept: memory fresh from the system costs as much as the work.
+    image = np.empty(vectors.shape)
+    sparse_product(rows, vectors, image)
     scale_and_add(image, 1.0, -values, vectors)
     if (column_lengths(image[:, :k]) > tol * np.maximum(values[:k], floor) / 2).any():
-        vectors -= factor.solve(image)
-    for _ in range(steps):
-        image = sparse_product(rows, vectors)
+        _correct(vectors, factor, image)
+    for step in range(steps):
+        if step > 0:
+            _correct(vectors, factor, image)
+        sparse_product(rows, vectors, image)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         rotate(vectors, rotation)
         rotate(image, rotation)
@@ -264,7 +269,15 @@ def _polish(
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
         if (lengths <= tol * ranks).all():
             break
-        vectors = vectors - factor.solve(image)
     else:
         lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * _ROUNDING
     return values[:k], best, float(np.maximum(lengths / ranks, 0).max())
+
+
+def _correct(vectors: FloatArray, factor: Factorization, image: FloatArray) -> None:
+    """Subtract the solves of an image from vectors, in place, a chunk of columns at a time."""
+
+    def work(part: slice) -> None:
+        vectors[:, part] -= factor.solve(np.ascontiguousarray(image[:, part]))
+
+    run_all(functools.partial(work, part) for part in column_slices(image.shape[1]))

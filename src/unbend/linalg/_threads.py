@@ -133,12 +133,23 @@ def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> F
         return work(block)
     result = np.empty(block.shape)
 
-    def at(first: int) -> None:
-        part = slice(first, first + COLUMNS)
+    def at(part: slice) -> None:
         result[:, part] = work(np.ascontiguousarray(block[:, part]))
 
-    run_all(functools.partial(at, first) for first in range(0, block.shape[1], COLUMNS))
+    run_all(functools.partial(at, part) for part in column_slices(block.shape[1]))
     return result
+
+
+def column_slices(count: int) -> list[slice]:
+    """Cut columns into chunks for one task each.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import column_slices
+    >>> column_slices(20)
+    [slice(0, 16, None), slice(16, 20, None)]
+    """
+    return [slice(start, min(start + COLUMNS, count)) for start in range(0, count, COLUMNS)]
 
 
 @contextmanager
@@ -319,32 +330,30 @@ def scale_and_add(
     run_all(functools.partial(work, rows) for rows in row_slices(len(target)))
 
 
-def sparse_product(matrix: SparseMatrix, block: FloatArray) -> FloatArray:
+def sparse_product(matrix: SparseMatrix, block: FloatArray, out: FloatArray) -> None:
     """Compute ``matrix @ block``, rows split among threads.
 
     Parameters
     ----------
     matrix : (m, n) sparse matrix of float64 in compressed rows
     block : (n, r) array of float64
-
-    Returns
-    -------
-    (m, r) array of float64
+    out : (m, r) array of float64
+        The product goes there.
 
     Examples
     --------
     >>> import numpy as np, scipy.sparse as sp
     >>> from unbend.linalg._threads import sparse_product
-    >>> sparse_product(sp.eye_array(2).tocsr(), np.ones((2, 1))).tolist()
+    >>> product = np.empty((2, 1))
+    >>> sparse_product(sp.eye_array(2).tocsr(), np.ones((2, 1)), product)
+    >>> product.tolist()
     [[1.0], [1.0]]
     """
-    result = np.empty((matrix.shape[0], block.shape[1]))
 
     def work(rows: slice) -> None:
-        result[rows] = matrix[rows] @ block
+        out[rows] = matrix[rows] @ block
 
-    run_all(functools.partial(work, rows) for rows in row_slices(len(result)))
-    return result
+    run_all(functools.partial(work, rows) for rows in row_slices(len(out)))
 
 
 def row_slices(n: int) -> list[slice]:
