@@ -39,3 +39,20 @@ def blob() -> Mesh:
         limb = np.array(direction) / np.linalg.norm(direction)
         points += length * np.exp(-6 * (1 - sphere.vertices @ limb))[:, None] * limb
     return Mesh(points, sphere.faces, name="blob")
+
+
+@pytest.fixture(scope="session")
+def moebius_strip() -> Mesh:
+    """A surface with one side."""
+    n = 60
+    angle = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+    across = np.linspace(-0.4, 0.4, 5)
+    radius = 1 + across * np.cos(angle / 2)
+    points = [radius * np.cos(angle), radius * np.sin(angle), across * np.sin(angle / 2)]
+    row, column = (one.ravel() for one in np.mgrid[:n, :4])
+    after = np.where(row == n - 1, 0, row + 1) * 5
+    here, here_up = row * 5 + column, row * 5 + column + 1
+    there = after + np.where(row == n - 1, 4 - column, column)
+    there_up = after + np.where(row == n - 1, 3 - column, column + 1)
+    faces = np.stack([here, there, here_up, here_up, there, there_up], axis=1).reshape(-1, 3)
+    return Mesh(np.stack(points, axis=2).reshape(-1, 3), faces)

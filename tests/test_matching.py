@@ -179,24 +179,9 @@ def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
     assert _share_right(found.source_to_target[:-1], blob, every) == 1
 
 
-def _moebius_strip() -> Mesh:
-    n = 60
-    angle = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-    across = np.linspace(-0.4, 0.4, 5)
-    radius = 1 + across * np.cos(angle / 2)
-    points = [radius * np.cos(angle), radius * np.sin(angle), across * np.sin(angle / 2)]
-    row, column = (one.ravel() for one in np.mgrid[:n, :4])
-    after = np.where(row == n - 1, 0, row + 1) * 5
-    here, here_up = row * 5 + column, row * 5 + column + 1
-    there = after + np.where(row == n - 1, 4 - column, column)
-    there_up = after + np.where(row == n - 1, 3 - column, column + 1)
-    faces = np.stack([here, there, here_up, here_up, there, there_up], axis=1).reshape(-1, 3)
-    return Mesh(np.stack(points, axis=2).reshape(-1, 3), faces)
-
-
-def test_what_is_wrong_is_said(blob: Mesh) -> None:
+def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:
     with pytest.raises(MeshError, match="only one side"):
-        match(_moebius_strip(), blob)
+        match(moebius_strip, blob)
     with pytest.raises(InputError, match="needs faces"):
         match(blob.vertices, blob)
     with pytest.raises(InputError, match="method"):
