@@ -72,7 +72,6 @@ def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
     Parameters
     ----------
     faces : (m, 3) ndarray of int64
-        Each names three different vertices.
     n_vertices : int
 
     Returns
@@ -82,11 +81,11 @@ def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
     """
     m = len(faces)
     edges = find_edges(faces, n_vertices)
-    sides = np.argsort(edges.of_side, kind="stable")
-    paired = (edges.n_faces == 2) & (edges.ends[:, 0] != edges.ends[:, 1])
-    firsts = (np.cumsum(edges.n_faces) - edges.n_faces)[paired]
-    one, other = sides[firsts] // 3, sides[firsts + 1] // 3
-    turned = (edges.n_upward[paired] != 1) * m
+    twin = _other_sides(edges)
+    is_loop = (edges.ends[:, 0] == edges.ends[:, 1])[edges.of_side]
+    sides = np.flatnonzero((twin > np.arange(3 * m)) & ~is_loop)
+    one, other = sides // 3, twin[sides] // 3
+    turned = (edges.n_upward[edges.of_side[sides]] != 1) * m
     # Each face occurs twice: face i as it is, i + m as it would be, turned.
     tails = np.concatenate([one, one + m])
     heads = np.concatenate([other + turned, other + m - turned])
@@ -99,6 +98,14 @@ def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
     turn = votes[as_they_are] < votes[opposite]
     turn |= (votes[as_they_are] == votes[opposite]) & (as_they_are > opposite)
     return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
+
+
+def _other_sides(edges: Edges) -> IntArray:
+    """For each side the other one at its edge, -1 where the edge has not exactly two."""
+    side = np.arange(len(edges.of_side))
+    # The numbers of an edge's two sides, summed, less one of them is the other one.
+    other = np.bincount(edges.of_side, side).astype(np.int64)[edges.of_side] - side
+    return np.where(edges.n_faces[edges.of_side] == 2, other, -1)
 
 
 def group_rows(rows: IntArray, n_groups: int) -> IntArray:
@@ -200,9 +207,8 @@ def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
     """
     at_vertex = faces.ravel()
     side = np.arange(len(at_vertex))
-    inner = edges.n_faces[edges.of_side] == 2
-    # The numbers of an edge's two sides, summed, less one of them is the other one.
-    twin = np.bincount(edges.of_side, side).astype(np.int64)[edges.of_side] - side
+    twin = _other_sides(edges)
+    inner = twin >= 0
     following = np.where(inner, twin + np.where(twin % 3 == 2, -2, 1), -1)
     begins = np.ones(len(side), dtype=bool)
     begins[following[inner]] = False

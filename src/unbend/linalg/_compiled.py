@@ -8,6 +8,10 @@ from typing import Any
 
 import numba
 
+# Types of arrays that kernels are compiled for.
+INTS, LONGS, FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
+PAIRS, BLOCK = "int64[:, ::1]", "float64[:, ::1]"
+
 
 def compiled(function: Callable[..., Any], signature: str | None = None) -> Callable[..., Any]:
     """Compile a kernel that releases the GIL, and keep the code on disk where that is possible.

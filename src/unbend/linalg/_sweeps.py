@@ -17,12 +17,19 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from unbend.linalg._compiled import compiled
+from unbend.linalg._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
 
 PANEL = 4  # columns of the factor that are stored together
 
-_INTS, _LONGS, _FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
-_PAIRS, _BLOCK = "int64[:, ::1]", "float64[:, ::1]"
+
+@kernel(LONGS, LONGS, "int64", "int64")
+def largest(begins, row_starts, first, last):  # type: ignore[no-untyped-def]
+    """Most columns of a range of supernodes, and most rows below one."""
+    widest, tallest = 0, 0
+    for i in range(first, last):
+        widest = max(widest, begins[i + 1] - begins[i])
+        tallest = max(tallest, row_starts[i + 1] - row_starts[i])
+    return widest, tallest
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -45,8 +52,8 @@ def _products(
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
     """Rows of the product of a piece of a matrix with rows of a chunk.
 
-    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k q_n +
-    q]`` for i below ``n_rows``, k below ``count`` and q below ``q_n = unrolled``, all constants.
+    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
+    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
     """
     n_sums, steps, n_columns = (
         n_rows.literal_value,
@@ -135,7 +142,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
         with L, and with D and L^T, for a range of supernodes; rows of the chunk to the solution.
         They release the GIL.
     """
-    rows_at_once = max(1, min(4, 32 // width))  # as many as fit into registers
+    rows_at_once = min(4, 32 // width)  # as many as fit into registers
 
     # Compiled by Numba, whose intrinsic Python cannot run.
     def load(  # pragma: no cover
@@ -169,10 +176,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
         first: Any,
         last: Any,
     ) -> None:
-        widest, tallest = 0, 0
-        for i in range(first, last):
-            widest = max(widest, begins[i + 1] - begins[i])
-            tallest = max(tallest, row_starts[i + 1] - row_starts[i])
+        widest, tallest = largest(begins, row_starts, first, last)
         own = np.zeros((widest + PANEL, width))
         sums = np.empty((tallest + PANEL, width))
         for i in range(first, last):
@@ -239,10 +243,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
         first: Any,
         last: Any,
     ) -> None:
-        widest, tallest = 0, 0
-        for i in range(first, last):
-            widest = max(widest, begins[i + 1] - begins[i])
-            tallest = max(tallest, row_starts[i + 1] - row_starts[i])
+        widest, tallest = largest(begins, row_starts, first, last)
         own = np.empty((widest + PANEL, width))
         sums = np.empty((widest + PANEL, width))
         known = np.empty((tallest, width))
@@ -294,16 +295,15 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
                 for c in range(width):
                     values[begin + k, c] = sums[k, c]
 
-    tree = (_LONGS, _LONGS, _INTS, _PAIRS, _FLOATS, _FLOATS)
+    tree = (LONGS, LONGS, INTS, PAIRS, FLOATS, FLOATS)
     ranges = ("int64", "int64")
     signatures = [
-        (_INTS, _BLOCK, "int64", _BLOCK, *ranges),
-        (*tree, _BLOCK, _BLOCK, "int64", *ranges),
-        (*tree, _FLOATS, _BLOCK, *ranges),
-        (_INTS, _BLOCK, "int64", _BLOCK, *ranges),
+        (INTS, BLOCK, "int64", BLOCK, *ranges),
+        (*tree, BLOCK, BLOCK, "int64", *ranges),
+        (*tree, FLOATS, BLOCK, *ranges),
+        (INTS, BLOCK, "int64", BLOCK, *ranges),
     ]
-    kernels: list[Callable[..., None]] = [load, forward, backward, unload]
+    functions: list[Callable[..., None]] = [load, forward, backward, unload]
     return tuple(
-        compiled(kernel, f"void({', '.join(types)})")
-        for kernel, types in zip(kernels, signatures, strict=True)
+        kernel(*types)(function) for function, types in zip(functions, signatures, strict=True)
     )

@@ -106,6 +106,20 @@ if hasattr(os, "register_at_fork"):  # in a forked process they would be dead
     os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
+def chunk_width(count: int) -> int:
+    """Columns that solves for so many work on at once: one, half a chunk or a chunk.
+
+    Eight columns cost little more than one.
+
+    Examples
+    --------
+    >>> from unbend.linalg._threads import chunk_width
+    >>> [chunk_width(count) for count in (1, 3, 9, 40)]
+    [1, 8, 16, 16]
+    """
+    return 1 if count == 1 else COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+
+
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
     """Apply a function to a block of columns a chunk at a time, chunks spread over threads.
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._types import IntArray
-from unbend.linalg._compiled import kernel
+from unbend.linalg._compiled import INTS, LONGS, PAIRS, kernel
 from unbend.linalg._threads import run_all
 
 _LEVELS = 3  # of separators above the subtrees that threads share
@@ -18,16 +18,14 @@ _LEAF = 24  # vertices that are not separated any more
 _WIDTH = 64  # columns of a supernode at most
 _LEAST = 0.2  # share of the vertices on the smaller side of a separator, if that can be
 
-_INTS, _LONGS = "int32[::1]", "int64[::1]"
-
 
 class Supernodes(NamedTuple):
     """Columns of a factor, in groups with the same rows below them.
 
     Attributes
     ----------
-    order : (n,) ndarray of int32
-        Row of the matrix for each row of the factor.
+    order, inverse : (n,) ndarrays of int32
+        Row of the matrix for each row of the factor, and the reverse.
     starts : (m + 1,) ndarray of int64
         Supernode i has the columns ``starts[i]`` to ``starts[i + 1]``.
     children : (m, 2) ndarray of int64
@@ -40,6 +38,7 @@ class Supernodes(NamedTuple):
     """
 
     order: Any
+    inverse: Any
     starts: IntArray
     children: IntArray
     row_starts: IntArray
@@ -136,6 +135,7 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
     ends = [*before[: len(subtrees) + 1].tolist(), int(before[-1])]
     return Supernodes(
         order,
+        inverse,
         columns,
         children,
         row_starts,
@@ -165,7 +165,7 @@ def _subtree(starts: IntArray, neighbors: IntArray, *segment: Any) -> tuple[IntA
     return own - first, count - 1 - above
 
 
-@kernel(_LONGS, _INTS, _INTS, "int64", _INTS, _INTS, "int32")
+@kernel(LONGS, INTS, INTS, "int64", INTS, INTS, "int32")
 def _search(starts, neighbors, label, own, queue, distance, seed):  # type: ignore[no-untyped-def]
     """Search breadth first among the vertices with a label; count what is reached."""
     queue[0] = seed
@@ -184,7 +184,7 @@ def _search(starts, neighbors, label, own, queue, distance, seed):  # type: igno
     return count
 
 
-@kernel(_LONGS, _INTS, _INTS, "int64", "int64", _INTS, _INTS, _INTS)
+@kernel(LONGS, INTS, INTS, "int64", "int64", INTS, INTS, INTS)
 def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ignore[no-untyped-def]
     """Reorder a segment into side, side and separator; give the sizes of the sides.
 
@@ -278,9 +278,7 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
     return n_sides[0], n_sides[1]
 
 
-@kernel(
-    _LONGS, _INTS, _INTS, "int64", "int64", _INTS, _INTS, _INTS, "int64[:, ::1]", "int64[:, ::1]"
-)
+@kernel(LONGS, INTS, INTS, "int64", "int64", INTS, INTS, INTS, PAIRS, PAIRS)
 def _dissect(starts, neighbors, order, first, last, label, near, far, found, waiting):  # type: ignore[no-untyped-def]
     """Reorder a segment down to its leaves; give its supernodes, what is above first.
 
@@ -310,7 +308,7 @@ def _dissect(starts, neighbors, order, first, last, label, near, far, found, wai
     return count
 
 
-@kernel(_LONGS, _INTS, _INTS, _INTS, _LONGS, "int64[:, ::1]")
+@kernel(LONGS, INTS, INTS, INTS, LONGS, PAIRS)
 def _rows_below(starts, neighbors, order, inverse, begins, children):  # type: ignore[no-untyped-def]
     """Rows below each supernode's own: those of its columns' neighbours and of its children."""
     n, count = order.size, begins.size - 1

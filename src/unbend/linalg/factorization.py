@@ -25,7 +25,7 @@ import scipy.sparse.linalg as spla
 
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
-from unbend.linalg._threads import COLUMNS, run_all
+from unbend.linalg._threads import chunk_width, run_all
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
@@ -209,8 +209,7 @@ def _solve_in_chunks(factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
 
     solution = np.empty_like(rhs)
     count = rhs.shape[1]
-    # One column, half a chunk or a chunk: eight columns cost little more than one.
-    width = 1 if count == 1 else COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+    width = chunk_width(count)
     solve = chunk_solver(width)
     run_all(
         functools.partial(solve, *factor, rhs, solution, first) for first in range(0, count, width)

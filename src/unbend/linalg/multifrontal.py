@@ -16,16 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.linalg._compiled import kernel
-from unbend.linalg._sweeps import PANEL, sweeps
-from unbend.linalg._threads import COLUMNS, one_blas_thread, run_all
+from unbend.linalg._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend.linalg._sweeps import PANEL, largest, sweeps
+from unbend.linalg._threads import chunk_width, one_blas_thread, run_all
 from unbend.linalg.dissection import Supernodes, dissect
 
 _ROWS = 128  # of an update matrix computed at once: half of it is never needed
 _SLACK = 64  # entries past the end that a sweep may read, and does not use
-
-_INTS, _LONGS, _FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
-_PAIRS = "int64[:, ::1]"
 
 
 class Factor(NamedTuple):
@@ -82,8 +79,6 @@ def factor(matrix: SparseMatrix) -> Factor:
     graph = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32)
     nodes = dissect(*graph)
     n = len(nodes.order)
-    inverse = np.empty(n, np.int32)
-    inverse[nodes.order] = np.arange(n, dtype=np.int32)
     widths, heights = np.diff(nodes.starts), np.diff(nodes.row_starts)
     sizes = np.column_stack([widths**2, -(-widths // PANEL) * PANEL * heights])
     places = np.concatenate([np.zeros((1, 2), np.int64), np.cumsum(sizes, axis=0)])
@@ -98,7 +93,6 @@ def factor(matrix: SparseMatrix) -> Factor:
     work = (
         *graph,
         matrix.data,
-        inverse,
         *nodes[:-1],
         pivots,
         places,
@@ -119,8 +113,7 @@ def solve(found: Factor, rhs: FloatArray) -> FloatArray:
     """Solve for a block of right-hand sides, (n, r) to (n, r)."""
     count = rhs.shape[1]
     solution = np.empty_like(rhs)
-    # One column, half a chunk or a chunk: eight columns cost little more than one.
-    width = 1 if count == 1 else COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+    width = chunk_width(count)
     run_all(
         functools.partial(_solve_chunk, found, rhs, solution, first, width)
         for first in range(0, count, width)
@@ -157,7 +150,7 @@ def _solve_chunk(
     run_all(functools.partial(up, part) for part in subtrees)
 
 
-@kernel(_PAIRS, _LONGS, _LONGS, _LONGS, "int64", "int64", "int64")
+@kernel(PAIRS, LONGS, LONGS, LONGS, "int64", "int64", "int64")
 def _stack_updates(children, heights, depths, offsets, first, last, room):  # type: ignore[no-untyped-def]
     """Place the update matrices of a range of supernodes in two stacks; give where they end.
 
@@ -185,17 +178,17 @@ def _stack_updates(children, heights, depths, offsets, first, last, room):  # ty
 
 
 @kernel(
-    *(_LONGS, _INTS, _FLOATS, _INTS),
-    *(_INTS, _LONGS, _PAIRS, _LONGS, _INTS),
-    *(_FLOATS, _PAIRS, _FLOATS, _FLOATS, _LONGS, _FLOATS),
+    *(LONGS, INTS, FLOATS),
+    *(INTS, INTS, LONGS, PAIRS, LONGS, INTS),
+    *(FLOATS, PAIRS, FLOATS, FLOATS, LONGS, FLOATS),
     *("int64", "int64"),
 )
 def _eliminate(  # type: ignore[no-untyped-def]
     starts,
     indices,
     entries,
-    inverse,
     order,
+    inverse,
     begins,
     children,
     row_starts,
@@ -210,10 +203,7 @@ def _eliminate(  # type: ignore[no-untyped-def]
     last,
 ):
     """Eliminate a range of supernodes; tell whether every pivot was good."""
-    widest, tallest = 0, 0
-    for i in range(first, last):
-        widest = max(widest, begins[i + 1] - begins[i])
-        tallest = max(tallest, row_starts[i + 1] - row_starts[i])
+    widest, tallest = largest(begins, row_starts, first, last)
     front = np.empty((widest, widest))
     column = np.empty(widest)
     two_rooms = np.empty((2, widest * tallest))
