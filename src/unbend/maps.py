@@ -11,6 +11,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
+from unbend._arrays import snap
 from unbend._files import atomic_write, check_writable, read_bytes
 from unbend._formats import data_lines
 from unbend._formats.npy import read_array
@@ -188,7 +189,7 @@ def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
         keys = np.unique(i * n + j)
         i, j = keys // n, keys % n
         lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
-        graph = sp.csr_matrix((lengths, (i, j)), shape=(n, n))
+        graph = sp.csr_matrix((snap(lengths), (i, j)), shape=(n, n))
         _, _, nearest = dijkstra(
             graph, directed=False, indices=hit, return_predecessors=True, min_only=True
         )
