@@ -22,6 +22,8 @@ from unbend.spectra import Spectrum
 
 # Eq. 14 is solved until its residual is this small, relative to its right-hand side.
 _TOLERANCE = 1e-12
+# A pivot below this share of its diagonal entry is what rounding left of it, or nearly.
+_SINGULAR = 1e-12
 _UNDETERMINED = (
     "the samples do not determine the interpolation; "
     "use more samples than eigenpairs, or a smaller mu"
@@ -180,6 +182,8 @@ def _factor(system: FloatArray) -> tuple[FloatArray, bool]:
         factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(system)
     except scipy.linalg.LinAlgError:
         raise SolverError(_UNDETERMINED) from None
+    if (factor[0].diagonal() ** 2 < _SINGULAR * system.diagonal()).any():
+        raise SolverError(_UNDETERMINED)
     return factor
 
 
