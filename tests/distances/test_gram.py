@@ -27,13 +27,14 @@ def kind(request):
 def test_from_sources_equals_the_dense_formula(blob, kind):
     expected = dense.distances(dense.kernel(laplacian(blob), FILTERS[kind]))
     found = distance(blob, [0, 77, 300], kind=kind, time=TIME)
-    np.testing.assert_allclose(found, expected[[0, 77, 300]], atol=1e-7 * expected.max())
+    # Near 0 a distance is the square root of what rounding leaves of a difference.
+    np.testing.assert_allclose(found, expected[[0, 77, 300]], atol=1e-6 * expected.max())
 
 
 def test_all_eigenpairs_truncate_nothing(blob, kind):
     everything = distance(blob, 5, kind=kind, time=TIME, n_eigenpairs=blob.n_vertices)
     exact = distance(blob, 5, kind=kind, time=TIME)
-    np.testing.assert_allclose(everything, exact, atol=1e-7 * exact.max())
+    np.testing.assert_allclose(everything, exact, atol=1e-6 * exact.max())
 
 
 def test_truncation_is_the_printed_sum(blob, kind):
@@ -48,10 +49,10 @@ def test_truncation_is_the_printed_sum(blob, kind):
 
 def test_is_a_metric(blob, kind):
     every = distance(blob, np.arange(0, 642, 40), kind=kind, time=TIME)[:, ::40]
-    np.testing.assert_allclose(every, every.T, atol=1e-7 * every.max())
-    np.testing.assert_allclose(np.diag(every), 0, atol=1e-7 * every.max())
+    np.testing.assert_allclose(every, every.T, atol=1e-6 * every.max())
+    np.testing.assert_allclose(np.diag(every), 0, atol=1e-6 * every.max())
     through = (every[:, :, None] + every[None, :, :]).min(axis=1)
-    assert (every <= through + 1e-9).all()
+    assert (every <= through + 1e-6 * every.max()).all()
 
 
 @pytest.mark.parametrize(

