@@ -2,13 +2,35 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint format bench clean
+# Every worker computes with one thread of BLAS: with more, they wait for each other.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
+
+.PHONY: demo test test-portable lint format bench clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
 
 test: .venv/test.stamp lint ## the whole suite: lint, types, tests, doctests, coverage
-	$(BIN)/pytest -n auto --cov --cov-report=term
+	$(PYTEST) --cov --cov-report=term
+
+# What rounds differently on another x86 processor: the kernels of OpenBLAS, the loops of NumPy,
+# the functions of the C library, and what Numba compiles for. Each run has those of one generation
+# of processors; NEWEST_BLAS is one that this processor can run. The first is of all tests, in one
+# thread. The others leave out files, the command line, figures and experiments, whose arithmetic is
+# the library's; the second gives unbend and BLAS two threads each, the third unbend alone.
+NEWEST_BLAS := $(if $(shell grep -w avx512dq /proc/cpuinfo 2>/dev/null),SkylakeX,Sandybridge)
+ARITHMETIC := $(addprefix --ignore=tests/,cli io report reproduce test_benchmarks.py test_readme.py)
+
+test-portable: .venv/test.stamp ## the tests again under what rounds differently on other processors
+	OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
+	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR" \
+	GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA \
+	NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR=$(CURDIR)/.venv/numba-generic \
+	$(PYTEST)
+	OPENBLAS_CORETYPE=Haswell OMP_NUM_THREADS=2 OPENBLAS_THREAD_TIMEOUT=4 \
+	NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR" \
+	$(BIN)/pytest -n 1 $(ARITHMETIC)
+	OPENBLAS_CORETYPE=$(NEWEST_BLAS) OMP_NUM_THREADS=2 $(PYTEST) $(ARITHMETIC)
 
 lint: .venv/test.stamp ## ruff and mypy, changing nothing
 	$(BIN)/ruff check .
