@@ -61,9 +61,8 @@ def distance(
       unbend distance cat.off --from 12 -o field.ply
       unbend distance cat.off --from 12 --from 480 --kind geodesic -o field.npy
     """  # noqa: D301
-    from unbend._files import check_writable
     from unbend.distances import distance as measure
-    from unbend.io import read_mesh
+    from unbend.io import check_writable, read_mesh
 
     if out is not None:
         check_writable(out, _SUFFIXES)
@@ -90,8 +89,7 @@ def write_field(out: str, shape: Mesh, sources: list[int], field: FloatArray) ->
     """Write distances (s, n) in the format that the file's suffix names."""
     import numpy as np
 
-    from unbend._files import atomic_write
-    from unbend.io import write_mesh
+    from unbend.io import atomic_write, write_mesh
 
     suffix = Path(out).suffix.lower()
     if suffix == ".ply":

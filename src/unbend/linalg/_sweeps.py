@@ -17,7 +17,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from unbend.linalg._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
 
 PANEL = 4  # columns of the factor that are stored together
 

@@ -20,7 +20,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from unbend.linalg._compiled import compiled
+from unbend._compiled import compiled
 
 _SIGNATURE = (
     "void(int64[::1], int64[::1], int32[::1], float64[::1], float64[::1],"

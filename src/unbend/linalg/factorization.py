@@ -23,9 +23,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from unbend._parallel import chunk_width, run_all
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
-from unbend.linalg._threads import chunk_width, run_all
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend._parallel import chunk_width, one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.linalg._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
 from unbend.linalg._sweeps import PANEL, largest, sweeps
-from unbend.linalg._threads import chunk_width, one_blas_thread, run_all
 from unbend.linalg.dissection import Supernodes, dissect
 
 _ROWS = 128  # of an update matrix computed at once: half of it is never needed

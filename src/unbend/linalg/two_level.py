@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._parallel import row_slices, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.errors import SolverError
-from unbend.linalg._threads import column_dots, row_slices, run_all, scale_and_add
 from unbend.linalg.factorization import factorize
 from unbend.linalg.lanczos import smallest_eigenpairs
+from unbend.linalg.tall import column_dots, scale_and_add
 
 _Finish = Callable[[slice, FloatArray], FloatArray]
 _Product = Callable[[FloatArray, FloatArray, _Finish], None]

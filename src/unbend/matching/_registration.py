@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
 from unbend._types import FloatArray, IntArray
 from unbend.linalg.factorization import factorize
+from unbend.matching._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
 from unbend.matching._shape import Shape, vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import farthest_points
 from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.matching._kernels import farthest_points
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.

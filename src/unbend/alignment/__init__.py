@@ -1,0 +1,15 @@
+"""Rigid alignment of point sets, and their nearest neighbours."""
+
+from unbend.alignment._alignment import Alignment, align, closest_points, icp, procrustes
+from unbend.alignment._nearest import Pairs, nearest_both_ways, nearest_pairs
+
+__all__ = [
+    "Alignment",
+    "Pairs",
+    "align",
+    "closest_points",
+    "icp",
+    "nearest_both_ways",
+    "nearest_pairs",
+    "procrustes",
+]

@@ -1,0 +1,35 @@
+"""The mesh itself: vertices and faces, their topology, and coarser ones."""
+
+from unbend.mesh._arrays import count_repeats, first_equal_row
+from unbend.mesh._coarsening import aggregate_vertices
+from unbend.mesh._mesh import Mesh, vertex_areas
+from unbend.mesh._topology import (
+    FACES_AT_ONCE,
+    Components,
+    Edges,
+    count_non_manifold_vertices,
+    find_components,
+    find_edges,
+    group_rows,
+    measure_faces,
+    proper_faces,
+    wind_alike,
+)
+
+__all__ = [
+    "FACES_AT_ONCE",
+    "Components",
+    "Edges",
+    "Mesh",
+    "aggregate_vertices",
+    "count_non_manifold_vertices",
+    "count_repeats",
+    "find_components",
+    "find_edges",
+    "first_equal_row",
+    "group_rows",
+    "measure_faces",
+    "proper_faces",
+    "vertex_areas",
+    "wind_alike",
+]
