@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from unbend import Mesh, distance, farthest_point_sampling
+from unbend.datasets import make_octopus, make_quadruped
 from unbend.errors import InputError
 
 
@@ -26,6 +27,15 @@ def test_does_not_depend_on_vertex_order(blob):
     np.testing.assert_array_equal(
         order[farthest_point_sampling(permuted, 10, kind="biharmonic")], samples
     )
+
+
+@pytest.mark.parametrize("kind", ["biharmonic", "geodesic"])
+@pytest.mark.parametrize("make", [make_quadruped, make_octopus])
+def test_what_is_rounded_in_another_way_has_the_same_samples(make, kind):
+    mesh = make(n_vertices=600).mesh  # of two sides, which are equally far from its middle
+    other = Mesh(mesh.vertices[:, [1, 2, 0]] * 3 + 1, mesh.faces)
+    samples = farthest_point_sampling(mesh, 60, kind=kind)
+    assert farthest_point_sampling(other, 60, kind=kind).tolist() == samples.tolist()
 
 
 def test_starts_where_it_is_told(blob):

@@ -108,4 +108,4 @@ def test_a_missing_file_is_refused():
 
 
 def test_points_have_equal_areas():
-    assert vertex_areas(np.zeros((5, 3))).tolist() == [1] * 5
+    assert vertex_areas(Mesh(np.zeros((5, 3)))).tolist() == [1] * 5

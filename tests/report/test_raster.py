@@ -15,3 +15,14 @@ def test_parts_thinner_than_a_pixel_are_drawn_without_gaps():
     across = np.linspace(extent[0], extent[1], picture.shape[1])
     covered = picture[..., 3].max(axis=0) > 0
     assert covered[(across > -0.9) & (across < 8.9)].all()
+
+
+def test_rounding_does_not_change_the_size_of_a_picture():
+    # 102 pixels with 2 % of margin: the square is 100 pixels wide, give or take the last bit.
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    sizes = {
+        rasterize(square * scale, faces, np.ones((4, 3)), (102, 102))[0].shape
+        for scale in np.linspace(0.9, 1.1, 101)
+    }
+    assert sizes == {(102, 102, 4)}

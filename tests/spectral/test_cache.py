@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from unbend import Mesh, cache, spectrum
+from unbend import Mesh, spectrum
+from unbend.spectral import _cache as cache
 from unbend.spectral import cache_info, clear_cache
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 

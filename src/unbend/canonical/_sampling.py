@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
 from unbend.distances import make_metric
@@ -46,7 +47,8 @@ def farthest_point_sampling(
     Returns
     -------
     (n_samples,) ndarray of int64
-        Vertex ids in the order they were chosen; ties go to the lowest id.
+        Vertex ids in the order they were chosen; ties, within a millionth, go to the
+        lowest id.
 
     Raises
     ------
@@ -119,10 +121,10 @@ def spread_samples(
         distances[i, :i] = distances[:i, i] = row[indices[:i]]
         np.minimum(nearest, row, out=nearest)
         nearest[following] = -np.inf  # never twice, not even among coincident points
-        following = int(nearest.argmax())
+        following = int(first_largest(nearest))
     return Samples(indices, distances)
 
 
 def shape_end(spectrum: Spectrum) -> int:
     """Vertex where the first non-constant eigenfunction is largest in magnitude."""
-    return int(np.abs(spectrum.eigenfunctions[:, 1]).argmax())
+    return int(first_largest(np.abs(spectrum.eigenfunctions[:, 1])))

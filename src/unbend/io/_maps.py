@@ -15,7 +15,7 @@ from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._meshes import as_mesh
-from unbend.io.formats._contents import data_lines
+from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")

@@ -16,7 +16,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError, MeshError
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io.formats import obj, off, ply, points, stl
-from unbend.io.formats._contents import Contents
+from unbend.io.formats.contents import Contents
 from unbend.mesh import Mesh
 
 _READERS: dict[str, Callable[[bytes], Contents]] = {

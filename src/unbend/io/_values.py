@@ -14,7 +14,7 @@ from unbend._text import plural
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._meshes import write_mesh
-from unbend.io.formats._contents import data_lines
+from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
 

@@ -55,7 +55,8 @@ def inverse_lanczos(
     --------
     >>> import scipy.sparse as sp
     >>> from unbend.linalg._inverse import inverse_lanczos
-    >>> inverse_lanczos(sp.diags_array([4.0, 0.0, 3.0, 9.0]).tocsc(), 2, 1e-8, 0, None)[0].round(6)
+    >>> diagonal = sp.diags_array([4.0, 0.0, 3.0, 9.0]).tocsc()
+    >>> inverse_lanczos(diagonal, 2, 1e-8, 0, None)[0].round(6) + 0.0
     array([0., 3.])
     """
     n = matrix.shape[0]

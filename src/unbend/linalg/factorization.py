@@ -132,7 +132,7 @@ def factorize(
     --------
     >>> import scipy.sparse as sp
     >>> from unbend.linalg.factorization import factorize
-    >>> factorize(sp.csc_array([[2.0, 1.0], [1.0, 3.0]])).solve([3.0, 4.0])
+    >>> factorize(sp.csc_array([[2.0, 1.0], [1.0, 3.0]])).solve([3.0, 4.0]).round(6)
     array([1., 1.])
     """
     matrix = sp.csc_matrix(matrix, dtype=np.float64)

@@ -73,8 +73,8 @@ def factor(matrix: SparseMatrix) -> Factor:
     >>> import numpy as np, scipy.sparse as sp
     >>> from unbend.linalg.multifrontal import factor, solve
     >>> found = factor(sp.csc_matrix([[2.0, 1.0], [1.0, 3.0]]))
-    >>> solve(found, np.array([[3.0], [4.0]])).tolist()
-    [[1.0], [1.0]]
+    >>> bool(np.allclose(solve(found, np.array([[3.0], [4.0]])), 1.0))
+    True
     """
     graph = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32)
     nodes = dissect(*graph)

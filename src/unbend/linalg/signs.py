@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._arrays import first_largest
 from unbend._types import FloatArray
 
 # A third moment below this share of the third absolute moment is rounding, not skewness.
@@ -37,8 +38,7 @@ def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     size = np.abs(vectors)
     third = weights @ (size * size * vectors)
     scale = weights @ (size * size * size)
-    peak = (size > (1 - _SYMMETRIC) * size.max(axis=0)).argmax(axis=0)
-    at_peak = vectors[peak, np.arange(vectors.shape[1])]
+    at_peak = vectors[first_largest(size), np.arange(vectors.shape[1])]
     deciding = np.where(np.abs(third) > _SYMMETRIC * scale, third, at_peak)
     signed: FloatArray = vectors * np.where(deciding < 0, -1.0, 1.0)
     return signed

@@ -1,6 +1,5 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
-from unbend.mesh._arrays import count_repeats, first_equal_row
 from unbend.mesh._coarsening import aggregate_vertices
 from unbend.mesh._mesh import Mesh, vertex_areas
 from unbend.mesh._topology import (
@@ -23,10 +22,8 @@ __all__ = [
     "Mesh",
     "aggregate_vertices",
     "count_non_manifold_vertices",
-    "count_repeats",
     "find_components",
     "find_edges",
-    "first_equal_row",
     "group_rows",
     "measure_faces",
     "proper_faces",

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from unbend._arrays import count_repeats
 from unbend._types import FloatArray
 from unbend.mesh import (
     Edges,
     Mesh,
     count_non_manifold_vertices,
-    count_repeats,
     find_components,
     find_edges,
     group_rows,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import count_repeats
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -14,7 +15,6 @@ from unbend.mesh import (
     Components,
     Mesh,
     count_non_manifold_vertices,
-    count_repeats,
     find_components,
     find_edges,
     measure_faces,

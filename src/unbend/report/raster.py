@@ -88,7 +88,8 @@ def rasterize(
     # Drawn at twice the resolution and averaged: smooth outlines. The mesh may be flat.
     pixel = float(max(((high - low) / size).max(), 1e-12)) * 1.02 / 2
     middle = (low + high) / 2
-    counts = (np.ceil((high - low) / (2 * pixel)).astype(int) + 2) * 2
+    # What is a whole number of pixels but for rounding is that number, on every processor.
+    counts = (np.ceil((high - low) / (2 * pixel) - 1e-6).astype(int) + 2) * 2
     origin = middle - counts * pixel / 2
     face, column, row, share = _covered(corners, origin, pixel)
     depth = np.einsum("ci,ci->c", share, corners[face, :, 2])

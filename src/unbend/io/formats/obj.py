@@ -10,8 +10,8 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
-from unbend.io.formats._contents import Contents, positions, text_lines, triangulate
-from unbend.io.formats._contents import table as write_table
+from unbend.io.formats.contents import Contents, positions, text_lines, triangulate
+from unbend.io.formats.contents import table as write_table
 
 # What an OBJ file may hold besides vertices and faces. Anything else is reported in the notes.
 _OTHER = """

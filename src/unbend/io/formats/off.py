@@ -8,7 +8,7 @@ from typing import BinaryIO
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
-from unbend.io.formats._contents import (
+from unbend.io.formats.contents import (
     NO_FACES,
     Contents,
     count,
@@ -16,7 +16,7 @@ from unbend.io.formats._contents import (
     polygon_rows,
     positions,
 )
-from unbend.io.formats._contents import table as write_table
+from unbend.io.formats.contents import table as write_table
 
 _KEYWORD = re.compile(r"\s*(?:ST)?C?N?(4?n?)OFF(\s+BINARY)?")
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
-from unbend.io.formats._contents import (
+from unbend.io.formats.contents import (
     NO_FACES,
     Contents,
     count,

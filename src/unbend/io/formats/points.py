@@ -8,8 +8,8 @@ import numpy as np
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
-from unbend.io.formats._contents import NO_FACES, Contents, data_lines, positions
-from unbend.io.formats._contents import table as write_table
+from unbend.io.formats.contents import NO_FACES, Contents, data_lines, positions
+from unbend.io.formats.contents import table as write_table
 from unbend.io.formats.npy import read_array
 
 

@@ -6,11 +6,11 @@ from typing import BinaryIO
 
 import numpy as np
 
+from unbend._arrays import first_equal_row
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
-from unbend.io.formats._contents import Contents, data_lines, positions
-from unbend.mesh import first_equal_row
+from unbend.io.formats.contents import Contents, data_lines, positions
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes: 80 of free text and the number of triangles

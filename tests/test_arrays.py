@@ -1,4 +1,4 @@
-"""Rows that repeat."""
+"""Rows that repeat, and the largest of entries that rounding tells apart."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unbend.mesh import count_repeats, first_equal_row
+from unbend._arrays import count_repeats, first_equal_row, first_largest
 
 VALUES = st.sampled_from([-1.0, -0.0, 0.0, 2.0, np.nan])
 
@@ -21,3 +21,9 @@ def test_the_first_equal_row_is_found(rows: list[tuple[float, float]]) -> None:
     array = np.array(rows, dtype=np.float64).reshape(-1, 2)
     assert first_equal_row(array).tolist() == expected
     assert count_repeats(array) == sum(i != j for i, j in enumerate(expected))
+
+
+def test_of_what_only_rounding_tells_apart_the_first_is_the_largest() -> None:
+    values = np.array([[0.1, -np.inf, 0.0], [0.3, 2.0, 0.0], [0.1 + 0.2, 2.0 + 1e-9, 0.0]])
+    assert first_largest(values).tolist() == [1, 1, 0]
+    assert first_largest(np.array([1.0, 1.0001])) == 1

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import IntArray
+from unbend._types import FloatArray, IntArray
+
+# Values that a symmetry makes equal come out of a solver with errors far below this share.
+_ROUNDING = 1e-6
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
@@ -27,7 +30,7 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     Examples
     --------
     >>> import numpy as np
-    >>> from unbend.mesh import first_equal_row
+    >>> from unbend._arrays import first_equal_row
     >>> first_equal_row(np.array([[1, 2], [3, 4], [1, 2]]))
     array([0, 1, 0])
     """
@@ -44,6 +47,31 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     group_start = order[starts][np.cumsum(starts) - 1]
     first[candidates[order]] = candidates[group_start]
     return first
+
+
+def first_largest(values: FloatArray) -> IntArray:
+    """Index of the first entry that is the largest but for rounding, along the first axis.
+
+    Symmetric shapes have equal values at several vertices. Which of them is largest hangs on the
+    last bit, and so on the processor; which of them comes first does not.
+
+    Parameters
+    ----------
+    values : (n, ...) ndarray of float64
+        The largest along the first axis is not negative.
+
+    Returns
+    -------
+    (...) ndarray of int64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._arrays import first_largest
+    >>> int(first_largest(np.array([0.5, 3.0, 3.0 + 1e-12])))
+    1
+    """
+    return np.asarray((values >= (1 - _ROUNDING) * values.max(axis=0)).argmax(axis=0))
 
 
 def count_repeats(rows: npt.NDArray[Any]) -> int:
