@@ -15,9 +15,8 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.extending import intrinsic
 
-from unbend.linalg._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend.linalg._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, generated, kernel
 
 PANEL = 4  # columns of the factor that are stored together
 
@@ -32,7 +31,33 @@ def largest(begins, row_starts, first, last):  # type: ignore[no-untyped-def]
     return widest, tallest
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def _sums_of_products(  # type: ignore[no-untyped-def]
+    entries,
+    start,
+    across,
+    within,
+    along,
+    source,
+    first,
+    step,
+    count,
+    target,
+    to,
+    n_rows,
+    unrolled,
+    width,
+):
+    """Rows of the product of a piece of a matrix with rows of a chunk.
+
+    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
+    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
+    """
+    i, k, q = np.ogrid[:n_rows, :count, :unrolled]
+    piece = entries[start + i * across + q * within + k * along]
+    target[to : to + n_rows] = np.einsum("ikq,jkqc->ic", piece, source[first + k * step + q])
+
+
+@generated(_sums_of_products)
 def _products(
     context: Any,
     entries: Any,
@@ -50,11 +75,6 @@ def _products(
     unrolled: Any,
     width: Any,
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
-    """Rows of the product of a piece of a matrix with rows of a chunk.
-
-    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
-    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
-    """
     n_sums, steps, n_columns = (
         n_rows.literal_value,
         unrolled.literal_value,
@@ -144,10 +164,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
     """
     rows_at_once = min(4, 32 // width)  # as many as fit into registers
 
-    # Compiled by Numba, whose intrinsic Python cannot run.
-    def load(  # pragma: no cover
-        order: Any, rhs: Any, first: Any, values: Any, top: Any, bottom: Any
-    ) -> None:
+    def load(order: Any, rhs: Any, first: Any, values: Any, top: Any, bottom: Any) -> None:
         used = min(width, rhs.shape[1] - first)
         for i in range(top, bottom):
             for c in range(used):
@@ -155,15 +172,13 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
             for c in range(used, width):
                 values[i, c] = 0.0
 
-    def unload(  # pragma: no cover
-        order: Any, values: Any, first: Any, solution: Any, top: Any, bottom: Any
-    ) -> None:
+    def unload(order: Any, values: Any, first: Any, solution: Any, top: Any, bottom: Any) -> None:
         used = min(width, solution.shape[1] - first)
         for i in range(top, bottom):
             for c in range(used):
                 solution[order[i], first + c] = values[i, c]
 
-    def forward(  # pragma: no cover
+    def forward(
         begins: Any,
         row_starts: Any,
         rows: Any,
@@ -231,7 +246,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
                     for c in range(width):
                         above[row - below, c] -= sums[k, c]
 
-    def backward(  # pragma: no cover
+    def backward(
         begins: Any,
         row_starts: Any,
         rows: Any,

@@ -18,9 +18,8 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.extending import intrinsic
 
-from unbend.linalg._compiled import compiled
+from unbend.linalg._compiled import compiled, generated
 
 _SIGNATURE = (
     "void(int64[::1], int64[::1], int32[::1], float64[::1], float64[::1],"
@@ -28,11 +27,15 @@ _SIGNATURE = (
 )
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def _subtract(rows, target, factor, source, width):  # type: ignore[no-untyped-def]
+    """``rows[target] -= factor * rows[source]`` for a chunk of constant width."""
+    rows[target] -= factor * rows[source]
+
+
+@generated(_subtract)
 def _subtract_row(
     context: Any, rows: Any, target: Any, factor: Any, source: Any, width: Any
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
-    """``rows[target] -= factor * rows[source]`` for a chunk of constant width."""
     count = width.literal_value
     vector = ir.VectorType(ir.DoubleType(), count)
 
@@ -88,7 +91,7 @@ def chunk_solver(width: int) -> Callable[..., None]:
         rhs: Any,
         solution: Any,
         first: Any,
-    ) -> None:  # pragma: no cover - compiled by Numba, whose intrinsic Python cannot run
+    ) -> None:
         n = order.size
         used = min(width, rhs.shape[1] - first)
         chunk = np.empty((n, width))
