@@ -162,7 +162,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
         with L, and with D and L^T, for a range of supernodes; rows of the chunk to the solution.
         They release the GIL.
     """
-    rows_at_once = min(4, 32 // width)  # as many as fit into registers
+    rows_at_once = min(PANEL, 32 // width)  # as many as fit into registers
 
     def load(order: Any, rhs: Any, first: Any, values: Any, top: Any, bottom: Any) -> None:
         used = min(width, rhs.shape[1] - first)
