@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.linalg._chunks import moves
 from unbend.linalg._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
 from unbend.linalg._sweeps import PANEL, largest, sweeps
 from unbend.linalg._threads import chunk_width, one_blas_thread, run_all
@@ -125,7 +126,8 @@ def _solve_chunk(
     found: Factor, rhs: FloatArray, solution: FloatArray, first: int, width: int
 ) -> None:
     nodes = found.nodes
-    load, forward, backward, unload = sweeps(width)
+    load, unload = moves(width)
+    forward, backward = sweeps(width)
     *subtrees, top = nodes.parts
     below = int(nodes.starts[top[0]])  # rows that belong to subtrees
     values = np.empty((len(nodes.order), width))
