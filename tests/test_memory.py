@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from unbend import canonical_form, spectrum
-from unbend._memory import _control_groups, _machine, available_memory, check_memory, needed_memory
+from unbend._memory import _group_limits, _machine, available_memory, check_memory, needed_memory
 from unbend.errors import MeshError
 
 GIB = 2**30
@@ -55,8 +55,8 @@ def test_the_tightest_control_group_counts(tmp_path, version):
         (group / f"memory.{limit}").write_text(most)
         (group / f"memory.{usage}").write_text(used)
         (group / "memory.stat").write_text("anon 1\ninactive_file 500\n")
-    assert [left for left in _control_groups(proc, root) if left is not None] == [2500]
-    assert _control_groups(tmp_path, root) == []
+    assert [left for left in _group_limits(proc=proc, root=root) if left is not None] == [2500]
+    assert _group_limits(proc=tmp_path, root=root) == []
 
 
 def test_free_memory_of_the_machine(tmp_path):

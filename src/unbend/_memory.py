@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from unbend._cgroups import control_groups
 from unbend.errors import MeshError
 
 # Entries of the factor for each vertex of a mesh of a million, and the power of the number of
@@ -48,7 +49,7 @@ def available_memory() -> int | None:
 
     The least of what the machine has left and what each control group above this process allows.
     """
-    found = [_machine(), *_control_groups()]
+    found = [_machine(), *_group_limits()]
     known = [size for size in found if size is not None]
     return min(known) if known else None
 
@@ -96,27 +97,13 @@ def _machine(proc: Path = Path("/proc")) -> int | None:
         return None
 
 
-def _control_groups(
-    proc: Path = Path("/proc"), root: Path = Path("/sys/fs/cgroup")
-) -> list[int | None]:
-    """List what the limits of this process's control groups (version 2 or 1) leave."""
-    try:
-        groups = (proc / "self" / "cgroup").read_text().splitlines()
-    except OSError:
-        return []
-    left: list[int | None] = []
-    for line in groups:
-        _, controllers, path = line.split(":", 2)
-        if controllers not in ("", "memory"):
-            continue
-        old = controllers == "memory"
-        limit, usage = ("limit_in_bytes", "usage_in_bytes") if old else ("max", "current")
-        top = root / controllers
-        folder = top / path.lstrip("/")
-        for group in (folder, *folder.parents):
-            if group.is_relative_to(top):
-                left.append(_left(group / f"memory.{limit}", group / f"memory.{usage}"))
-    return left
+def _group_limits(**places: Path) -> list[int | None]:
+    """List what the limits of this process's control groups leave."""
+    names = {1: ("limit_in_bytes", "usage_in_bytes"), 2: ("max", "current")}
+    return [
+        _left(*(group / f"memory.{name}" for name in names[version]))
+        for group, version in control_groups("memory", **places)
+    ]
 
 
 def _left(limit: Path, usage: Path) -> int | None:

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import threadpoolctl
 
+from unbend._cgroups import control_groups
 from unbend._types import FloatArray
 
 COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
 _ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
-_pinned = threading.Lock()
+_lock = threading.Lock()  # for what follows
+_pools: dict[int, ThreadPoolExecutor] = {}  # none or one, by its size
 _pins: list[Any] = []
 
 
 def n_threads() -> int:
     """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use.
+
+    Those are what the process is bound to, and no more than its control groups' quotas of
+    processor time are worth: threads beyond a quota are stopped until its period ends.
 
     Returns
     -------
@@ -39,9 +46,25 @@ def n_threads() -> int:
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    bound = hasattr(os, "sched_getaffinity")
+    cores = len(os.sched_getaffinity(0)) if bound else os.cpu_count() or 1
+    return min(cores, _quota())
+
+
+@functools.cache  # it takes longer to find than many a task
+def _quota(**places: Path) -> int:
+    """Count the processors whose time the tightest control group allows, rounded up."""
+    shares = [_share(*group) for group in control_groups("cpu", **places)]
+    return math.ceil(min([share for share in shares if share > 0], default=os.cpu_count() or 1))
+
+
+def _share(group: Path, version: int) -> float:
+    names = ["cpu.max"] if version == 2 else ["cpu.cfs_quota_us", "cpu.cfs_period_us"]
+    try:
+        quota, period = " ".join((group / name).read_text() for name in names).split()
+        return int(quota) / int(period)
+    except (OSError, ValueError, ZeroDivisionError):  # no limit is "max", -1 or no file
+        return -1.0
 
 
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
@@ -77,8 +100,7 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
             pending.clear()
             raise
 
-    n_helpers = min(n_threads(), len(pending)) - 1
-    helpers = [_helpers(n_helpers).submit(work) for _ in range(n_helpers)]
+    helpers = _start(work, len(pending) - 1)
     try:
         work()
     finally:
@@ -96,14 +118,36 @@ def _take(pending: deque[Any]) -> Any:
         return None
 
 
-@functools.cache
-def _helpers(count: int) -> ThreadPoolExecutor:
-    # They stay: starting a thread takes longer than many a task.
-    return ThreadPoolExecutor(count, "unbend")
+def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
+    """Call a function in up to so many helper threads, fewer where that many are not ours.
+
+    They stay: starting a thread takes longer than many a task. All calls share them, so that
+    tasks with tasks of their own do not have more threads at work than there are.
+    """
+    count = n_threads() - 1
+    if min(count, most) < 1:
+        return []
+    with _lock:
+        if count not in _pools:
+            for pool in _pools.values():
+                pool.shutdown(wait=False)
+            _pools.clear()
+            _pools[count] = ThreadPoolExecutor(count, "unbend")
+        return [_pools[count].submit(work) for _ in range(min(count, most))]
 
 
-if hasattr(os, "register_at_fork"):  # in a forked process they would be dead
-    os.register_at_fork(after_in_child=_helpers.cache_clear)
+def _begin_anew() -> None:
+    """Forget, in a forked process, the threads of the other one and what they were about."""
+    global _lock, _pins
+    _lock = threading.Lock()
+    _pools.clear()
+    if _pins:
+        _pins[0].restore_original_limits()
+    _pins = []
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 def chunk_width(count: int) -> int:
@@ -178,17 +222,18 @@ def one_blas_thread() -> Iterator[None]:
     >>> with one_blas_thread():
     ...     pass
     """
-    with _pinned:
-        _pins.append(_blas().limit(limits=1, user_api="blas") if not _pins else None)
+    with _lock:
+        pins = _pins  # a process forked inside has others
+        pins.append(_blas().limit(limits=1, user_api="blas") if not pins else None)
     try:
         yield
     finally:
-        with _pinned:
+        with _lock:
             # The limit was put first; take a later place instead while others are inside.
-            if len(_pins) > 1:
-                _pins.pop()
+            if len(pins) > 1:
+                pins.pop()
             else:
-                _pins.pop().restore_original_limits()
+                pins.pop().restore_original_limits()
 
 
 @functools.cache
