@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unbend._arrays import count_repeats, first_equal_row, first_largest
+from unbend._arrays import count_repeats, first_equal_row, first_largest, nearest_rows, snap
 
 VALUES = st.sampled_from([-1.0, -0.0, 0.0, 2.0, np.nan])
 
@@ -27,3 +27,23 @@ def test_of_what_only_rounding_tells_apart_the_first_is_the_largest() -> None:
     values = np.array([[0.1, -np.inf, 0.0], [0.3, 2.0, 0.0], [0.1 + 0.2, 2.0 + 1e-9, 0.0]])
     assert first_largest(values).tolist() == [1, 1, 0]
     assert first_largest(np.array([1.0, 1.0001])) == 1
+
+
+def test_what_should_be_equal_is_equal_on_the_grid_and_what_is_infinite_stays() -> None:
+    values = np.array([0.1 + 0.2, 0.3, 7.0, np.inf, np.nan, -0.3])
+    found = snap(values)
+    assert found[0] == found[1] == -found[5]
+    np.testing.assert_allclose(found, values, rtol=1e-7)
+    assert snap(np.zeros(3)).tolist() == [0, 0, 0]
+    assert snap(np.array([1e-310])) == 0  # too small for a grid
+
+
+def test_rounding_does_not_choose_between_neighbours() -> None:
+    chance = np.random.default_rng(0)
+    targets = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    points = np.zeros((50, 3))
+    points[:, 2] = np.arange(50)
+    for _ in range(10):
+        noise = 1e-14 * chance.standard_normal(points.shape)
+        assert len(np.unique(nearest_rows(points + noise, targets))) == 1
+    assert nearest_rows(targets * 1.1, targets).tolist() == [0, 1, 2, 3]

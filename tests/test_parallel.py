@@ -10,6 +10,7 @@ import time
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from unbend import _parallel
 from unbend._parallel import _quota, n_threads, one_blas_thread, run_all
 
 

@@ -11,6 +11,7 @@ from unbend._types import FloatArray, IntArray
 
 # Values that a symmetry makes equal come out of a solver with errors far below this share.
 _ROUNDING = 1e-6
+_GRID_BITS = 27
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
@@ -72,6 +73,60 @@ def first_largest(values: FloatArray) -> IntArray:
     1
     """
     return np.asarray((values >= (1 - _ROUNDING) * values.max(axis=0)).argmax(axis=0))
+
+
+def snap(values: FloatArray) -> FloatArray:
+    """Round to a grid of a 100-millionth of the largest, where sums and differences are exact.
+
+    What should be equal is then equal, and what it decides (the nearest of two points, the
+    shorter of two ways, what comes first in an order) is the same on every processor.
+
+    Parameters
+    ----------
+    values : ndarray of float64
+        Lengths or coordinates; what is not finite stays.
+
+    Returns
+    -------
+    ndarray of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._arrays import snap
+    >>> one, other = snap(np.array([0.1 + 0.2, 0.3]))
+    >>> bool(one == other)
+    True
+    """
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    cell = 2.0 ** max(int(np.frexp(largest)[1]) - _GRID_BITS, -1000)
+    return np.asarray(np.round(values / cell) * cell)
+
+
+def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:
+    """Row of the nearest target to each point; where several are, rounding does not choose.
+
+    Parameters
+    ----------
+    points : (n, d) ndarray of float64
+    targets : (m, d) ndarray of float64
+
+    Returns
+    -------
+    (n,) ndarray of int64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._arrays import nearest_rows
+    >>> nearest_rows(np.array([[0.9], [0.1]]), np.array([[0.0], [1.0]]))
+    array([1, 0])
+    """
+    from scipy.spatial import cKDTree
+
+    snapped = snap(np.concatenate([targets, points]))
+    found: IntArray = cKDTree(snapped[: len(targets)]).query(snapped[len(targets) :])[1]
+    return found.astype(np.int64)
 
 
 def count_repeats(rows: npt.NDArray[Any]) -> int:

@@ -84,6 +84,18 @@ def test_align_is_deterministic() -> None:
     assert (one.residuals == two.residuals).all()
 
 
+@pytest.mark.parametrize("reflect", [True, False])
+def test_rounding_does_not_choose_between_motions_that_a_symmetry_makes_equal(reflect) -> None:
+    half = _cloud(60, 3)
+    points = np.concatenate([half * (1, i, j) for i in (1, -1) for j in (1, -1)])
+    rotations = []
+    for seed in range(5):
+        noise = 1e-14 * np.random.default_rng(seed).standard_normal(points.shape)
+        rotations.append(align(points, points @ _orthogonal(3, 1, 1).T + noise, reflect=reflect))
+        np.testing.assert_allclose(rotations[-1].rotation, rotations[0].rotation, atol=1e-6)
+    assert rotations[0].residual < 1e-9
+
+
 def test_align_in_many_dimensions_limits_its_starts() -> None:
     points = _cloud(60, 12)
     assert align(points, points + 1, max_iterations=3).residual < 1e-9

@@ -103,6 +103,16 @@ def test_labels_go_by_majority() -> None:
     np.testing.assert_allclose(numbers, [0.4, 0, 0], atol=1e-12)
 
 
+def test_rounding_does_not_choose_between_labels_of_equal_shares() -> None:
+    # The last target vertex lies in the middle of a side of the source's only face.
+    source = Mesh([[0, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    laid = _match([0, 1, 2], [0, 1, 2, 0], np.array([0, 1, 0]), np.eye(3)[[0, 1, 2]])
+    for noise in (0, 1e-14, -1e-14):
+        target = Mesh([*source.vertices, [1 + noise, 0, 0]], [[0, 3, 2], [3, 1, 2]])
+        carried = transfer(["A", "B", "C"], laid, source=source, target=target)
+        assert carried.tolist() == ["A", "B", "C", "A"]
+
+
 def test_without_a_preimage_nothing_is_made_up() -> None:
     gap = [1, -1]
     assert np.isnan(transfer([1.0, 2], gap)).tolist() == [False, True]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError
+from unbend.linalg.signs import fix_signs
 
 # More axes than this would make more than 256 starts; the later axes then keep their sign.
 _SIGNED_AXES = 8
@@ -20,6 +21,8 @@ _START_STEPS = 10
 _REFINED_STARTS = 4
 # Of all choices of signs, this many are followed.
 _FOLLOWED_STARTS = 16
+# Misfits, as shares of the shape's size, that agree to this many digits are equal.
+_DIGITS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +126,8 @@ def align(
     Canonical forms are unique up to an orthogonal matrix. Both sets are first turned to their
     principal axes; each choice of signs (the first 8 axes) is
     tried on a subset of the points, the closest are followed for a few iterations there, and the
-    closest of those iterated on all points to convergence.
+    closest of those iterated on all points to convergence. Of motions that fit equally well, as
+    a symmetry makes them, the first choice of signs is taken, whatever rounding says.
 
     Parameters
     ----------
@@ -171,9 +175,14 @@ def align(
     tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
     starts = [
         icp(*few, choices[i], reflect=reflect, max_iterations=_START_STEPS, tolerance=tolerance)
-        for i in np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS]
+        for i in np.sort(np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS])
     ]
-    starts.sort(key=lambda start: float(start[2][-1]))
+    size = float(np.linalg.norm(right, axis=1).max()) or 1.0
+
+    def misfit(start: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+        return round(float(start[2][-1]) / size, _DIGITS)
+
+    starts.sort(key=misfit)
     found = [
         icp(
             left,
@@ -186,7 +195,7 @@ def align(
         )
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
-    rotation, translation, residuals = min(found, key=lambda one: float(one[2][-1]))
+    rotation, translation, residuals = min(found, key=misfit)
     forward, backward, _ = closest_points(left @ rotation.T + translation, right)
     return Alignment(
         rotation=rotation,
@@ -223,8 +232,7 @@ def _subset(points: FloatArray) -> FloatArray:
 
 def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list[FloatArray]:
     """Turn principal axes onto principal axes, with every choice of signs."""
-    ours = np.linalg.eigh(source.T @ source)[1][:, ::-1]
-    theirs = np.linalg.eigh(target.T @ target)[1][:, ::-1]
+    ours, theirs = _principal_axes(source), _principal_axes(target)
     d = len(ours)
     signed = min(d, _SIGNED_AXES)
     choices = []
@@ -234,6 +242,14 @@ def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list
         if reflect or np.linalg.det(rotation) > 0:
             choices.append(rotation)
     return choices
+
+
+def _principal_axes(points: FloatArray) -> FloatArray:
+    """Columns, the longest first; their signs follow the points and not the eigensolver."""
+    axes = np.linalg.eigh(points.T @ points)[1][:, ::-1]
+    along = points @ axes
+    signs = np.sign((along * fix_signs(along, np.ones(len(points)))).sum(axis=0))
+    return np.asarray(axes * np.where(signs < 0, -1.0, 1.0))
 
 
 def icp(
@@ -307,7 +323,7 @@ def closest_points(source: FloatArray, target: FloatArray) -> tuple[IntArray, In
     residual : float
         Both directions count alike, whatever the numbers of points.
     """
-    ahead, forward = cKDTree(target).query(source)
-    back, backward = cKDTree(source).query(target)
-    residual = np.sqrt(((ahead**2).mean() + (back**2).mean()) / 2)
-    return forward.astype(np.int64), backward.astype(np.int64), float(residual)
+    forward, backward = nearest_rows(source, target), nearest_rows(target, source)
+    ahead = ((source - target[forward]) ** 2).sum(axis=1)
+    back = ((target - source[backward]) ** 2).sum(axis=1)
+    return forward, backward, float(np.sqrt((ahead.mean() + back.mean()) / 2))

@@ -141,7 +141,7 @@ def sampled_scaling(
     left, singular, right = scipy.linalg.svd(root * centred, full_matrices=False)
     half = singular[:, None] * right
     values, rotation = scipy.linalg.eigh(half @ (-0.5 * coefficients) @ half.T)
-    largest = np.argsort(-values)[:n_components]
+    largest = np.argsort(-values, kind="stable")[:n_components]
     values = values[largest]
     return _points(left @ rotation[:, largest] / root, values, weights), values
 

@@ -115,7 +115,9 @@ def _print_summary(
 ) -> None:
     import numpy as np
 
-    farthest = np.nanargmax(field, axis=1)
+    from unbend._arrays import first_largest
+
+    farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     largest = field[np.arange(len(sources)), farthest]
     if as_json:
         reached = [

@@ -193,7 +193,7 @@ def _write_csv(
 def _print_list(paths: list[str], pairs: list[Pair], known: bool) -> None:
     width = max(len(paths[pair.probe]) for pair in pairs) + 2
     typer.echo(f"{'probe':<{width}}similarity" + ("" if known else "  confidence of the match"))
-    for pair in sorted(pairs, key=lambda pair: -pair.similarity):
+    for pair in sorted(pairs, key=lambda pair: -round(pair.similarity, 9)):
         trust = "" if pair.confidence is None else f"{pair.confidence:8.2f}"
         typer.echo(f"{paths[pair.probe]:<{width}}{pair.similarity:10.4f}{trust}")
 

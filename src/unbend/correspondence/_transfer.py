@@ -7,6 +7,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
@@ -241,7 +242,7 @@ def _vote(
     _, labels = np.unique(array, axis=0, return_inverse=True)
     labels = labels.reshape(-1)[corners]
     votes = np.stack([(shares * (labels == one[:, None])).sum(axis=1) for one in labels.T], axis=1)
-    winners = np.take_along_axis(corners, votes.argmax(axis=1)[:, None], axis=1)[:, 0]
+    winners = np.take_along_axis(corners, first_largest(votes.T)[:, None], axis=1)[:, 0]
     if array.dtype.kind in "biu":
         array = array.astype(np.int64)
     carried = array[winners]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._rigidity import restore_lengths
 from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin
@@ -65,8 +65,7 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     >>> rest_map(source, target).shape
     (600,)
     """
-    nearest: IntArray = cKDTree(target.rest).query(source.rest)[1]
-    return nearest.astype(np.int64)
+    return nearest_rows(source.rest, target.rest)
 
 
 def make_shape(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
+from unbend._arrays import snap
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
@@ -188,7 +189,7 @@ def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
         keys = np.unique(i * n + j)
         i, j = keys // n, keys % n
         lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
-        graph = sp.csr_matrix((lengths, (i, j)), shape=(n, n))
+        graph = sp.csr_matrix((snap(lengths), (i, j)), shape=(n, n))
         _, _, nearest = dijkstra(
             graph, directed=False, indices=hit, return_predecessors=True, min_only=True
         )

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
+from unbend._arrays import snap
 from unbend._types import IntArray
 from unbend.errors import InputError
 from unbend.mesh._mesh import Mesh
@@ -50,7 +51,7 @@ def aggregate_vertices(mesh: Mesh, n_coarse: int, random_state: int = 0) -> IntA
     n = mesh.n_vertices
     ends = find_edges(mesh.faces, n).ends
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-    graph = sp.csr_array((np.maximum(lengths, np.finfo(float).tiny), ends.T), shape=(n, n))
+    graph = sp.csr_array((np.maximum(snap(lengths), np.finfo(float).tiny), ends.T), shape=(n, n))
     chosen = np.random.default_rng(random_state).choice(n, n_coarse, replace=False)
     nearest = dijkstra(
         graph, directed=False, indices=chosen, return_predecessors=True, min_only=True

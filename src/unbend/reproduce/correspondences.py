@@ -7,8 +7,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import align, procrustes
 from unbend.choices import DistanceKind, Method
@@ -136,7 +136,7 @@ def _closest(points: FloatArray, targets: FloatArray) -> IntArray:
     there = np.flatnonzero(np.isfinite(targets).all(axis=1))
     asked = np.isfinite(points).all(axis=1)
     images = np.full(len(points), -1)
-    images[asked] = there[cKDTree(targets[there]).query(points[asked])[1]]
+    images[asked] = there[nearest_rows(points[asked], targets[there])]
     return images
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from unbend._arrays import nearest_rows
 from unbend._types import FloatArray
 from unbend.datasets import Collection
 from unbend.mesh import Mesh
@@ -32,5 +32,5 @@ def colors_of(shapes: Collection, first: str, name: str) -> FloatArray:
     truth = shapes.truth(first, name)
     vertices = shapes.mesh(name).vertices
     # Vertices that the ground truth does not name look like the nearest that it does.
-    nearest = cKDTree(vertices[truth.target_points]).query(np.nan_to_num(vertices))[1]
+    nearest = nearest_rows(np.nan_to_num(vertices), vertices[truth.target_points])
     return np.asarray(painted[truth.source_points[nearest]])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
+from unbend._arrays import nearest_rows, snap
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MissingExtraError
 from unbend.mesh import Mesh
@@ -112,7 +112,7 @@ def along_edges(mesh: Mesh, sources: IntArray, nearest: bool = False) -> FloatAr
     """Lengths of the shortest ways along edges: (s, n), or (n,) from the nearest source."""
     edges, lengths = _edge_graph(mesh)
     n = mesh.n_vertices
-    graph = sp.csr_matrix((lengths, (edges[:, 0], edges[:, 1])), shape=(n, n))
+    graph = sp.csr_matrix((snap(lengths), (edges[:, 0], edges[:, 1])), shape=(n, n))
     return np.asarray(dijkstra(graph, directed=False, indices=sources, min_only=nearest))
 
 
@@ -142,13 +142,13 @@ def _weld(mesh: Mesh, n_tubes: int, chance: np.random.Generator) -> Mesh:
     taken = np.zeros(mesh.n_vertices, dtype=bool)
     gone: list[int] = []
     walls: list[IntArray] = []
-    for face in one[np.linalg.norm(middles[one] - mesh.vertices[there], axis=1).argsort()]:
+    for face in one[_nearest_first(middles[one] - mesh.vertices[there])]:
         if len(gone) == 2 * n_tubes:
             break
         if taken[mesh.faces[face]].any():
             continue
         taken[mesh.faces[face]] = True
-        for end in other[np.linalg.norm(middles[other] - middles[face], axis=1).argsort()]:
+        for end in other[_nearest_first(middles[other] - middles[face])]:
             if not taken[mesh.faces[end]].any():
                 taken[mesh.faces[end]] = True
                 gone += [int(face), int(end)]
@@ -160,6 +160,10 @@ def _weld(mesh: Mesh, n_tubes: int, chance: np.random.Generator) -> Mesh:
     return Mesh(mesh.vertices, faces, name=mesh.name)
 
 
+def _nearest_first(offsets: FloatArray) -> IntArray:
+    return np.argsort(snap(np.linalg.norm(offsets, axis=1)), kind="stable")
+
+
 def touching(mesh: Mesh, chance: np.random.Generator) -> tuple[int, int]:
     """Two vertices that are near in space and far apart on the shape: a hand and the hip, say."""
     used = np.unique(mesh.faces)
@@ -168,21 +172,22 @@ def touching(mesh: Mesh, chance: np.random.Generator) -> tuple[int, int]:
     longest = ways[:, used].max()
     gaps = np.linalg.norm(mesh.vertices[probes][:, None] - mesh.vertices[None, :], axis=2)
     gaps[~(ways > _FAR * longest) | ~np.isfinite(ways)] = np.inf
-    here, there = np.unravel_index(int(gaps.argmin()), gaps.shape)
+    here, there = np.unravel_index(int(snap(gaps).argmin()), gaps.shape)
     a, b = int(probes[here]), int(there)
     # The probes are few: the nearest on this side is found from the other.
     ways_back = along_edges(mesh, np.array([b]))[0]
     gaps_back = np.linalg.norm(mesh.vertices - mesh.vertices[b], axis=1)
     gaps_back[~(ways_back > _FAR * longest) | ~np.isfinite(ways_back)] = np.inf
     if np.isfinite(gaps_back).any():
-        a = int(gaps_back.argmin())
+        a = int(snap(gaps_back).argmin())
     return a, b
 
 
 def _tube(vertices: FloatArray, start: IntArray, end: IntArray) -> IntArray:
     """Six faces between the rims of two faces, the less twisted of the three ways to join them."""
     rims = [np.roll(end[::-1], shift) for shift in range(3)]
-    rim = min(rims, key=lambda one: float(np.linalg.norm(vertices[one] - vertices[start])))
+    twist = np.array([np.linalg.norm(vertices[one] - vertices[start]) for one in rims])
+    rim = rims[int(snap(twist).argmin())]
     walls = []
     for i in range(3):
         j = (i + 1) % 3
@@ -198,4 +203,4 @@ def _decimate(mesh: Mesh, share: float) -> Perturbed:
     # It wants arrays that it might write to.
     vertices, faces = simplify(mesh.vertices.copy(), mesh.faces.copy(), target_reduction=1 - share)
     left = prepare(Mesh(vertices, faces, name=mesh.name), component="largest")
-    return Perturbed(left.mesh, cKDTree(mesh.vertices).query(left.mesh.vertices)[1])
+    return Perturbed(left.mesh, nearest_rows(left.mesh.vertices, mesh.vertices))
