@@ -70,7 +70,7 @@ def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:
     A side from a vertex to itself, as of a face that names one twice, is no edge.
     """
     ends = find_edges(faces, n_vertices).ends
-    return ends[ends[:, 0] != ends[:, 1]]
+    return np.asarray(ends[ends[:, 0] != ends[:, 1]])
 
 
 def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from unbend._files import atomic_write, check_writable, read_bytes
 from unbend._formats import data_lines
 from unbend._formats.npy import read_array
+from unbend._topology import edge_ends
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.mesh import as_mesh
@@ -184,9 +185,7 @@ def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
     inverse = np.full(n, -1, dtype=np.int64)
     inverse[hit] = first
     if len(hit) and mesh.n_faces:
-        i, j = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
-        keys = np.unique(i * n + j)
-        i, j = keys // n, keys % n
+        i, j = edge_ends(mesh.faces, n).T
         lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
         graph = sp.csr_matrix((lengths, (i, j)), shape=(n, n))
         _, _, nearest = dijkstra(

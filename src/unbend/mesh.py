@@ -228,3 +228,33 @@ def vertex_areas(mesh: Any) -> FloatArray:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
     return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
+
+
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Average the faces' normals, weighted by area, at each vertex.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+        Of unit length; 0 where no face has an area.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.mesh import vertex_normals
+    >>> vertex_normals(np.array([[0.0, 0, 0], [3, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))[0]
+    array([0., 0., 1.])
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = len(vertices)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))
