@@ -6,6 +6,7 @@ non-constant eigenpairs, with ``h = lambda^-2``, ``lambda^-1`` and ``exp(-2 t la
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -96,9 +97,13 @@ def gram_metric(
             kernel = inner(column, column) if biharmonic else column
         return _distances(kernel, kernel.diagonal(), kernel.diagonal())
 
+    @functools.cache
+    def diagonal() -> FloatArray:
+        return _diagonal(columns, areas, biharmonic)
+
     def from_sources(sources: IntArray) -> FloatArray:
         kernel = gram(_indicators(sources, len(areas))).T
-        every = _diagonal(columns, areas, biharmonic)
+        every = diagonal()
         return _distances(kernel, every[sources], every)
 
     return Metric(from_sources, between, gram)
