@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from unbend import Mesh, cache, spectrum
+from unbend import Mesh, cache, canonical_form, distance, farthest_point_sampling, spectrum
 from unbend.cache import cache_info, cache_key, clear_cache, load_eigenpairs, store_eigenpairs
 
 VALUES, FUNCTIONS = np.arange(4.0), np.arange(40.0).reshape(10, 4)
@@ -38,6 +38,24 @@ def test_spectra_are_computed_once(blob, monkeypatch):
     np.testing.assert_array_equal(spectrum(blob, 5).eigenfunctions, first.eigenfunctions[:, :5])
     with pytest.raises(TypeError):
         spectrum(blob, 5, cache=False)
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda mesh, cache: distance(mesh, 0, kind="diffusion", time=0.5, cache=cache),
+        lambda mesh, cache: distance(mesh, 0, n_eigenpairs=9, cache=cache),
+        lambda mesh, cache: farthest_point_sampling(mesh, 3, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, distance="diffusion", time=0.5, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, method="sampled", n_eigenpairs=9, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, weighting="area", cache=cache),
+    ],
+)
+def test_whether_spectra_are_kept_is_the_callers_choice(blob, compute):
+    compute(blob, False)
+    assert cache_info().n_files == 0
+    compute(blob, True)
+    assert cache_info().n_files > 0
 
 
 def test_everything_that_matters_is_in_the_key(blob):

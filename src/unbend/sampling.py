@@ -25,6 +25,7 @@ def farthest_point_sampling(
     time: float = DIFFUSION_TIME,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
+    cache: bool = True,
 ) -> IntArray:
     """Vertices spread evenly: each next one is the farthest from those before it.
 
@@ -41,7 +42,7 @@ def farthest_point_sampling(
         is largest, so that neither pose nor vertex order matters.
     time : float, default=0.1
         Diffusion time, in units of the area.
-    laplacian, component
+    laplacian, component, cache
         See :func:`unbend.distance`.
 
     Returns
@@ -68,9 +69,9 @@ def farthest_point_sampling(
     10
     """
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(kind, surface, time=time)
+    metric = make_metric(kind, surface, time=time, cache=cache)
     if start is None:
-        first = shape_end(eigenpairs(surface, 2))
+        first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:
         first = int(local_ids(surface, start)[0])
     samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
