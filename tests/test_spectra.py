@@ -195,7 +195,7 @@ def test_sign_rule_does_not_depend_on_the_sign_given():
     np.testing.assert_array_equal(fix_signs(odd, np.ones(50)), fix_signs(-odd, np.ones(50)))
 
 
-@pytest.mark.parametrize("k", [0, 643])
+@pytest.mark.parametrize("k", [0, 643, 2.5, True])
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
     with pytest.raises(InputError, match="has 1 to 642"):
         spectrum(blob, k)

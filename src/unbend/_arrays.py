@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._types import IntArray
+
+
+def is_whole(number: Any) -> TypeGuard[int]:
+    """Whether a number counts something: a whole number, and no truth value."""
+    return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:

@@ -17,7 +17,6 @@ from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.linalg.subspace import Solves, subspace_iteration
 
-
 # Eigenvalues that differ by no more than this share of the largest are equal.
 _EQUAL = 1e-9
 

@@ -202,6 +202,35 @@ def as_mesh(mesh: Any) -> Mesh:
     )
 
 
+def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
+    """Check vertex numbers: one, or a list of whole numbers from 0 to ``n - 1``.
+
+    Returns
+    -------
+    (s,) ndarray of int64
+
+    Raises
+    ------
+    InputError
+        If they are something else.
+
+    Examples
+    --------
+    >>> from unbend.mesh import vertex_ids
+    >>> vertex_ids(5, 12, "mesh")
+    array([5])
+    """
+    ids = np.atleast_1d(np.asarray(vertices))
+    if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
+        raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
+    outside = (ids < 0) | (ids >= n)
+    if outside.any():
+        raise InputError(
+            f"{name}: there is no vertex {ids[outside][0]}; vertices are numbered 0 to {n - 1}"
+        )
+    return ids.astype(np.int64)
+
+
 def vertex_areas(mesh: Any) -> FloatArray:
     """Give each vertex a third of the area of the faces around it.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import count_repeats
+from unbend._arrays import count_repeats, is_whole
 from unbend._text import plural
 from unbend._topology import (
     Components,
@@ -218,7 +218,7 @@ def _chosen(component: str | int | None, n_components: int, name: str) -> int | 
         return None
     if component == "largest":
         return 0
-    if isinstance(component, bool) or not isinstance(component, (int, np.integer)):
+    if not is_whole(component):
         raise InputError(f"component must be 'largest' or a whole number, not {component!r}")
     if not 0 <= component < n_components:
         raise InputError(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import is_whole
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
 from unbend.distances import make_metric
@@ -73,6 +74,8 @@ def farthest_point_sampling(
     if start is None:
         first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:
+        if np.ndim(start) != 0:
+            raise InputError(f"start must be one vertex, not {start!r}")
         first = int(local_ids(surface, start)[0])
     samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
     chosen: IntArray = surface.prepared.kept[samples.indices]
@@ -107,7 +110,7 @@ def spread_samples(
     InputError
         If `n_samples` is out of range.
     """
-    if not 1 <= n_samples <= n_vertices:
+    if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
         raise InputError(
             f"asked for {n_samples} samples, but the surface has {n_vertices} vertices"
         )

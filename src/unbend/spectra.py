@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse.csgraph as csgraph
 
+from unbend._arrays import is_whole
 from unbend._types import FloatArray
 from unbend.cache import cache_key, load_eigenpairs, store_eigenpairs
 from unbend.choices import AreaKind, LaplacianKind
@@ -129,7 +130,7 @@ def spectrum(
 def eigenpairs(surface: Surface, k: int, *, tol: float = _RESIDUAL, cache: bool = True) -> Spectrum:
     """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
     operator = surface.operator
-    if not 1 <= k <= surface.n_vertices:
+    if not is_whole(k) or not 1 <= k <= surface.n_vertices:
         raise InputError(
             f"{surface.mesh.name}: asked for {k} eigenpairs, but a mesh of "
             f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
