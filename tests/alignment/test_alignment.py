@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unbend.alignment import align, procrustes
+from unbend.alignment import align, nearest_rotation, procrustes
 from unbend.errors import InputError
 
 
@@ -119,3 +119,17 @@ def test_procrustes_says_what_is_wrong() -> None:
         procrustes(np.zeros((3, 2)), np.zeros((4, 2)))
     with pytest.raises(InputError, match="weights"):
         procrustes(np.eye(3), np.eye(3), weights=[1, -1, 1])
+
+
+@pytest.mark.parametrize("d", [2, 3, 5])
+def test_the_nearest_rotation_has_the_largest_trace(d: int) -> None:
+    chance = np.random.default_rng(d)
+    matrices = chance.normal(size=(6, d, d))
+    rotations = nearest_rotation(matrices)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1)
+    turned = np.linalg.qr(chance.normal(size=(200, d, d)))[0]
+    turned[..., 0] *= np.linalg.det(turned)[:, None]
+    for matrix, rotation in zip(matrices, rotations, strict=True):
+        assert (rotation * matrix).sum() >= (turned * matrix).sum(axis=(1, 2)).max()
+    for other in (turned[:6], -turned[:6]):  # what is orthogonal stays as it is
+        np.testing.assert_allclose(nearest_rotation(other, reflect=True), other, atol=1e-12)

@@ -77,4 +77,4 @@ def test_a_missing_extra_is_named(monkeypatch):
     import unbend
 
     with pytest.raises(ImportError, match=r"unbend\[sklearn\]"):
-        unbend.SpectralMDS  # noqa: B018
+        unbend.SpectralMDS()

@@ -100,3 +100,23 @@ def test_too_few_samples_are_reported(sampled, interpolation):
         distance_coefficients(
             squared[few, few], samples[few], spectrum, mu=1e30, interpolation=interpolation
         )
+
+
+@pytest.mark.parametrize(
+    ("values", "samples", "message"),
+    [
+        (np.ones(3), [0, 1, -1], "no vertex -1"),
+        (np.ones(3), [0, 1, 642], "no vertex 642; vertices are numbered 0 to 641"),
+        (np.ones(3), [0.0, 1.0, 2.0], "whole numbers"),
+        (np.ones(3), [True, False, True], "whole numbers"),
+        (np.ones(3), [[0, 1, 2]], "list of whole numbers"),
+        (np.ones(2), [0, 1, 2], "2 values for 3 samples"),
+        (1.0, [0, 1, 2], "one row for each"),
+        (np.ones((3, 1, 1)), [0, 1, 2], "one row for each"),
+        ([1.0, np.nan, 1.0], [0, 1, 2], "value 1 is not finite"),
+        (["a", "b", "c"], [0, 1, 2], "must be numbers"),
+    ],
+)
+def test_samples_and_values_that_cannot_be_used_are_refused(blob, values, samples, message):
+    with pytest.raises(InputError, match=message):
+        interpolate(values, samples, spectrum(blob, 3))

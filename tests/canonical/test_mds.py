@@ -4,7 +4,7 @@ import pytest
 import dense
 from unbend import canonical_form, laplacian
 from unbend.canonical import sampled_scaling
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 
 FILTERS = {
     "biharmonic": lambda values: values**-2,
@@ -88,3 +88,13 @@ def test_negative_eigenvalues_are_returned_and_their_columns_are_zero():
     assert values[-1] < -0.1
     assert np.isfinite(points).all()
     np.testing.assert_array_equal(points[:, values < 0], 0)
+
+
+@pytest.mark.parametrize("n_components", [3, 8])
+def test_a_sphere_has_one_form(n_components):
+    """Its eigenvalues are multiple: three, then five equal ones."""
+    one, other = (
+        canonical_form(make_sphere(3), n_components=n_components, random_state=seed)
+        for seed in (0, 1)
+    )
+    np.testing.assert_allclose(other.points, one.points, atol=1e-6)

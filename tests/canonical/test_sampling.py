@@ -42,9 +42,12 @@ def test_starts_where_it_is_told(blob):
     assert farthest_point_sampling(blob, 3, start=17)[0] == 17
     with pytest.raises(InputError, match="no vertex 1000"):
         farthest_point_sampling(blob, 3, start=1000)
+    for start in (-1, 1.0, [4, 5], []):
+        with pytest.raises(InputError, match="vertex"):
+            farthest_point_sampling(blob, 3, start=start)
 
 
-@pytest.mark.parametrize("n_samples", [0, 643])
+@pytest.mark.parametrize("n_samples", [0, 643, 2.5, True])
 def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
     with pytest.raises(InputError, match="642 vertices"):
         farthest_point_sampling(blob, n_samples)

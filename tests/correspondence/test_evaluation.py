@@ -6,7 +6,7 @@ import pytest
 from unbend import Mesh
 from unbend.correspondence import THRESHOLDS, evaluate
 from unbend.datasets import make_sphere
-from unbend.errors import InputError
+from unbend.errors import InputError, MeshError
 
 BALL = make_sphere(3)
 EVERY = np.arange(BALL.n_vertices)
@@ -108,3 +108,41 @@ def test_unknown_choices_are_refused() -> None:
         found.mean("map-min")
     with pytest.raises(InputError, match="protocol"):
         found.mean("best")
+
+
+def _two_balls_and_a_stray() -> Mesh:
+    """Vertices 0 to n - 1: a ball; n to 2 n - 1: another, apart; 2 n: used by no face."""
+    n = BALL.n_vertices
+    points = np.vstack([BALL.vertices, BALL.vertices + 5, [[9, 9, 9]]])
+    return Mesh(points, np.vstack([BALL.faces, BALL.faces + n]), name="two balls")
+
+
+@pytest.mark.parametrize("geodesics", ["heat", "exact"])
+def test_what_no_path_leads_to_is_infinitely_far(geodesics: str) -> None:
+    if geodesics == "exact":
+        pytest.importorskip("pygeodesic")
+    target, n = _two_balls_and_a_stray(), BALL.n_vertices
+    images = np.array([0, n + 1, 2 * n, n + 3])
+    truth = np.array([0, 1, 2, n + 4])
+    found = evaluate(images, target, np.arange(4), truth, geodesics=geodesics)
+    np.testing.assert_array_equal(np.isinf(found.direct), [False, True, True, False])
+    assert found.direct[0] == 0
+    # The second ball is measured as if it stood alone, in units of both areas.
+    alone = evaluate([3], BALL, [0], [4], geodesics=geodesics)
+    assert found.direct[3] == pytest.approx(alone.direct[0] / np.sqrt(2), rel=1e-5)
+    assert found.mean() == np.inf
+    assert found.curve()[-1] <= 50
+
+
+def test_ground_truth_off_the_surface_is_refused() -> None:
+    target, n = _two_balls_and_a_stray(), BALL.n_vertices
+    with pytest.raises(InputError, match=f"target_points: row 1 is {2 * n}, a vertex that no face"):
+        evaluate([0, 1], target, [0, 1], [0, 2 * n])
+    assert evaluate([0, -1], target, [0, 1], [0, 2 * n]).mean() == 0  # it does not count
+
+
+def test_point_clouds_are_refused() -> None:
+    with pytest.raises(MeshError, match="point cloud"):
+        evaluate(EVERY, BALL.vertices, EVERY, EVERY)
+    with pytest.raises(MeshError, match="point cloud"):
+        evaluate(EVERY, BALL, EVERY, EVERY, source=BALL.vertices)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from unbend import Mesh, as_mesh, write_mesh
+from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError, MeshError
-from unbend.mesh import vertex_areas
+from unbend.mesh import vertex_areas, vertex_normals
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -109,3 +110,11 @@ def test_a_missing_file_is_refused():
 
 def test_points_have_equal_areas():
     assert vertex_areas(Mesh(np.zeros((5, 3)))).tolist() == [1] * 5
+
+
+def test_normals_of_a_sphere_point_outwards():
+    sphere = make_sphere(4)
+    found = vertex_normals(sphere.vertices, sphere.faces)
+    np.testing.assert_allclose(found, sphere.vertices, atol=0.02)
+    extended = np.vstack([sphere.vertices, [[9.0, 9, 9]]])
+    np.testing.assert_array_equal(vertex_normals(extended, sphere.faces)[-1], 0)

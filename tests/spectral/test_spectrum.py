@@ -8,10 +8,10 @@ from dense import eigenpairs as dense_eigenpairs
 from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, UnbendWarning
-from unbend.linalg.signs import fix_signs
+from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.spectral import Laplacian
 from unbend.spectral._laplacian import _stiffness
-from unbend.spectral._spectrum import solve
+from unbend.spectral._spectrum import whole_eigenpairs
 
 
 def test_sphere_has_l_times_l_plus_one():
@@ -39,7 +39,8 @@ def test_flat_torus_has_its_lattice():
     k = 21
     wave = np.fft.fftfreq(side, 1 / side)
     lattice = np.sort((4 * np.pi**2 * (wave[:, None] ** 2 + wave**2)).ravel())[:k]
-    np.testing.assert_allclose(solve(torus, k, 1e-8)[0], lattice, rtol=7e-3, atol=1e-12)
+    found = whole_eigenpairs(torus, k + 1, 1e-8)[0]  # the last of them is the first of four
+    np.testing.assert_allclose(found, lattice, rtol=7e-3, atol=1e-12)
 
 
 def test_agrees_with_a_dense_solver(blob):
@@ -134,6 +135,59 @@ def test_open_square_has_the_spectrum_of_a_drum():
     np.testing.assert_allclose(spectrum(square, 10).eigenvalues, drum, rtol=1e-2, atol=1e-9)
 
 
+def test_the_number_asked_for_changes_no_eigenfunction():
+    """A multiple eigenvalue has any basis of its space for eigenfunctions; one rule names it."""
+    ball = make_sphere(3)
+    whole = spectrum(ball, 60, cache=False)
+    for k in (2, 3, 7, 12, 16, 40):
+        found = spectrum(ball, k, cache=False)
+        np.testing.assert_allclose(found.eigenvalues, whole.eigenvalues[:k], rtol=1e-10, atol=1e-9)
+        np.testing.assert_allclose(found.eigenfunctions, whole.eigenfunctions[:, :k], atol=1e-8)
+
+
+def test_turning_a_sphere_turns_nothing_in_its_multiple_eigenspaces():
+    ball = make_sphere(3)
+    turn = scipy.spatial.transform.Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
+    before = spectrum(ball, 12, cache=False).eigenfunctions
+    after = spectrum((ball.vertices @ turn.T, ball.faces), 12, cache=False).eigenfunctions
+    np.testing.assert_allclose(after, before, atol=1e-8)
+
+
+def test_more_components_than_eigenpairs():
+    n = 12
+    ball = make_sphere(1)
+    many = Mesh(
+        np.vstack([ball.vertices + 3 * i for i in range(n)]),
+        np.vstack([ball.faces + ball.n_vertices * i for i in range(n)]),
+    )
+    few, all_zeros, more = (spectrum(many, k, cache=False) for k in (5, n, n + 5))
+    np.testing.assert_array_equal(all_zeros.eigenvalues, 0)
+    np.testing.assert_array_equal(few.eigenfunctions, all_zeros.eigenfunctions[:, :5])
+    np.testing.assert_array_equal(more.eigenfunctions[:, :n], all_zeros.eigenfunctions)
+    np.testing.assert_allclose(
+        more.eigenvalues[n:], spectrum(ball, 2, cache=False).eigenvalues[1], rtol=1e-8
+    )
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 5])
+def test_basis_rule_does_not_depend_on_the_basis_given(m):
+    chance = np.random.default_rng(m)
+    vectors = np.linalg.qr(chance.standard_normal((40, m + 2)))[0]
+    vectors = np.vstack([vectors[:20], vectors[:20]])  # every peak is a tie of two
+    vectors = np.linalg.qr(vectors)[0]
+    values = np.array([0.5, *np.full(m, 2.0), 3.0])
+    turn = np.eye(m + 2)
+    turn[1:-1, 1:-1] = np.linalg.qr(chance.standard_normal((m, m)))[0]
+    found = fix_basis(vectors, values, 1e-9)
+    np.testing.assert_allclose(
+        fix_signs(fix_basis(vectors @ turn, values, 1e-9), np.ones(40)),
+        fix_signs(found, np.ones(40)),
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(found[:, [0, -1]], vectors[:, [0, -1]])
+    np.testing.assert_allclose(found @ found.T, vectors @ vectors.T, atol=1e-12)
+
+
 def test_sign_rule_does_not_depend_on_the_sign_given():
     chance = np.random.default_rng(3)
     vectors, weights = chance.standard_normal((50, 4)), chance.random(50)
@@ -142,7 +196,7 @@ def test_sign_rule_does_not_depend_on_the_sign_given():
     np.testing.assert_array_equal(fix_signs(odd, np.ones(50)), fix_signs(-odd, np.ones(50)))
 
 
-@pytest.mark.parametrize("k", [0, 643])
+@pytest.mark.parametrize("k", [0, 643, 2.5, True])
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
     with pytest.raises(InputError, match="has 1 to 642"):
         spectrum(blob, k)

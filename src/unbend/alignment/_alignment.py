@@ -109,8 +109,38 @@ def procrustes(
     mass = mass / mass.sum()
     source_center, target_center = mass @ source, mass @ target
     cross = ((source - source_center) * mass[:, None]).T @ (target - target_center)
-    rotation = _nearest_rotation(cross, reflect)
+    rotation = nearest_rotation(cross.T, reflect=reflect)
     return rotation, target_center - rotation @ source_center
+
+
+def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArray:
+    """Rotation nearest to a matrix, in the sum of squares.
+
+    Parameters
+    ----------
+    matrices : (..., d, d) ndarray of float64
+        ``target.T @ source``, say: its nearest rotation turns the source onto the target.
+    reflect : bool, default=False
+        Whether the nearest orthogonal matrix will do, its determinant -1 perhaps.
+
+    Returns
+    -------
+    (..., d, d) ndarray of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.alignment import nearest_rotation
+    >>> nearest_rotation(np.array([[0.0, -5.0], [3.0, 0.0]])).round(6) + 0.0
+    array([[ 0., -1.],
+           [ 1.,  0.]])
+    """
+    left, _, right = np.linalg.svd(matrices)
+    rotations: FloatArray = left @ right
+    if not reflect:
+        left[..., -1] *= np.sign(np.linalg.det(rotations))[..., None]
+        rotations = left @ right
+    return rotations
 
 
 def align(
@@ -214,15 +244,6 @@ def _points(points: Any, name: str) -> FloatArray:
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise InputError(f"{name} point {row} is not finite; leave such points out")
     return array
-
-
-def _nearest_rotation(cross: FloatArray, reflect: bool) -> FloatArray:
-    left, _, right = np.linalg.svd(cross)
-    rotation: FloatArray = right.T @ left.T
-    if not reflect and np.linalg.det(rotation) < 0:
-        left[:, -1] *= -1
-        rotation = right.T @ left.T
-    return np.asarray(rotation)
 
 
 def _subset(points: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import is_whole
 from unbend._types import FloatArray
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
 from unbend.choices import (
@@ -234,7 +235,7 @@ def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -
     most = surface.n_vertices - 1
     if method == "sampled":
         most = min(most, n_eigenpairs - 1)
-    if not 1 <= d <= most:
+    if not is_whole(d) or not 1 <= d <= most:
         raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
 
 

@@ -12,12 +12,16 @@ GRAPP 2019, Eq. 8 to 15, with the slips of the printed formulas corrected. Aflal
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 
 from unbend._types import FloatArray, IntArray
 from unbend.choices import Interpolation
 from unbend.errors import InputError, SolverError
+from unbend.mesh import vertex_ids
 from unbend.spectral import Spectrum
 
 # Eq. 14 is solved until its residual is this small, relative to its right-hand side.
@@ -49,7 +53,7 @@ def interpolation_operator(spectrum: Spectrum, samples: IntArray, mu: float) -> 
 
 
 def interpolate(
-    values: FloatArray, samples: IntArray, spectrum: Spectrum, *, mu: float = 1e4
+    values: npt.ArrayLike, samples: npt.ArrayLike, spectrum: Spectrum, *, mu: float = 1e4
 ) -> FloatArray:
     """Smooth functions on the whole surface from their values at samples (Eq. 8 to 11).
 
@@ -71,7 +75,8 @@ def interpolate(
     Raises
     ------
     InputError
-        If `mu` is not positive, or a sample is not a vertex in use.
+        If `mu` is not positive, a sample is not a vertex in use, or there is not one row of finite
+        numbers for each.
 
     Examples
     --------
@@ -85,9 +90,25 @@ def interpolate(
     True
     """
     unit = _at_unit_area(spectrum)
-    operator = interpolation_operator(unit, np.asarray(samples), mu)
-    functions: FloatArray = unit.eigenfunctions @ (operator @ np.asarray(values, dtype=float))
+    ids = vertex_ids(samples, len(spectrum.areas), "samples")
+    operator = interpolation_operator(unit, ids, mu)
+    functions: FloatArray = unit.eigenfunctions @ (operator @ _rows(values, len(ids)))
     return functions
+
+
+def _rows(values: Any, n_samples: int) -> FloatArray:
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("values to interpolate must be numbers") from None
+    if array.ndim not in (1, 2):
+        raise InputError(f"values must have one row for each sample, not shape {array.shape}")
+    if len(array) != n_samples:
+        raise InputError(f"there are {len(array)} values for {n_samples} samples")
+    finite = np.isfinite(array.reshape(n_samples, -1)).all(axis=1)
+    if not finite.all():
+        raise InputError(f"value {int(finite.argmin())} is not finite; leave its sample out")
+    return array
 
 
 def distance_coefficients(

@@ -14,8 +14,11 @@ import scipy.linalg
 from unbend._types import FloatArray
 from unbend.choices import Weighting
 from unbend.linalg.lanczos import largest_eigenpairs
-from unbend.linalg.signs import fix_signs
+from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.linalg.subspace import Solves, subspace_iteration
+
+# Eigenvalues that differ by no more than this share of the largest are equal.
+_EQUAL = 1e-9
 
 
 def exact_scaling(
@@ -147,4 +150,5 @@ def sampled_scaling(
 
 
 def _points(vectors: FloatArray, values: FloatArray, weights: FloatArray) -> FloatArray:
+    vectors = fix_basis(vectors, values, _EQUAL * np.abs(values).max())
     return fix_signs(vectors, weights) * np.sqrt(np.maximum(values, 0.0))

@@ -86,7 +86,7 @@ class Steps:
 def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
     """Scale all distances through their operator."""
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time)
+        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
     if options.weighting == "uniform":
         assert metric.gram is not None  # every distance in SPECTRAL has one
         with steps("scaling"):
@@ -158,7 +158,7 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
     n = surface.n_vertices
     n_samples, n_eigenpairs = min(options.n_samples, n), min(options.n_eigenpairs, n)
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time)
+        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
     with steps("spectrum"):
         spectrum = eigenpairs(surface, n_eigenpairs, cache=options.cache)
     with steps("sampling"):

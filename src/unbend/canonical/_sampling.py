@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import first_largest
+from unbend._arrays import first_largest, is_whole
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
 from unbend.distances import make_metric
@@ -25,6 +25,7 @@ def farthest_point_sampling(
     time: float = DIFFUSION_TIME,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
+    cache: bool = True,
 ) -> IntArray:
     """Vertices spread evenly: each next one is the farthest from those before it.
 
@@ -41,7 +42,7 @@ def farthest_point_sampling(
         is largest, so that neither pose nor vertex order matters.
     time : float, default=0.1
         Diffusion time, in units of the area.
-    laplacian, component
+    laplacian, component, cache
         See :func:`unbend.distance`.
 
     Returns
@@ -69,10 +70,12 @@ def farthest_point_sampling(
     10
     """
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(kind, surface, time=time)
+    metric = make_metric(kind, surface, time=time, cache=cache)
     if start is None:
-        first = shape_end(eigenpairs(surface, 2))
+        first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:
+        if np.ndim(start) != 0:
+            raise InputError(f"start must be one vertex, not {start!r}")
         first = int(local_ids(surface, start)[0])
     samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
     chosen: IntArray = surface.prepared.kept[samples.indices]
@@ -107,7 +110,7 @@ def spread_samples(
     InputError
         If `n_samples` is out of range.
     """
-    if not 1 <= n_samples <= n_vertices:
+    if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
         raise InputError(
             f"asked for {n_samples} samples, but the surface has {n_vertices} vertices"
         )

@@ -11,7 +11,13 @@ from unbend.errors import MissingExtraError
 try:
     from sklearn.base import BaseEstimator
 except ImportError:
-    raise MissingExtraError("scikit-learn", "sklearn") from None
+
+    class BaseEstimator:  # type: ignore[no-redef]
+        """Stands in where scikit-learn is missing: the name can be had, an estimator cannot."""
+
+        def __new__(cls, *args: Any, **kwargs: Any) -> Any:
+            """Say what is missing."""
+            raise MissingExtraError("scikit-learn", "sklearn")
 
 
 class SpectralMDS(BaseEstimator):  # type: ignore[misc]

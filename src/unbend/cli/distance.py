@@ -9,6 +9,7 @@ import typer
 
 from unbend.choices import DIFFUSION_TIME, DistanceKind
 from unbend.cli._common import (
+    CacheOption,
     ComponentOption,
     JsonOption,
     LaplacianOption,
@@ -52,6 +53,7 @@ def distance(
     time: TimeOption = DIFFUSION_TIME,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
+    cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Measure the distance from vertices to all others, in the mesh's unit.
@@ -78,6 +80,7 @@ def distance(
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
+            cache=cache,
         )
     if out is not None:
         write_field(out, shape, sources, field)

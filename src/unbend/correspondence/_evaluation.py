@@ -8,9 +8,10 @@ from typing import Any, Literal
 import numpy as np
 
 from unbend._types import FloatArray, IntArray
-from unbend.errors import InputError, MissingExtraError
+from unbend.distances import geodesic_solver
+from unbend.errors import InputError, MeshError
 from unbend.io import as_mesh
-from unbend.mesh import Mesh, vertex_areas
+from unbend.mesh import Mesh, edge_ends, vertex_areas
 
 THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
@@ -24,7 +25,8 @@ _kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
 class Evaluation:
     """Geodesic errors of a point map, by three protocols.
 
-    Errors are geodesic distances on the target, divided by the square root of its area. `direct`
+    Errors are geodesic distances on the target, divided by the square root of its area; infinite
+    where no path leads from the true image to the one that was found. `direct`
     counts them against the ground truth as given. `map_min` takes the better of the direct and
     the mirrored ground truth, once for the whole map; `vertex_min` takes it for every row on its
     own, which is the loosest. Without a mirrored ground truth the last two are None.
@@ -119,7 +121,10 @@ def evaluate(
     Raises
     ------
     InputError
-        If lengths differ, an index is out of range, or no row counts.
+        If lengths differ, an index is out of range, the ground truth names a target vertex that
+        no face uses, or no row counts.
+    MeshError
+        If a shape is a point cloud: errors are measured along faces.
     MissingExtraError
         If exact geodesics are asked for and pygeodesic is not installed.
 
@@ -146,7 +151,7 @@ def evaluate(
     """
     if geodesics not in ("heat", "exact"):
         raise InputError(f"geodesics must be 'heat' or 'exact', not {geodesics!r}")
-    target = as_mesh(target)
+    target = _with_faces(target)
     images = _indices(point_map, target.n_vertices, "point_map", least=-1)
     sources = _indices(source_points, len(images), "source_points")
     truths = [_indices(target_points, target.n_vertices, "target_points", least=-1)]
@@ -163,6 +168,8 @@ def evaluate(
     counted = (found >= 0) & np.all([truth >= 0 for truth in truths], axis=0)
     if not counted.any():
         raise InputError("no row of the ground truth counts: none has an image and a true image")
+    for truth, name in zip(truths, ("target_points", "mirrored_target_points"), strict=False):
+        _check_used(np.where(counted, truth, -1), target, name)
     errors = [_distances(target, truth[counted], found[counted], geodesics) for truth in truths]
     map_min = vertex_min = None
     if len(errors) == 2:
@@ -173,7 +180,7 @@ def evaluate(
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=_coverage(images, target),
-        continuity=None if source is None else _continuity(images, as_mesh(source), target),
+        continuity=None if source is None else _continuity(images, _with_faces(source), target),
     )
 
 
@@ -188,18 +195,33 @@ def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
     return array.astype(np.int64)
 
 
+def _with_faces(shape: Any) -> Mesh:
+    mesh = as_mesh(shape)
+    if mesh.is_point_cloud:
+        raise MeshError(f"{mesh.name}: errors are measured along faces; this is a point cloud")
+    return mesh
+
+
+def _check_used(truth: IntArray, target: Mesh, name: str) -> None:
+    unused = (truth >= 0) & ~np.isin(truth, target.faces)
+    if unused.any():
+        row = int(np.flatnonzero(unused)[0])
+        raise InputError(
+            f"{name}: row {row} is {truth[row]}, a vertex that no face of {target.name} uses; "
+            "give -1 for rows that do not count"
+        )
+
+
 def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> FloatArray:
     """Geodesic distances between paired vertices, over the square root of the area."""
     rows = _kept.setdefault((_fingerprint(mesh), kind), {})
     missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
     if missing:
-        from_vertex = _exact_solver(mesh) if kind == "exact" else _heat_solver(mesh)
+        from_vertex = geodesic_solver(mesh, exact=kind == "exact")
         scale = np.sqrt(vertex_areas(mesh).sum())
         for vertex in missing:
             rows[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
     result = np.array([rows[int(i)][j] for i, j in zip(sources, targets, strict=True)], dtype=float)
-    # Zero is exact; the heat method only comes close to it.
-    result[sources == targets] = 0.0
     _forget()
     return result
 
@@ -220,21 +242,6 @@ def _fingerprint(mesh: Mesh) -> bytes:
     return digest.digest()
 
 
-def _heat_solver(mesh: Mesh) -> Any:
-    import potpourri3d
-
-    return potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces).compute_distance
-
-
-def _exact_solver(mesh: Mesh) -> Any:
-    try:
-        from pygeodesic import geodesic
-    except ImportError:
-        raise MissingExtraError("pygeodesic", "exact") from None
-    solver = geodesic.PyGeodesicAlgorithmExact(mesh.vertices, mesh.faces)
-    return lambda vertex: solver.geodesicDistances(np.array([vertex]), None)[0]
-
-
 def _coverage(images: IntArray, target: Mesh) -> float:
     areas = vertex_areas(target)
     return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())
@@ -245,7 +252,7 @@ def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float:
         raise InputError(
             f"the map has {len(images)} rows, but the source has {source.n_vertices} vertices"
         )
-    edges = np.unique(np.sort(source.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = edge_ends(source.faces, source.n_vertices)
     edges = edges[(images[edges] >= 0).all(axis=1)]
     before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)
     after = np.linalg.norm(np.diff(target.vertices[images[edges]], axis=1)[:, 0], axis=1)

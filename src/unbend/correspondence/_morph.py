@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.alignment import procrustes
+from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
 from unbend.errors import InputError
 from unbend.io import as_mesh
 from unbend.linalg.factorization import factorize
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, edge_ends
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
@@ -107,8 +107,7 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     n = len(start)
     used = np.zeros(n, dtype=bool)
     used[faces] = True
-    links = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    links = links[links[:, 0] != links[:, 1]]
+    links = edge_ends(faces, n)
     i, j = np.concatenate([links, links[:, ::-1]]).T
     neighbours = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
     # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
@@ -135,11 +134,11 @@ def _rotation_vectors(
     """Rotation of each vertex's neighbourhood from start to goal, (n, 3), in radians."""
     n = len(start)
     products = (start[j] - start[i])[:, :, None] * (goal[j] - goal[i])[:, None, :]
-    cross = np.stack([np.bincount(i, column, n) for column in products.reshape(-1, 9).T], axis=1)
+    cross: FloatArray = np.stack(
+        [np.bincount(i, column, n) for column in products.reshape(-1, 9).T], axis=1
+    )
     for _ in range(_AVERAGED_RINGS):
         cross = cross + neighbours @ cross
         cross /= np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
-    left, _, right = np.linalg.svd(cross.reshape(-1, 3, 3))
-    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    rotations = np.matmul(right.transpose(0, 2, 1), left.transpose(0, 2, 1))
+    rotations = nearest_rotation(cross.reshape(-1, 3, 3).transpose(0, 2, 1))
     return np.asarray(Rotation.from_matrix(rotations).as_rotvec())

@@ -1,6 +1,7 @@
 """Distances on a surface: biharmonic, commute-time, diffusion, geodesic."""
 
 from unbend.distances._distance import distance, make_metric
+from unbend.distances._geodesic import geodesic_solver
 from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
 from unbend.distances._metric import Metric, check_kind, length_power
 
@@ -9,6 +10,7 @@ __all__ = [
     "Metric",
     "check_kind",
     "distance",
+    "geodesic_solver",
     "gram_metric",
     "length_power",
     "make_metric",

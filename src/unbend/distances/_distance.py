@@ -13,10 +13,13 @@ from unbend.errors import InputError
 from unbend.spectral import Surface, local_ids, make_surface
 
 
-def make_metric(kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION_TIME) -> Metric:
+def make_metric(
+    kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION_TIME, cache: bool = True
+) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
-    `time` is the diffusion time in units of the area.
+    `time` is the diffusion time in units of the area; `cache` says whether eigenpairs are kept on
+    disk.
     """
     check_kind(kind)
     if not 0 < time < np.inf:
@@ -27,7 +30,7 @@ def make_metric(kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
     from unbend.distances._gram import gram_metric
 
-    return gram_metric(kind, surface, time)
+    return gram_metric(kind, surface, time, cache=cache)
 
 
 def distance(
@@ -39,6 +42,7 @@ def distance(
     time: float = DIFFUSION_TIME,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
+    cache: bool = True,
 ) -> FloatArray:
     """Distances from given vertices to all vertices of a mesh.
 
@@ -60,6 +64,9 @@ def distance(
         See :func:`unbend.laplacian`.
     component : "largest" or int, optional
         Which component of a mesh that has several.
+    cache : bool, default=True
+        Whether eigenpairs, of a diffusion or a truncated distance, are kept on disk; see
+        :func:`unbend.spectrum`.
 
     Returns
     -------
@@ -95,12 +102,12 @@ def distance(
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
-        metric = make_metric(kind, surface, time=time)
+        metric = make_metric(kind, surface, time=time, cache=cache)
     else:
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs
 
-        metric = truncated_metric(kind, eigenpairs(surface, n_eigenpairs), time)
+        metric = truncated_metric(kind, eigenpairs(surface, n_eigenpairs, cache=cache), time)
     found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(kind)
     spread: FloatArray = surface.prepared.expand(found.T).T
     return spread

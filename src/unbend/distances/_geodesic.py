@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -9,13 +10,16 @@ import numpy as np
 from unbend._types import FloatArray, IntArray
 from unbend.distances._metric import Metric
 from unbend.errors import MeshError, MissingExtraError
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, find_components
+from unbend.preparation import restrict
 from unbend.spectral import Surface
+
+_FromVertex = Callable[[int], FloatArray]
 
 
 def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
     """Geodesic distance on a surface, at unit area."""
-    one = _exact(surface.mesh) if exact else _heat(surface.mesh)
+    one = (_exact if exact else _heat)(surface.mesh)
     scale = 1 / np.sqrt(surface.area)
 
     def from_sources(sources: IntArray) -> FloatArray:
@@ -29,7 +33,51 @@ def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
     return Metric(from_sources, between)
 
 
-def _heat(mesh: Mesh) -> Callable[[int], FloatArray]:
+def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
+    """Geodesic distances from any vertex of a mesh, which may have several components.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With faces.
+    exact : bool
+        Exact polyhedral distances, or those of the heat method.
+
+    Returns
+    -------
+    callable
+        A vertex to the distances (n,) from it to all vertices, in the mesh's unit of length:
+        infinite where no path leads.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.distances import geodesic_solver
+    >>> corner = Mesh([[0, 0, 0], [3, 0, 0], [0, 4, 0], [9, 9, 9]], [[0, 1, 2]])
+    >>> geodesic_solver(corner, exact=True)(1)
+    array([ 3.,  0.,  5., inf])
+    """
+    of_vertex = find_components(mesh.faces, mesh.n_vertices).of_vertex
+    make = _exact if exact else _heat
+
+    @functools.cache
+    def on_component(number: int) -> tuple[IntArray, _FromVertex]:
+        part, kept = restrict(mesh, of_vertex == number)
+        return kept, make(part)
+
+    def one(source: int) -> FloatArray:
+        distances = np.full(mesh.n_vertices, np.inf)
+        if of_vertex[source] < 0:  # no face uses it
+            distances[source] = 0.0
+        else:
+            kept, from_vertex = on_component(int(of_vertex[source]))
+            distances[kept] = from_vertex(int(np.searchsorted(kept, source)))
+        return distances
+
+    return one
+
+
+def _heat(mesh: Mesh) -> _FromVertex:
     """Heat method (Crane et al. 2013) on the robust Laplacian."""
     import potpourri3d
 
@@ -49,7 +97,7 @@ def _heat(mesh: Mesh) -> Callable[[int], FloatArray]:
     return one
 
 
-def _exact(mesh: Mesh) -> Callable[[int], FloatArray]:
+def _exact(mesh: Mesh) -> _FromVertex:
     """Exact geodesics of the polyhedron (Mitchell, Mount and Papadimitriou 1987)."""
     if mesh.is_point_cloud:
         raise MeshError(f"{mesh.name}: a point cloud has no exact geodesics; use geodesic")

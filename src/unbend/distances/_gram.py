@@ -6,6 +6,7 @@ non-constant eigenpairs, with ``h = lambda^-2``, ``lambda^-1`` and ``exp(-2 t la
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -61,13 +62,16 @@ def gram_metric(
     surface: Surface,
     time: float,
     green: Callable[[FloatArray], FloatArray] | None = None,
+    *,
+    cache: bool = True,
 ) -> Metric:
     """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
 
-    `green` is the Green's operator, if there is one already; not for diffusion distances.
+    `green` is the Green's operator, if there is one already; not for diffusion distances, whose
+    eigenpairs are kept on disk if `cache` says so.
     """
     if kind == "diffusion":
-        return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
+        return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
     areas = surface.operator.areas
     if green is None:
         check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
@@ -96,9 +100,13 @@ def gram_metric(
             kernel = inner(column, column) if biharmonic else column
         return _distances(kernel, kernel.diagonal(), kernel.diagonal())
 
+    @functools.cache
+    def diagonal() -> FloatArray:
+        return _diagonal(columns, areas, biharmonic)
+
     def from_sources(sources: IntArray) -> FloatArray:
         kernel = gram(_indicators(sources, len(areas))).T
-        every = _diagonal(columns, areas, biharmonic)
+        every = diagonal()
         return _distances(kernel, every[sources], every)
 
     return Metric(from_sources, between, gram)
@@ -133,7 +141,7 @@ def _diagonal(
     return diagonal
 
 
-def _diffusion_spectrum(surface: Surface, time: float) -> Spectrum:
+def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:
     """As many eigenpairs as a diffusion time can tell from zero."""
     n = surface.n_vertices
     # Weyl's law: eigenvalue number k of a surface of unit area is about 4 pi k.
@@ -146,7 +154,7 @@ def _diffusion_spectrum(surface: Surface, time: float) -> Spectrum:
                 f"a diffusion time of {time:.2g} of the area needs over {_MOST_EIGENPAIRS} "
                 f"eigenpairs; use {shortest:.1g} of the area or more, or truncate with n_eigenpairs"
             )
-        spectrum = eigenpairs(surface, k)
+        spectrum = eigenpairs(surface, k, cache=cache)
         if k == n or spectrum.eigenvalues[-1] - spectrum.eigenvalues[1] > reach:
             return spectrum
         k = min(n, 2 * k)

@@ -18,6 +18,7 @@ from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
+from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
 # What the vertices of a file are counted from, unless the caller knows better.
@@ -185,9 +186,7 @@ def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
     inverse = np.full(n, -1, dtype=np.int64)
     inverse[hit] = first
     if len(hit) and mesh.n_faces:
-        i, j = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
-        keys = np.unique(i * n + j)
-        i, j = keys // n, keys % n
+        i, j = edge_ends(mesh.faces, n).T
         lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
         graph = sp.csr_matrix((snap(lengths), (i, j)), shape=(n, n))
         _, _, nearest = dijkstra(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from unbend._types import FloatArray, IntArray
-from unbend.errors import MeshError
+from unbend.errors import InputError, MeshError
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +149,35 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
         )
 
 
+def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
+    """Check vertex numbers: one, or a list of whole numbers from 0 to ``n - 1``.
+
+    Returns
+    -------
+    (s,) ndarray of int64
+
+    Raises
+    ------
+    InputError
+        If they are something else.
+
+    Examples
+    --------
+    >>> from unbend.mesh import vertex_ids
+    >>> vertex_ids(5, 12, "mesh")
+    array([5])
+    """
+    ids = np.atleast_1d(np.asarray(vertices))
+    if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
+        raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
+    outside = (ids < 0) | (ids >= n)
+    if outside.any():
+        raise InputError(
+            f"{name}: there is no vertex {ids[outside][0]}; vertices are numbered 0 to {n - 1}"
+        )
+    return ids.astype(np.int64)
+
+
 def vertex_areas(mesh: Mesh) -> FloatArray:
     """Give each vertex a third of the area of the faces around it.
 
@@ -174,3 +203,33 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
     return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
+
+
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Average the faces' normals, weighted by area, at each vertex.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+        Of unit length; 0 where no face has an area.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.mesh import vertex_normals
+    >>> vertex_normals(np.array([[0.0, 0, 0], [3, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))[0]
+    array([0., 0., 1.])
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = len(vertices)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))

@@ -64,6 +64,15 @@ def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     )
 
 
+def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:
+    """Pairs of vertices that an edge joins, each once: (e, 2), the lower one first, ascending.
+
+    A side from a vertex to itself, as of a face that names one twice, is no edge.
+    """
+    ends = find_edges(faces, n_vertices).ends
+    return np.asarray(ends[ends[:, 0] != ends[:, 1]])
+
+
 def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
     """Turn faces until any two that are alone at an edge walk along it in opposite directions.
 

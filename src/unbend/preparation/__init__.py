@@ -1,7 +1,7 @@
 """What is wrong with a mesh, and the part of it that computations run on."""
 
 from unbend.preparation._diagnosis import Diagnosis, diagnose
-from unbend.preparation._prepare import Prepared, only_component, prepare
+from unbend.preparation._prepare import Prepared, only_component, prepare, restrict
 
 __all__ = [
     "Diagnosis",
@@ -9,4 +9,5 @@ __all__ = [
     "diagnose",
     "only_component",
     "prepare",
+    "restrict",
 ]

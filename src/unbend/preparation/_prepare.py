@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import count_repeats
+from unbend._arrays import count_repeats, is_whole
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError
 from unbend.mesh import (
     Components,
@@ -146,7 +146,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
             f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]} of "
             f"{mesh.n_vertices} vertices; the others are NaN in the result"
         )
-    working, kept = _restrict(mesh, keep)
+    working, kept = restrict(mesh, keep)
     if len(kept) < _LEAST_VERTICES:
         raise MeshError(
             f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
@@ -218,7 +218,7 @@ def _chosen(component: str | int | None, n_components: int, name: str) -> int | 
         return None
     if component == "largest":
         return 0
-    if isinstance(component, bool) or not isinstance(component, (int, np.integer)):
+    if not is_whole(component):
         raise InputError(f"component must be 'largest' or a whole number, not {component!r}")
     if not 0 <= component < n_components:
         raise InputError(
@@ -235,7 +235,21 @@ def _sizes(components: Components) -> str:
     return f"{', '.join(sizes[:-1])} and {sizes[-1]}"
 
 
-def _restrict(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> tuple[Mesh, IntArray]:
+def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray]:
+    """Keep some components: their vertices, in their order, and the faces between them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    keep : (n,) ndarray of bool
+        Alike for all vertices of a face.
+
+    Returns
+    -------
+    part : Mesh
+    kept : (n_kept,) ndarray of int64
+        Index in the mesh of each vertex of the part.
+    """
     kept = np.flatnonzero(keep).astype(np.int64)
     if len(kept) == mesh.n_vertices:
         return mesh, kept

@@ -8,7 +8,7 @@ import numpy as np
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, vertex_normals
 
 # Azimuth (how far the viewer has walked to the shape's left) and elevation, in degrees.
 VIEWS: dict[str, tuple[float, float]] = {
@@ -108,7 +108,7 @@ def rasterize(
     np.maximum.at(nearest, place, depth)
     front = np.flatnonzero(depth == nearest[place])
     place, face, share = place[front], face[front], share[front]
-    normals = _vertex_normals(seen, faces)
+    normals = vertex_normals(seen, faces)
     normal = np.einsum("ci,cij->cj", share, normals[faces[face]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     normal *= np.where(normal[:, 2:] < 0, -1.0, 1.0)
@@ -168,19 +168,6 @@ def _along_edges(
         found.append((face, column, row, share))
     face, column, row, share = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return face, column, row, share
-
-
-def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Area-weighted unit normals, (n, 3)."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    face_normals = np.cross(b - a, c - a)
-    normals = np.zeros_like(vertices)
-    for i in range(3):
-        for j in range(3):
-            normals[:, j] += np.bincount(faces[:, i], face_normals[:, j], len(vertices))
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.maximum(length, 1e-300)
-    return normals
 
 
 def _lit(color: FloatArray, normal: FloatArray) -> FloatArray:

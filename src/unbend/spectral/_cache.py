@@ -1,7 +1,7 @@
 """Spectra kept on disk, so that a mesh's eigenpairs are computed once.
 
 Each file holds the eigenpairs of one mesh at unit area under a name made from everything they
-depend on. A file that is damaged, foreign or from another version is recomputed, never trusted;
+depend on. A file that is damaged, foreign or from another solver is recomputed, never trusted;
 a folder that cannot be written is done without. Files appear whole (written aside, renamed), so
 any number of processes may share a folder.
 """
@@ -23,8 +23,6 @@ from unbend.errors import FileError
 from unbend.io import atomic_write
 from unbend.mesh import Mesh
 
-# Raised whenever the eigensolver or what it is given changes what it returns.
-_SOLVER = 1
 # Total size that the cache may grow to; the files used longest ago go first.
 _MOST_BYTES = 2 * 2**30
 # A temporary file this old was left behind by a process that was killed.
@@ -57,24 +55,22 @@ def cache_folder() -> Path:
     return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
 
 
-def cache_key(mesh: Mesh, laplacian: str, areas: str, tol: float) -> str:
-    """Name under which a mesh's spectrum is kept: a hash of all that it depends on."""
+def cache_key(mesh: Mesh, *how: str | float) -> str:
+    """Name under which a mesh's spectrum is kept: a hash of the mesh and of how it was computed."""
     digest = hashlib.blake2b(digest_size=20)
-    digest.update(f"unbend {_SOLVER} {laplacian} {areas} {tol!r} {mesh.vertices.shape}".encode())
+    digest.update(f"{how!r} {mesh.vertices.shape}".encode())
     digest.update(mesh.vertices.data)
     digest.update(mesh.faces.data)
     return digest.hexdigest()
 
 
-def load_eigenpairs(key: str, k: int) -> tuple[FloatArray, FloatArray] | None:
-    """Return the first `k` cached eigenvalues and eigenfunctions, or None.
+def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
+    """Return cached eigenvalues and eigenfunctions, or None.
 
     Parameters
     ----------
     key : str
         From :func:`cache_key`.
-    k : int
-        A file with more eigenpairs serves.
 
     Returns
     -------
@@ -87,11 +83,11 @@ def load_eigenpairs(key: str, k: int) -> tuple[FloatArray, FloatArray] | None:
             checked = bytes(file["digest"]) == _digest(key, values, functions)
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise, it is no use
         return None
-    if not checked or len(values) < k:
+    if not checked:
         return None
     with suppress(OSError):
         os.utime(path)  # used just now: last to go
-    return values[:k], np.ascontiguousarray(functions[:, :k])
+    return values, functions
 
 
 def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:

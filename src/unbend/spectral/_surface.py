@@ -13,7 +13,7 @@ from unbend._types import IntArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.io import as_mesh
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, vertex_ids
 from unbend.preparation import Prepared, prepare
 from unbend.spectral._laplacian import Laplacian, choose_kind
 from unbend.spectral._laplacian import laplacian as build_laplacian
@@ -107,18 +107,12 @@ def local_ids(surface: Surface, vertices: Any) -> IntArray:
     Raises
     ------
     InputError
-        If an id is not a whole number, out of range, or not in use.
+        If an id is not a whole number, out of range, or not in use, or there is none.
     """
-    ids = np.atleast_1d(np.asarray(vertices))
-    kept, n = surface.prepared.kept, surface.prepared.n_original
-    if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
-        raise InputError("vertex ids must be whole numbers, counted from 0")
-    outside = (ids < 0) | (ids >= n)
-    if outside.any():
-        raise InputError(
-            f"{surface.mesh.name}: there is no vertex {ids[outside][0]}; "
-            f"vertices are numbered 0 to {n - 1}"
-        )
+    kept = surface.prepared.kept
+    ids = vertex_ids(vertices, surface.prepared.n_original, surface.mesh.name)
+    if not len(ids):
+        raise InputError(f"{surface.mesh.name}: name at least one vertex")
     local = np.minimum(np.searchsorted(kept, ids), len(kept) - 1)
     unused = kept[local] != ids
     if unused.any():
