@@ -25,14 +25,11 @@ from shapes import quadruped, subdivide
 
 from report import write_report
 from unbend import Mesh, canonical_form, distance, read_mesh, spectrum
-from unbend.distances.gram import gram_metric
-from unbend.interpolation import distance_coefficients
+from unbend.canonical import distance_coefficients, sampled_scaling, shape_end, spread_samples
+from unbend.distances import gram_metric
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.pseudoinverse import green_operator
-from unbend.mds import sampled_scaling
-from unbend.sampling import shape_end, spread_samples
-from unbend.spectra import Spectrum
-from unbend.surface import Surface, make_surface
+from unbend.spectral import Spectrum, Surface, make_surface
 
 COLUMNS = 496
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from unbend import Mesh
-from unbend._topology import find_edges
 from unbend.datasets import make_quadruped
+from unbend.mesh import find_edges
 
 
 def quadruped(n: int) -> Mesh:

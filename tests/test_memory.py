@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from unbend import canonical_form, spectrum
+from unbend._memory import _group_limits, _machine, available_memory, check_memory, needed_memory
 from unbend.errors import MeshError
-from unbend.memory import _control_groups, _machine, available_memory, check_memory, needed_memory
 
 GIB = 2**30
 
@@ -29,7 +29,7 @@ def test_free_memory_is_known_here():
 
 
 def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
-    monkeypatch.setattr("unbend.memory.available_memory", lambda: 2**19)
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**19)
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
         canonical_form(blob)
     with pytest.raises(MeshError, match="--max-vertices"):
@@ -38,7 +38,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
         canonical_form(blob, max_vertices=200)
     with pytest.raises(MeshError, match="fewer vertices"):
         spectrum(blob, 10, cache=False)
-    monkeypatch.setattr("unbend.memory.available_memory", lambda: None)
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: None)
     check_memory("huge", 10**9)
 
 
@@ -55,8 +55,8 @@ def test_the_tightest_control_group_counts(tmp_path, version):
         (group / f"memory.{limit}").write_text(most)
         (group / f"memory.{usage}").write_text(used)
         (group / "memory.stat").write_text("anon 1\ninactive_file 500\n")
-    assert [left for left in _control_groups(proc, root) if left is not None] == [2500]
-    assert _control_groups(tmp_path, root) == []
+    assert [left for left in _group_limits(proc=proc, root=root) if left is not None] == [2500]
+    assert _group_limits(proc=tmp_path, root=root) == []
 
 
 def test_free_memory_of_the_machine(tmp_path):

@@ -13,79 +13,79 @@ if TYPE_CHECKING:
     from unbend.alignment import Alignment as Alignment
     from unbend.alignment import align as align
     from unbend.alignment import procrustes as procrustes
-    from unbend.archives import read_functional_map as read_functional_map
-    from unbend.archives import read_match as read_match
-    from unbend.archives import write_functional_map as write_functional_map
-    from unbend.archives import write_match as write_match
     from unbend.canonical import CanonicalForm as CanonicalForm
     from unbend.canonical import canonical_form as canonical_form
-    from unbend.carrying import transfer as transfer
-    from unbend.diagnosis import Diagnosis as Diagnosis
-    from unbend.diagnosis import diagnose as diagnose
+    from unbend.canonical import farthest_point_sampling as farthest_point_sampling
+    from unbend.canonical import interpolate as interpolate
+    from unbend.canonical.estimator import SpectralMDS as SpectralMDS
+    from unbend.correspondence import Evaluation as Evaluation
+    from unbend.correspondence import evaluate as evaluate
+    from unbend.correspondence import morph as morph
+    from unbend.correspondence import similarity as similarity
+    from unbend.correspondence import transfer as transfer
     from unbend.distances import distance as distance
-    from unbend.estimator import SpectralMDS as SpectralMDS
-    from unbend.evaluation import Evaluation as Evaluation
-    from unbend.evaluation import evaluate as evaluate
-    from unbend.interpolation import interpolate as interpolate
+    from unbend.io import as_mesh as as_mesh
+    from unbend.io import invert_map as invert_map
+    from unbend.io import read_map as read_map
     from unbend.io import read_mesh as read_mesh
+    from unbend.io import read_values as read_values
+    from unbend.io import write_map as write_map
     from unbend.io import write_mesh as write_mesh
-    from unbend.laplace import Laplacian as Laplacian
-    from unbend.laplace import laplacian as laplacian
-    from unbend.likeness import similarity as similarity
-    from unbend.maps import invert_map as invert_map
-    from unbend.maps import read_map as read_map
-    from unbend.maps import write_map as write_map
+    from unbend.io import write_values as write_values
     from unbend.matching import Match as Match
     from unbend.matching import match as match
+    from unbend.matching import read_functional_map as read_functional_map
+    from unbend.matching import read_match as read_match
     from unbend.matching import symmetry as symmetry
+    from unbend.matching import write_functional_map as write_functional_map
+    from unbend.matching import write_match as write_match
     from unbend.mesh import Mesh as Mesh
-    from unbend.mesh import as_mesh as as_mesh
-    from unbend.morphing import morph as morph
-    from unbend.sampling import farthest_point_sampling as farthest_point_sampling
-    from unbend.spectra import Spectrum as Spectrum
-    from unbend.spectra import spectrum as spectrum
-    from unbend.value_files import read_values as read_values
-    from unbend.value_files import write_values as write_values
+    from unbend.preparation import Diagnosis as Diagnosis
+    from unbend.preparation import diagnose as diagnose
+    from unbend.spectral import Laplacian as Laplacian
+    from unbend.spectral import Spectrum as Spectrum
+    from unbend.spectral import laplacian as laplacian
+    from unbend.spectral import spectrum as spectrum
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Alignment": "alignment",
     "CanonicalForm": "canonical",
-    "Diagnosis": "diagnosis",
-    "Evaluation": "evaluation",
-    "Laplacian": "laplace",
+    "Diagnosis": "preparation",
+    "Evaluation": "correspondence",
+    "Laplacian": "spectral",
     "Match": "matching",
     "Mesh": "mesh",
-    "SpectralMDS": "estimator",
-    "Spectrum": "spectra",
+    "SpectralMDS": "canonical.estimator",
+    "Spectrum": "spectral",
     "align": "alignment",
-    "as_mesh": "mesh",
+    "as_mesh": "io",
     "canonical_form": "canonical",
-    "diagnose": "diagnosis",
+    "diagnose": "preparation",
     "distance": "distances",
-    "evaluate": "evaluation",
-    "farthest_point_sampling": "sampling",
-    "interpolate": "interpolation",
-    "invert_map": "maps",
-    "laplacian": "laplace",
+    "evaluate": "correspondence",
+    "farthest_point_sampling": "canonical",
+    "interpolate": "canonical",
+    "invert_map": "io",
+    "laplacian": "spectral",
     "match": "matching",
-    "morph": "morphing",
+    "morph": "correspondence",
     "procrustes": "alignment",
-    "read_functional_map": "archives",
-    "read_map": "maps",
-    "read_match": "archives",
+    "read_functional_map": "matching",
+    "read_map": "io",
+    "read_match": "matching",
     "read_mesh": "io",
-    "read_values": "value_files",
-    "similarity": "likeness",
-    "spectrum": "spectra",
+    "read_values": "io",
+    "similarity": "correspondence",
+    "spectrum": "spectral",
     "symmetry": "matching",
-    "transfer": "carrying",
-    "write_functional_map": "archives",
-    "write_map": "maps",
-    "write_match": "archives",
+    "transfer": "correspondence",
+    "write_functional_map": "matching",
+    "write_map": "io",
+    "write_match": "matching",
     "write_mesh": "io",
-    "write_values": "value_files",
+    "write_values": "io",
 }
 
 __all__ = sorted(_HOME)

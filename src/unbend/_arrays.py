@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,11 @@ from unbend._types import FloatArray, IntArray
 # Values that a symmetry makes equal come out of a solver with errors far below this share.
 _ROUNDING = 1e-6
 _GRID_BITS = 27
+
+
+def is_whole(number: Any) -> TypeGuard[int]:
+    """Whether a number counts something: a whole number, and no truth value."""
+    return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:

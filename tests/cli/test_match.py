@@ -8,13 +8,12 @@ import pytest
 from typer.testing import CliRunner
 
 from unbend import read_mesh, write_mesh
-from unbend.archives import read_match
 from unbend.cli import app
 from unbend.cli._common import warn_if_doubtful
 from unbend.cli.match import describe_side
 from unbend.datasets import make_quadruped, rest_map
-from unbend.maps import read_map, write_map
-from unbend.value_files import read_values, write_values
+from unbend.io import read_map, read_values, write_map, write_values
+from unbend.matching import read_match
 
 SOURCE = make_quadruped("standing", n_vertices=800)
 TARGET = make_quadruped("walking", n_vertices=700, meshing=1)

@@ -57,7 +57,15 @@ def test_a_missing_extra_is_named(monkeypatch):
 
 @pytest.mark.parametrize(
     ("source", "message"),
-    [(42, "there is no vertex 42"), (-1, "no vertex -1"), (0.5, "whole numbers")],
+    [
+        (42, "there is no vertex 42"),
+        (-1, "no vertex -1"),
+        (0.5, "whole numbers"),
+        (True, "whole numbers"),
+        ([[0, 1]], "whole numbers"),
+        ([], "whole numbers"),
+        (np.empty(0, dtype=int), "at least one"),
+    ],
 )
 def test_sources_that_do_not_exist_are_refused(source, message):
     with pytest.raises(InputError, match=message):

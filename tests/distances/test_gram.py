@@ -3,7 +3,10 @@ import pytest
 
 import dense
 from unbend import Mesh, distance, laplacian, spectrum
+from unbend.distances import gram_metric
 from unbend.errors import InputError
+from unbend.linalg.pseudoinverse import green_operator
+from unbend.spectral import make_surface
 
 TIME = 0.2
 FILTERS = {
@@ -29,6 +32,23 @@ def test_from_sources_equals_the_dense_formula(blob, kind):
     found = distance(blob, [0, 77, 300], kind=kind, time=TIME)
     # Near 0 a distance is the square root of what rounding leaves of a difference.
     np.testing.assert_allclose(found, expected[[0, 77, 300]], atol=1e-6 * expected.max())
+
+
+@pytest.mark.parametrize("kind", ["biharmonic", "commute-time"])
+def test_the_diagonal_is_solved_for_once(blob, kind):
+    """Sources one at a time, as farthest-point sampling asks for them."""
+    surface = make_surface(blob)
+    green = green_operator(surface.operator.stiffness, surface.operator.areas)
+    columns = []
+
+    def counted(block):
+        columns.append(block.shape[1])
+        return green(block)
+
+    metric = gram_metric(kind, surface, TIME, counted)
+    rows = [metric.from_sources(np.array([source])) for source in (3, 90, 5)]
+    np.testing.assert_allclose(np.vstack(rows)[:, [3, 90, 5]].diagonal(), 0, atol=1e-6)
+    assert sum(columns) <= blob.n_vertices + 3 * 2
 
 
 def test_all_eigenpairs_truncate_nothing(blob, kind):

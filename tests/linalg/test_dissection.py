@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -29,6 +30,7 @@ def filled(matrix):
     return np.tril(there)
 
 
+@pytest.mark.kernels
 @settings(max_examples=100, deadline=None)
 @given(n=st.integers(1, 150), degree=st.floats(0, 6), seed=st.integers(0, 10**6))
 def test_supernodes_hold_the_factor(n, degree, seed):

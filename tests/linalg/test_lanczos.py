@@ -133,7 +133,7 @@ def test_same_input_same_output():
 
 def test_the_number_of_threads_changes_nothing(monkeypatch):
     problem = laplacian(*icosphere(5))  # 10,242 vertices
-    monkeypatch.setattr("unbend.linalg._threads._ROWS", 3_000)
+    monkeypatch.setattr("unbend._parallel._ROWS", 3_000)
     results = []
     for count in ("1", "3"):
         monkeypatch.setenv("OMP_NUM_THREADS", count)

@@ -10,7 +10,7 @@ from unbend.errors import SolverError
 from unbend.linalg import two_level
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.linalg.two_level import two_levels
-from unbend.surface import make_surface
+from unbend.spectral import make_surface
 
 
 @pytest.fixture(scope="module")

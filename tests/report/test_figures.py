@@ -8,7 +8,6 @@ import pytest
 from unbend.datasets import make_octopus
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.mesh import Mesh
-from unbend.report._raster import rasterize, view_rotation
 from unbend.report.figures import (
     VIEWS,
     draw_canonical_forms,
@@ -17,6 +16,7 @@ from unbend.report.figures import (
     position_colors,
     save_figure,
 )
+from unbend.report.raster import rasterize, view_rotation
 
 RED, BLUE = [1.0, 0, 0], [0, 0, 1.0]
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
+from unbend.correspondence import evaluate
 from unbend.errors import InputError
-from unbend.evaluation import evaluate
 from unbend.report import match_figures
 from unbend.report.figures import new_figure
 from unbend.report.match_figures import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from unbend.report._raster import rasterize
+from unbend.report.raster import rasterize
 
 
 def test_parts_thinner_than_a_pixel_are_drawn_without_gaps():

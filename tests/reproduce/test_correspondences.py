@@ -7,8 +7,8 @@ import pytest
 
 from tests.reproduce.folders import write_animals
 from unbend import Mesh, read_mesh, write_mesh
+from unbend.correspondence import aligned_cosine
 from unbend.datasets import Collection, load_tosca
-from unbend.likeness import aligned_cosine
 from unbend.reproduce import correspondences, forms
 from unbend.reproduce.correspondences import (
     ALTERNATIVES,

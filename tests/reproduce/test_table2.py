@@ -7,9 +7,9 @@ import pytest
 
 from tests.reproduce.folders import write_people
 from unbend import canonical_form
+from unbend.correspondence import similarity
 from unbend.datasets import load_scape
 from unbend.errors import InputError
-from unbend.likeness import similarity
 from unbend.reproduce import forms
 from unbend.reproduce.result import Result
 from unbend.reproduce.run import Run

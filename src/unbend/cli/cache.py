@@ -14,7 +14,7 @@ app = typer.Typer(
 @app.command()
 def info(as_json: JsonOption = False) -> None:
     """Show where the cache is and what it holds."""
-    from unbend.cache import cache_info
+    from unbend.spectral import cache_info
 
     found = cache_info()
     if as_json:
@@ -39,6 +39,6 @@ def info(as_json: JsonOption = False) -> None:
 @app.command()
 def clear() -> None:
     """Remove every cached spectrum."""
-    from unbend.cache import clear_cache
+    from unbend.spectral import clear_cache
 
     typer.echo(f"removed {clear_cache():,} spectra")

@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import (
-    DIFFUSION_TIME,
-    DistanceKind,
-    Interpolation,
-    Method,
-    Weighting,
-)
+from unbend.choices import DIFFUSION_TIME, DistanceKind, Interpolation, Method, Weighting
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -105,10 +99,9 @@ def canonical(
       unbend canonical cat.off --distance geodesic --samples 300 --json
       unbend canonical statue.ply -o statue_canonical.ply --max-vertices 200000
     """  # noqa: D301
-    from unbend._files import check_writable
     from unbend.canonical import canonical_form
     from unbend.errors import InputError
-    from unbend.io import read_mesh
+    from unbend.io import check_writable, read_mesh
 
     if out is not None:
         suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
@@ -152,8 +145,7 @@ def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
     """Write a form in the format that the file's suffix names."""
     import numpy as np
 
-    from unbend._files import atomic_write
-    from unbend.io import write_mesh
+    from unbend.io import atomic_write, write_mesh
     from unbend.mesh import Mesh
 
     suffix = Path(out).suffix.lower()

@@ -11,8 +11,8 @@ import typer
 from unbend.cli._common import EXIT_REFUSED, JsonOption, MeshArgument, print_json
 
 if TYPE_CHECKING:
-    from unbend.diagnosis import Diagnosis
     from unbend.mesh import Mesh
+    from unbend.preparation import Diagnosis
 
 
 class Row(NamedTuple):
@@ -42,8 +42,8 @@ def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
       unbend check cat.off
       unbend check scan.ply --json
     """  # noqa: D301 - \b is one character here: it keeps the lines of the examples
-    from unbend.diagnosis import diagnose
     from unbend.io import read_mesh
+    from unbend.preparation import diagnose
 
     shape = read_mesh(mesh)
     health = diagnose(shape)

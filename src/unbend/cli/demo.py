@@ -45,10 +45,10 @@ def demo(
       unbend demo
       unbend demo -o picture.png
     """  # noqa: D301
-    from unbend._files import check_writable
     from unbend.alignment import procrustes
     from unbend.canonical import canonical_form
     from unbend.datasets import make_biped, make_quadruped
+    from unbend.io import check_writable
     from unbend.report.figures import CanonicalColumn, draw_canonical_forms, position_colors
 
     check_writable(out, (".png", ".pdf", ".svg"))

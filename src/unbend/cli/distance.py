@@ -9,6 +9,7 @@ import typer
 
 from unbend.choices import DIFFUSION_TIME, DistanceKind
 from unbend.cli._common import (
+    CacheOption,
     ComponentOption,
     JsonOption,
     LaplacianOption,
@@ -52,6 +53,7 @@ def distance(
     time: TimeOption = DIFFUSION_TIME,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
+    cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Measure the distance from vertices to all others, in the mesh's unit.
@@ -61,9 +63,8 @@ def distance(
       unbend distance cat.off --from 12 -o field.ply
       unbend distance cat.off --from 12 --from 480 --kind geodesic -o field.npy
     """  # noqa: D301
-    from unbend._files import check_writable
     from unbend.distances import distance as measure
-    from unbend.io import read_mesh
+    from unbend.io import check_writable, read_mesh
 
     if out is not None:
         check_writable(out, _SUFFIXES)
@@ -79,6 +80,7 @@ def distance(
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
+            cache=cache,
         )
     if out is not None:
         write_field(out, shape, sources, field)
@@ -90,8 +92,7 @@ def write_field(out: str, shape: Mesh, sources: list[int], field: FloatArray) ->
     """Write distances (s, n) in the format that the file's suffix names."""
     import numpy as np
 
-    from unbend._files import atomic_write
-    from unbend.io import write_mesh
+    from unbend.io import atomic_write, write_mesh
 
     suffix = Path(out).suffix.lower()
     if suffix == ".ply":

@@ -18,7 +18,7 @@ from unbend.cli._common import (
 )
 
 if TYPE_CHECKING:
-    from unbend.evaluation import Evaluation
+    from unbend.correspondence import Evaluation
 
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
@@ -67,11 +67,9 @@ def evaluate(
       unbend evaluate map.npz --target b.off --source-truth a.vts --target-truth b.vts \\
           --mirrored-truth b.sym.vts --geodesics exact --figure curves.png
     """  # noqa: D301
-    from unbend._files import check_writable
+    from unbend.correspondence import evaluate as measure
     from unbend.errors import InputError
-    from unbend.evaluation import evaluate as measure
-    from unbend.io import read_mesh
-    from unbend.maps import read_map
+    from unbend.io import check_writable, read_map, read_mesh
 
     if figure is not None:
         check_writable(figure, (".png", ".pdf", ".svg"))
@@ -108,7 +106,7 @@ def _protocols(found: Evaluation) -> list[str]:
 
 
 def _as_dict(found: Evaluation) -> dict[str, Any]:
-    from unbend.evaluation import THRESHOLDS
+    from unbend.correspondence import THRESHOLDS
 
     return {
         "rows": len(found.direct),
@@ -127,7 +125,7 @@ def _as_dict(found: Evaluation) -> dict[str, Any]:
 
 
 def _print_table(found: Evaluation) -> None:
-    from unbend.evaluation import THRESHOLDS
+    from unbend.correspondence import THRESHOLDS
 
     columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     heads = ["mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]

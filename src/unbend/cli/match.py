@@ -75,9 +75,7 @@ def match(
       unbend match cat0.off cat1.off -o cat0_cat1.vts
       unbend match scan.ply model.ply --component largest --json
     """  # noqa: D301
-    from unbend._files import check_writable
-    from unbend.io import read_mesh
-    from unbend.maps import MAP_SUFFIXES
+    from unbend.io import MAP_SUFFIXES, check_writable, read_mesh
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -155,8 +153,8 @@ def describe_side(orientation: float) -> str:
 
 def write_result(out: str, found: Match) -> None:
     """Write all of a match to a .npz file, or its point map to any other."""
-    from unbend.archives import write_match
-    from unbend.maps import write_map
+    from unbend.io import write_map
+    from unbend.matching import write_match
 
     if _keeps_all(out):
         write_match(out, found)

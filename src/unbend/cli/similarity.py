@@ -73,9 +73,8 @@ def similarity(
       unbend similarity wolf0.off wolf1.off wolf2.off --known-correspondence --json
       unbend similarity shapes/*.off --matrix --csv table.csv --figure heat.png
     """  # noqa: D301
-    from unbend._files import check_writable
     from unbend.errors import InputError
-    from unbend.io import read_mesh
+    from unbend.io import check_writable, read_mesh
     from unbend.preparation import only_component
 
     if figure is not None:
@@ -124,7 +123,7 @@ def compare(
     import itertools
 
     from unbend.canonical import canonical_form
-    from unbend.likeness import similarity as likeness
+    from unbend.correspondence import similarity as likeness
     from unbend.matching import match
     from unbend.mesh import vertex_areas
 
@@ -176,7 +175,7 @@ def _write_csv(
     import csv
     import io
 
-    from unbend._files import atomic_write
+    from unbend.io import atomic_write
 
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

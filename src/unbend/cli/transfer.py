@@ -72,14 +72,14 @@ def transfer(
       unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv
       unbend transfer dog.ply cat.ply --values colors.npy --kind color -o cat_colored.ply
     """  # noqa: D301
-    from unbend._files import check_writable
-    from unbend.carrying import transfer as carry
-    from unbend.carrying import value_kind
-    from unbend.io import read_mesh
-    from unbend.value_files import (
+    from unbend.correspondence import transfer as carry
+    from unbend.correspondence import value_kind
+    from unbend.io import (
         VALUE_MESH_SUFFIXES,
         VALUE_SUFFIXES,
         check_storable,
+        check_writable,
+        read_mesh,
         read_values,
         write_values,
     )
@@ -121,10 +121,9 @@ def _mapping(
     map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Any
 ) -> Any:
     """Read the map, turned round if need be, or match the shapes."""
-    from unbend.archives import read_match
     from unbend.errors import InputError
-    from unbend.maps import invert_map, read_map
-    from unbend.matching import match
+    from unbend.io import invert_map, read_map
+    from unbend.matching import match, read_match
 
     source, target = shapes
     if map_file is None:

@@ -9,14 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-
-
-def edges_of(faces: IntArray) -> IntArray:
-    """All edges once, (e, 2), the smaller index first."""
-    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    n = int(faces.max()) + 1
-    keys = np.unique(pairs[:, 0] * n + pairs[:, 1])
-    return np.stack([keys // n, keys % n], axis=1)
+from unbend.mesh import edge_ends
 
 
 def collapse_short_edges(
@@ -32,7 +25,7 @@ def collapse_short_edges(
     ``sizes`` (n,) is the edge length in keeping with each vertex: edges that are short for
     their place go first.
     """
-    edges = edges_of(faces)
+    edges = edge_ends(faces, len(vertices))
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     lengths /= sizes[edges].mean(axis=1)
     order = np.argsort(lengths, kind="stable")

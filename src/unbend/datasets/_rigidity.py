@@ -12,6 +12,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from unbend._types import FloatArray, IntArray
+from unbend.alignment import nearest_rotation
 
 _REACH = 0.2  # features of the pose larger than this are kept
 _N_STEPS = 12
@@ -35,18 +36,11 @@ def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> Flo
     for _ in range(_N_STEPS):
         now = moved[tails] - moved[heads]
         covariance = to_tail @ (now[:, :, None] * edges[:, None, :]).reshape(-1, 9)
-        turns = _nearest_rotations(covariance.reshape(-1, 3, 3))
+        turns = nearest_rotation(covariance.reshape(-1, 3, 3))
         wanted = 0.5 * np.einsum("eij,ej->ei", turns[tails] + turns[heads], edges)
         moved = solve(to_tail @ wanted + hold[:, None] * posed)
     result: FloatArray = moved
     return result
-
-
-def _nearest_rotations(matrices: FloatArray) -> FloatArray:
-    u, _, vt = np.linalg.svd(matrices)
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    rotations: FloatArray = u @ vt
-    return rotations
 
 
 def _cotangents(

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from unbend._formats import data_lines, polygon_rows, positions
 from unbend._types import IntArray
 from unbend.errors import FileError, MeshError
-from unbend.io import read_mesh
-from unbend.maps import read_map
+from unbend.io import read_map, read_mesh
+from unbend.io.formats.contents import data_lines, polygon_rows, positions
 from unbend.mesh import Mesh
 
 # Where a shape is there in several formats, the first of these is read.

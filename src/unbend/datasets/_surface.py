@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.datasets._cones import Cones
-from unbend.datasets._halfmesh import collapse_short_edges, delaunay_flips, edges_of
+from unbend.datasets._halfmesh import collapse_short_edges, delaunay_flips
 from unbend.errors import InputError
+from unbend.mesh import edge_ends
 
 _COARSEST = 0.025  # grid spacing that no part of a body slips through
 
@@ -61,7 +62,8 @@ def skin(
         vertices, faces = surface_net(turned, spacing, symmetric)
         on_plane = (vertices[:, 0] == 0) & symmetric
         count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
-        sphere = len(vertices) - len(edges_of(faces)) + len(faces) == (1 if symmetric else 2)
+        n_edges = len(edge_ends(faces, len(vertices)))
+        sphere = len(vertices) - n_edges + len(faces) == (1 if symmetric else 2)
         if sphere and count >= n_vertices:
             break
         spacing *= 0.95 if count >= n_vertices else min(0.95, (count / (1.15 * n_vertices)) ** 0.5)
@@ -231,7 +233,7 @@ def _relax(
 
     Returns the vertices and the body's thickness where they were.
     """
-    edges = edges_of(faces)
+    edges = edge_ends(faces, len(vertices))
     both = np.concatenate([edges, edges[:, ::-1]])
     # Seen from the plane, a neighbour off the plane counts twice: itself and its mirror image.
     weights = np.where(on_plane[both[:, 0]] & ~on_plane[both[:, 1]], 2.0, 1.0)

@@ -13,7 +13,7 @@ from unbend._text import plural
 from unbend._types import BoolArray, IntArray
 from unbend.datasets._shape_files import read_features, read_mirror, read_rows, read_shape
 from unbend.errors import FileError, InputError
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, edge_ends
 
 # Poses with one numbering share more than 80 % of their edges in the collections we know (some
 # have edges flipped per pose), poses meshed each on its own less than 20 %.
@@ -255,19 +255,15 @@ def _numbered_alike(source: str, target: str, first: Mesh, second: Mesh) -> IntA
             f"their numbers do not say what corresponds; {remedy}"
         )
     if not np.array_equal(first.faces, second.faces):
-        shared = np.isin(_edge_keys(first), _edge_keys(second))
+        n = first.n_vertices
+        ours, theirs = (edge_ends(mesh.faces, n) @ [n, 1] for mesh in (first, second))
+        shared = np.isin(ours, theirs)
         if len(shared) and shared.mean() < _SHARED_EDGES:
             raise FileError(
                 f"{source} and {target} are meshed each on its own, so their vertex numbers do "
                 f"not say what corresponds; {remedy}"
             )
     return np.flatnonzero(_used(first) & _used(second)).astype(np.int64)
-
-
-def _edge_keys(mesh: Mesh) -> IntArray:
-    pairs = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    result: IntArray = pairs[:, 0] * mesh.n_vertices + pairs[:, 1]
-    return result
 
 
 def _used(mesh: Mesh) -> BoolArray:

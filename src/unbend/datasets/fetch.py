@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from unbend._text import plural
-from unbend.cache import cache_folder
 from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.spectral import cache_folder
 
 TOSCA_REMESHED_URL = (
     "https://raw.githubusercontent.com/llorz/SGA18_orientation_BCICP_dataset/"

@@ -1,139 +1,19 @@
-"""Distances on a surface, all behind one protocol: from sources, and between samples."""
+"""Distances on a surface: biharmonic, commute-time, diffusion, geodesic."""
 
-from __future__ import annotations
+from unbend.distances._distance import distance, make_metric
+from unbend.distances._geodesic import geodesic_solver
+from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
+from unbend.distances._metric import Metric, check_kind, length_power
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, get_args
-
-import numpy as np
-
-from unbend._types import FloatArray, IntArray
-from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.errors import InputError
-from unbend.surface import Surface, local_ids, make_surface
-
-
-@dataclass(frozen=True, eq=False)
-class Metric:
-    """One distance on one surface of unit area.
-
-    Attributes
-    ----------
-    from_sources : callable
-        Vertex ids (s,) to the distances from each of them to all vertices (s, n).
-    between : callable
-        Vertex ids (p,) to the distances between all of them (p, p).
-    gram : callable or None
-        Where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``: the product with g,
-        (n, r) to (n, r).
-    """
-
-    from_sources: Callable[[IntArray], FloatArray]
-    between: Callable[[IntArray], FloatArray]
-    gram: Callable[[FloatArray], FloatArray] | None = None
-
-
-def length_power(kind: str) -> int:
-    """Power of a length that the distance is measured in: scaling a mesh by s scales it by s^p."""
-    return {"commute-time": 0, "diffusion": -1}.get(kind, 1)
-
-
-def check_kind(kind: str) -> None:
-    """Refuse a name that is no distance."""
-    if kind not in get_args(DistanceKind):
-        names = ", ".join(get_args(DistanceKind))
-        raise InputError(f"there is no distance {kind!r}; choose one of {names}")
-
-
-def make_metric(kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION_TIME) -> Metric:
-    """Set up the exact distance of a given kind on a surface, at unit area.
-
-    `time` is the diffusion time in units of the area.
-    """
-    check_kind(kind)
-    if not 0 < time < np.inf:
-        raise InputError(f"the diffusion time must be positive, not {time}")
-    if kind in ("geodesic", "geodesic-exact"):
-        from unbend.distances.geodesic import geodesic_metric
-
-        return geodesic_metric(surface, exact=kind == "geodesic-exact")
-    from unbend.distances.gram import gram_metric
-
-    return gram_metric(kind, surface, time)
-
-
-def distance(
-    mesh: Any,
-    sources: Any,
-    *,
-    kind: DistanceKind = "biharmonic",
-    n_eigenpairs: int | None = None,
-    time: float = DIFFUSION_TIME,
-    laplacian: LaplacianKind = "auto",
-    component: str | int | None = None,
-) -> FloatArray:
-    """Distances from given vertices to all vertices of a mesh.
-
-    Parameters
-    ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-    sources : int or (s,) array_like of int
-        0-based vertex ids.
-    kind : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
-        Biharmonic, commute-time and diffusion distances are exact: no eigenpair is left out.
-        ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs the extra
-        ``unbend[exact]``.
-    n_eigenpairs : int, optional
-        Truncate a spectral distance to this many eigenpairs (Eq. 1 to 3) instead.
-    time : float, default=0.1
-        Diffusion time, in units of the area.
-    laplacian : {"auto", "cotangent", "robust"}, default="auto"
-        See :func:`unbend.laplacian`.
-    component : "largest" or int, optional
-        Which component of a mesh that has several.
-
-    Returns
-    -------
-    (s, n) ndarray of float64
-        In the mesh's unit of length for biharmonic and geodesic distances, without unit for
-        commute time, per unit of length for diffusion. NaN at vertices outside the component.
-
-    Raises
-    ------
-    InputError
-        If a name, a source or a number is out of range.
-    MeshError
-        If the mesh cannot be used; the message names the vertex or face.
-
-    Notes
-    -----
-    The diagonal of the biharmonic and commute-time kernels takes one solve per vertex: about a
-    second at 10,000 vertices, growing with the square of their number.
-
-    References
-    ----------
-    Lipman, Rustamov and Funkhouser, "Biharmonic distance", ACM TOG 29(3), 2010. Crane,
-    Weischedel and Wardetzky, "Geodesics in heat", ACM TOG 32(5), 2013.
-
-    Examples
-    --------
-    >>> from unbend import distance
-    >>> from unbend.datasets import make_sphere
-    >>> distance(make_sphere(2), 0).shape
-    (1, 162)
-    """
-    check_kind(kind)
-    surface = make_surface(mesh, laplacian=laplacian, component=component)
-    local = local_ids(surface, sources)
-    if n_eigenpairs is None:
-        metric = make_metric(kind, surface, time=time)
-    else:
-        from unbend.distances.gram import truncated_metric
-        from unbend.spectra import eigenpairs
-
-        metric = truncated_metric(kind, eigenpairs(surface, n_eigenpairs), time)
-    found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(kind)
-    spread: FloatArray = surface.prepared.expand(found.T).T
-    return spread
+__all__ = [
+    "SPECTRAL",
+    "Metric",
+    "check_kind",
+    "distance",
+    "geodesic_solver",
+    "gram_metric",
+    "length_power",
+    "make_metric",
+    "spectral_filter",
+    "truncated_metric",
+]

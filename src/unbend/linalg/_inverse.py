@@ -10,19 +10,12 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from unbend._parallel import column_slices, run_all
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg._threads import (
-    column_lengths,
-    column_slices,
-    inner,
-    rotate,
-    run_all,
-    scale_and_add,
-    sparse_product,
-)
 from unbend.linalg.factorization import Factorization, factorize
+from unbend.linalg.tall import column_lengths, inner, rotate, scale_and_add, sparse_product
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up

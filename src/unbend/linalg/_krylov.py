@@ -9,7 +9,7 @@ import scipy.linalg
 
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg._threads import column_lengths, combine, inner
+from unbend.linalg.tall import column_lengths, combine, inner
 
 Operator = Callable[[FloatArray], FloatArray]
 

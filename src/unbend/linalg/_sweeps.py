@@ -15,9 +15,9 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.extending import intrinsic
 
-from unbend.linalg._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, generated, kernel
+from unbend.linalg._chunks import row_address, row_vector, spread
 
 PANEL = 4  # columns of the factor that are stored together
 
@@ -32,7 +32,33 @@ def largest(begins, row_starts, first, last):  # type: ignore[no-untyped-def]
     return widest, tallest
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def _sums_of_products(  # type: ignore[no-untyped-def]
+    entries,
+    start,
+    across,
+    within,
+    along,
+    source,
+    first,
+    step,
+    count,
+    target,
+    to,
+    n_rows,
+    unrolled,
+    width,
+):
+    """Rows of the product of a piece of a matrix with rows of a chunk.
+
+    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
+    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
+    """
+    i, k, q = np.ogrid[:n_rows, :count, :unrolled]
+    piece = entries[start + i * across + q * within + k * along]
+    target[to : to + n_rows] = np.einsum("ikq,jkqc->ic", piece, source[first + k * step + q])
+
+
+@generated(_sums_of_products)
 def _products(
     context: Any,
     entries: Any,
@@ -50,17 +76,12 @@ def _products(
     unrolled: Any,
     width: Any,
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
-    """Rows of the product of a piece of a matrix with rows of a chunk.
-
-    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
-    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
-    """
     n_sums, steps, n_columns = (
         n_rows.literal_value,
         unrolled.literal_value,
         width.literal_value,
     )
-    vector = ir.VectorType(ir.DoubleType(), n_columns)
+    vector = row_vector(n_columns)
     integer = ir.IntType(64)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -71,16 +92,12 @@ def _products(
         factor = context.make_array(types[0])(context, builder, entries).data
         chunk = context.make_array(types[5])(context, builder, source).data
         result = context.make_array(types[9])(context, builder, target).data
-        undefined = ir.Constant(vector, ir.Undefined)
-        lane = ir.Constant(ir.IntType(32), 0)
-        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), n_columns), [0] * n_columns)
 
         def number(value: int) -> Any:
             return ir.Constant(integer, value)
 
-        def row(data: Any, index: Any) -> Any:
-            place = builder.gep(data, [builder.mul(index, number(n_columns))])
-            return builder.bitcast(place, vector.as_pointer())
+        def address(data: Any, index: Any) -> Any:
+            return row_address(builder, data, index, n_columns)
 
         before = builder.block
         loop = builder.append_basic_block("loop")
@@ -92,13 +109,13 @@ def _products(
         grown: list[Any] = list(sums)
         for q in range(steps):
             index = builder.add(builder.mul(k, step), number(q))
-            values = builder.load(row(chunk, builder.add(first, index)), align=8)
+            values = builder.load(address(chunk, builder.add(first, index)), align=8)
             spot = builder.add(place, builder.mul(within, number(q)))
             for i in range(n_sums):
                 entry = builder.load(builder.gep(factor, [spot]))
-                lone = builder.insert_element(undefined, entry, lane)
-                spread = builder.shuffle_vector(lone, undefined, everywhere)
-                product = builder.fmul(spread, values, flags=("contract",))
+                product = builder.fmul(
+                    spread(builder, entry, n_columns), values, flags=("contract",)
+                )
                 grown[i] = builder.fadd(grown[i], product, flags=("contract",))
                 spot = builder.add(spot, across)
         following = builder.add(k, number(1))
@@ -116,7 +133,7 @@ def _products(
             results[i].add_incoming(zero, before)
             results[i].add_incoming(grown[i], loop)
         for i in range(n_sums):
-            builder.store(results[i], row(result, builder.add(to, number(i))), align=8)
+            builder.store(results[i], address(result, builder.add(to, number(i))), align=8)
         return context.get_dummy_value()
 
     long = numba.types.int64
@@ -127,7 +144,7 @@ def _products(
 
 
 @functools.cache
-def sweeps(width: int) -> tuple[Callable[..., None], ...]:
+def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
     """Compile (or load from Numba's cache) the sweeps for chunks of ``width`` columns.
 
     Parameters
@@ -137,33 +154,12 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
 
     Returns
     -------
-    load, forward, backward, unload : callables
-        A range of the chunk's rows from the right-hand sides, in the factor's order; the solves
-        with L, and with D and L^T, for a range of supernodes; rows of the chunk to the solution.
-        They release the GIL.
+    forward, backward : callables
+        The solves with L, and with D and L^T, for a range of supernodes. They release the GIL.
     """
-    rows_at_once = min(4, 32 // width)  # as many as fit into registers
+    rows_at_once = min(PANEL, 32 // width)  # as many as fit into registers
 
-    # Compiled by Numba, whose intrinsic Python cannot run.
-    def load(  # pragma: no cover
-        order: Any, rhs: Any, first: Any, values: Any, top: Any, bottom: Any
-    ) -> None:
-        used = min(width, rhs.shape[1] - first)
-        for i in range(top, bottom):
-            for c in range(used):
-                values[i, c] = rhs[order[i], first + c]
-            for c in range(used, width):
-                values[i, c] = 0.0
-
-    def unload(  # pragma: no cover
-        order: Any, values: Any, first: Any, solution: Any, top: Any, bottom: Any
-    ) -> None:
-        used = min(width, solution.shape[1] - first)
-        for i in range(top, bottom):
-            for c in range(used):
-                solution[order[i], first + c] = values[i, c]
-
-    def forward(  # pragma: no cover
+    def forward(
         begins: Any,
         row_starts: Any,
         rows: Any,
@@ -231,7 +227,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
                     for c in range(width):
                         above[row - below, c] -= sums[k, c]
 
-    def backward(  # pragma: no cover
+    def backward(
         begins: Any,
         row_starts: Any,
         rows: Any,
@@ -297,13 +293,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], ...]:
 
     tree = (LONGS, LONGS, INTS, PAIRS, FLOATS, FLOATS)
     ranges = ("int64", "int64")
-    signatures = [
-        (INTS, BLOCK, "int64", BLOCK, *ranges),
-        (*tree, BLOCK, BLOCK, "int64", *ranges),
-        (*tree, FLOATS, BLOCK, *ranges),
-        (INTS, BLOCK, "int64", BLOCK, *ranges),
-    ]
-    functions: list[Callable[..., None]] = [load, forward, backward, unload]
-    return tuple(
-        kernel(*types)(function) for function, types in zip(functions, signatures, strict=True)
+    return (
+        kernel(*tree, BLOCK, BLOCK, "int64", *ranges)(forward),
+        kernel(*tree, FLOATS, BLOCK, *ranges)(backward),
     )

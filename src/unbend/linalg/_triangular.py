@@ -16,45 +16,31 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-import numpy as np
-from llvmlite import ir
-from numba.extending import intrinsic
 
-from unbend.linalg._compiled import compiled
-
-_SIGNATURE = (
-    "void(int64[::1], int64[::1], int32[::1], float64[::1], float64[::1],"
-    " float64[:, ::1], float64[:, ::1], int64)"
-)
+from unbend._compiled import BLOCK, FLOATS, INTS, LONGS, generated, kernel
+from unbend.linalg._chunks import row_address, spread
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def _subtract(rows, target, factor, source, width):  # type: ignore[no-untyped-def]
+    """``rows[target] -= factor * rows[source]`` for a chunk of constant width."""
+    rows[target] -= factor * rows[source]
+
+
+@generated(_subtract)
 def _subtract_row(
     context: Any, rows: Any, target: Any, factor: Any, source: Any, width: Any
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
-    """``rows[target] -= factor * rows[source]`` for a chunk of constant width."""
     count = width.literal_value
-    vector = ir.VectorType(ir.DoubleType(), count)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, target, factor, source, _ = arguments
         data = context.make_array(signature.args[0])(context, builder, rows).data
 
-        def address(row: Any) -> Any:
-            offset = builder.mul(row, ir.Constant(row.type, count))
-            return builder.bitcast(builder.gep(data, [offset]), vector.as_pointer())
-
-        def load(row: Any) -> Any:
-            return builder.load(address(row), align=8)
-
-        undefined = ir.Constant(vector, ir.Undefined)
-        first = ir.Constant(ir.IntType(32), 0)
-        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), count), [0] * count)
-        lone = builder.insert_element(undefined, factor, first)
-        spread = builder.shuffle_vector(lone, undefined, everywhere)
-        product = builder.fmul(spread, load(source), flags=("contract",))
-        difference = builder.fsub(load(target), product, flags=("contract",))
-        builder.store(difference, address(target), align=8)
+        to = row_address(builder, data, target, count)
+        taken = builder.load(row_address(builder, data, source, count), align=8)
+        product = builder.fmul(spread(builder, factor, count), taken, flags=("contract",))
+        difference = builder.fsub(builder.load(to, align=8), product, flags=("contract",))
+        builder.store(difference, to, align=8)
         return context.get_dummy_value()
 
     numbers = numba.types
@@ -74,29 +60,12 @@ def chunk_solver(width: int) -> Callable[..., None]:
     Returns
     -------
     callable
-        ``solve(order, starts, rows, entries, inverse_pivots, rhs, solution, first)``: the strictly
-        lower factor in compressed columns, the right-hand sides (n, r), the array the solutions
-        go to, and the first column of the chunk. Releases the GIL.
+        ``solve(starts, rows, entries, inverse_pivots, chunk)``: the strictly lower factor in
+        compressed columns, and the right-hand sides, which become the solutions. Releases the GIL.
     """
 
-    def solve(
-        order: Any,
-        starts: Any,
-        rows: Any,
-        entries: Any,
-        inverse_pivots: Any,
-        rhs: Any,
-        solution: Any,
-        first: Any,
-    ) -> None:  # pragma: no cover - compiled by Numba, whose intrinsic Python cannot run
-        n = order.size
-        used = min(width, rhs.shape[1] - first)
-        chunk = np.empty((n, width))
-        for i in range(n):
-            for c in range(used):
-                chunk[i, c] = rhs[order[i], first + c]
-            for c in range(used, width):
-                chunk[i, c] = 0.0
+    def solve(starts: Any, rows: Any, entries: Any, inverse_pivots: Any, chunk: Any) -> None:
+        n = inverse_pivots.size
         for j in range(n):
             for p in range(starts[j], starts[j + 1]):
                 _subtract_row(chunk, rows[p], entries[p], j, width)
@@ -105,8 +74,5 @@ def chunk_solver(width: int) -> Callable[..., None]:
                 chunk[j, c] *= inverse_pivots[j]
             for p in range(starts[j], starts[j + 1]):
                 _subtract_row(chunk, j, entries[p], rows[p], width)
-        for i in range(n):
-            for c in range(used):
-                solution[order[i], first + c] = chunk[i, c]
 
-    return compiled(solve, _SIGNATURE)
+    return kernel(LONGS, INTS, FLOATS, FLOATS, BLOCK)(solve)

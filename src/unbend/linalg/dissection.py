@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._compiled import INTS, LONGS, PAIRS, kernel
+from unbend._parallel import run_all
 from unbend._types import IntArray
-from unbend.linalg._compiled import INTS, LONGS, PAIRS, kernel
-from unbend.linalg._threads import run_all
 
 _LEVELS = 3  # of separators above the subtrees that threads share
 _LEAF = 24  # vertices that are not separated any more

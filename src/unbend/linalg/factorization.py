@@ -23,9 +23,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from unbend._parallel import chunk_width, run_all
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
-from unbend.linalg._threads import chunk_width, run_all
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
@@ -195,25 +195,32 @@ def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _S
     if not compiled:
         return order, pivots, lambda rhs: np.column_stack([solver.solve(c) for c in rhs.T])
     factor = (
-        np.asarray(order, dtype=np.int64),
         np.asarray(lower.indptr, dtype=np.int64),
         np.asarray(lower.indices, dtype=np.int32),
         lower.data,
         1 / pivots,
     )
-    return order, pivots, functools.partial(_solve_in_chunks, factor)
+    rows = np.asarray(order, dtype=np.int32)
+    return order, pivots, functools.partial(_solve_in_chunks, rows, factor)
 
 
-def _solve_in_chunks(factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
+def _solve_in_chunks(order: Any, factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
+    from unbend.linalg._chunks import moves
     from unbend.linalg._triangular import chunk_solver
 
     solution = np.empty_like(rhs)
-    count = rhs.shape[1]
+    n, count = rhs.shape
     width = chunk_width(count)
+    load, unload = moves(width)
     solve = chunk_solver(width)
-    run_all(
-        functools.partial(solve, *factor, rhs, solution, first) for first in range(0, count, width)
-    )
+
+    def work(first: int) -> None:
+        chunk = np.empty((n, width))
+        load(order, rhs, first, chunk, 0, n)
+        solve(*factor, chunk)
+        unload(order, chunk, first, solution, 0, n)
+
+    run_all(functools.partial(work, first) for first in range(0, count, width))
     return solution
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
 from unbend.linalg._inverse import inverse_lanczos
 from unbend.linalg._krylov import KrylovBasis, Operator
-from unbend.linalg._threads import one_blas_thread
 
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 

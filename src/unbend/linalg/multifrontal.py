@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend._parallel import chunk_width, one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.linalg._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend.linalg._chunks import moves
 from unbend.linalg._sweeps import PANEL, largest, sweeps
-from unbend.linalg._threads import chunk_width, one_blas_thread, run_all
 from unbend.linalg.dissection import Supernodes, dissect
 
 _ROWS = 128  # of an update matrix computed at once: half of it is never needed
-_SLACK = 64  # entries past the end that a sweep may read, and does not use
 
 
 class Factor(NamedTuple):
@@ -82,7 +82,8 @@ def factor(matrix: SparseMatrix) -> Factor:
     widths, heights = np.diff(nodes.starts), np.diff(nodes.row_starts)
     sizes = np.column_stack([widths**2, -(-widths // PANEL) * PANEL * heights])
     places = np.concatenate([np.zeros((1, 2), np.int64), np.cumsum(sizes, axis=0)])
-    n_squares, n_panels = places[-1] + _SLACK
+    # Sweeps take PANEL rows at once. Those past the last row are read too, and not used.
+    n_squares, n_panels = places[-1] + (PANEL - 1) * max(widths.max(), PANEL)
     squares, panels = np.zeros(n_squares), np.zeros(n_panels)
     pivots = np.empty(n)
     depths = np.zeros(len(widths), np.int64)
@@ -125,7 +126,8 @@ def _solve_chunk(
     found: Factor, rhs: FloatArray, solution: FloatArray, first: int, width: int
 ) -> None:
     nodes = found.nodes
-    load, forward, backward, unload = sweeps(width)
+    load, unload = moves(width)
+    forward, backward = sweeps(width)
     *subtrees, top = nodes.parts
     below = int(nodes.starts[top[0]])  # rows that belong to subtrees
     values = np.empty((len(nodes.order), width))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,19 +50,31 @@ def green_operator(
     >>> green_operator(path, np.ones(3))(np.array([1.0, 0.0, -1.0])).round(6) + 0.0
     array([ 1.,  0., -1.])
     """
-    total = areas.sum()
-    # A consistent system stays true when one diagonal entry is enlarged: the equations add up to
-    # zero, hence that vertex is at zero. The matrix is definite then, and the solution differs
-    # from the wanted one by a constant.
+    return on_zero_means(factorize(pinned(stiffness)).solve, areas)
+
+
+def pinned(stiffness: SparseMatrix) -> SparseMatrix:
+    """Enlarge one diagonal entry of W, which makes it definite, as compressed columns.
+
+    A consistent system stays true: the equations add up to zero, hence that vertex is at zero.
+    The solution differs from the one wanted by a constant.
+    """
     fixed = sp.csr_array(stiffness, dtype=np.float64).T  # symmetric, and now in compressed columns
-    fixed = fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
-    factor = factorize(fixed)
+    return fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
+
+
+def on_zero_means(solve: Callable[..., FloatArray], areas: FloatArray) -> Callable[..., FloatArray]:
+    """Make K of a function that solves ``W x = load`` up to a constant for loads that add up to 0.
+
+    Further arguments are passed on to `solve`.
+    """
+    total = areas.sum()
     ones = np.ones(len(areas))  # products with it are faster than sums over an axis
 
-    def green(rhs: FloatArray) -> FloatArray:
+    def green(rhs: FloatArray, *options: Any, **more: Any) -> FloatArray:
         load = np.einsum("i,...->i...", areas, ones @ rhs / -total)  # faster than their outer
         load += rhs
-        solution = factor.solve(load)
+        solution = solve(load, *options, **more)
         solution -= areas @ solution / total
         return solution
 

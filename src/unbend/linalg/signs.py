@@ -1,14 +1,73 @@
-"""One rule for the sign of an eigenvector, so that equal input gives equal output."""
+"""Rules for what eigenvectors leave open, so that equal input gives equal output.
+
+Of a simple eigenvalue that is the sign; of a multiple one, the basis of a whole space.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from unbend._arrays import first_largest
 from unbend._types import FloatArray
 
+# Values this near to the largest are as large: the difference is rounding.
+_TIE = 1e-6
 # A third moment below this share of the third absolute moment is rounding, not skewness.
 _SYMMETRIC = 1e-6
+
+
+def fix_basis(vectors: FloatArray, values: FloatArray, tolerance: Any) -> FloatArray:
+    """Give the eigenvectors of equal eigenvalues a basis that depends on their space alone.
+
+    The first vector is the one that reaches the highest entry of all unit vectors in the space;
+    each next one does so among those orthogonal to it. Where several entries could be the
+    highest, as on a symmetric shape, it is the first of them.
+
+    Parameters
+    ----------
+    vectors : (n, k) ndarray of float64
+        Orthonormal in some inner product.
+    values : (k,) ndarray of float64
+        Ascending or descending.
+    tolerance : float or (k - 1,) ndarray of float64
+        Neighbouring values that differ by no more are equal.
+
+    Returns
+    -------
+    (n, k) ndarray of float64
+        With the same inner products; signs are left to :func:`fix_signs`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.linalg.signs import fix_basis
+    >>> fix_basis(np.array([[0.8, -0.6], [0.6, 0.8]]), np.array([5.0, 5.0]), 1e-9).round(6) + 0.0
+    array([[1., 0.],
+           [0., 1.]])
+    """
+    ends = np.append(np.flatnonzero(np.abs(np.diff(values)) > tolerance) + 1, len(values))
+    fixed = vectors
+    for first, end in zip(np.append(0, ends[:-1]), ends, strict=True):
+        if end - first > 1:
+            fixed = vectors.copy() if fixed is vectors else fixed
+            fixed[:, first:end] = vectors[:, first:end] @ _rotation(vectors[:, first:end])
+    return fixed
+
+
+def _rotation(vectors: FloatArray) -> FloatArray:
+    """Coordinates (m, m) of the basis of `fix_basis` in a given one."""
+    rest = vectors.copy()
+    chosen = np.empty((rest.shape[1], rest.shape[1]))
+    for i in range(len(chosen)):
+        # The unit vector that is highest at an entry is the projection of that entry's indicator.
+        heights = np.einsum("ij,ij->i", rest, rest)
+        peak = rest[int((heights > (1 - _TIE) * heights.max()).argmax())]
+        direction = peak - chosen[:i].T @ (chosen[:i] @ peak)  # rounding adds up
+        chosen[i] = direction / np.linalg.norm(direction)
+        rest -= np.multiply.outer(rest @ chosen[i], chosen[i])
+    return np.asarray(chosen.T)
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy.linalg
 
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg._threads import column_lengths, combine, inner, one_blas_thread
+from unbend.linalg.tall import column_lengths, combine, inner
 
 _MOST_STEPS = 50
 # Of what is missing from the eigenpairs, the share that solves may leave.

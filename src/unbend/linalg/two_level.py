@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._parallel import row_slices, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.errors import SolverError
-from unbend.linalg._threads import column_dots, row_slices, run_all, scale_and_add
 from unbend.linalg.factorization import factorize
 from unbend.linalg.lanczos import smallest_eigenpairs
+from unbend.linalg.pseudoinverse import on_zero_means, pinned
+from unbend.linalg.tall import column_dots, scale_and_add
 
 _Finish = Callable[[slice, FloatArray], FloatArray]
 _Product = Callable[[FloatArray, FloatArray, _Finish], None]
@@ -75,15 +77,13 @@ def two_levels(stiffness: SparseMatrix, areas: FloatArray, aggregates: IntArray)
     True
     """
     matrix = sp.csr_array(stiffness, dtype=np.float64)
-    n, total = len(areas), areas.sum()
+    n = len(areas)
     inverse_sums = 1 / np.asarray(abs(matrix).sum(axis=1)).ravel()
     flat = sp.csr_array((np.ones(n), (np.arange(n), aggregates)))
     prolong = sp.csr_array(flat - sp.diags_array(_SMOOTHING * inverse_sums) @ (matrix @ flat))
     restrict = sp.csr_array(prolong.T)
     coarse = sp.csc_array(restrict @ (matrix @ prolong))
-    # As in green_operator: a consistent system stays true, and becomes definite.
-    peak = coarse.diagonal().max()
-    factor = factorize(coarse + sp.csc_array(([peak], ([0], [0])), shape=coarse.shape))
+    factor = factorize(pinned(coarse))
     step = _DAMPING * inverse_sums[:, None]
     times, up, down = _by_rows(matrix), _by_rows(prolong), _by_rows(restrict)
 
@@ -100,20 +100,16 @@ def two_levels(stiffness: SparseMatrix, areas: FloatArray, aggregates: IntArray)
             lambda rows, image: update[rows] + step[rows] * (residual[rows] - image),
         )
 
-    def green(rhs: FloatArray, guess: FloatArray | None = None, tol: float = 1e-10) -> FloatArray:
-        load = np.multiply.outer(areas, rhs.sum(axis=0) / -total)
-        load += rhs
-        load = load.reshape(n, -1)
-        start = np.zeros_like(load) if guess is None else guess.reshape(n, -1).copy()
-        solution = _conjugate_gradients(times, precondition, load, start, tol)
-        solution -= areas @ solution / total
-        return np.asarray(solution.reshape(rhs.shape))
+    def solve(load: FloatArray, guess: FloatArray | None = None, tol: float = 1e-10) -> FloatArray:
+        start = np.zeros_like(load) if guess is None else guess.copy()
+        columns = load.reshape(n, -1), start.reshape(n, -1)
+        return _conjugate_gradients(times, precondition, *columns, tol).reshape(load.shape)
 
     def rough(k: int) -> FloatArray:
         lumped = flat.T @ areas
         return np.asarray(prolong @ smallest_eigenpairs(coarse, lumped, k + 1)[1][:, 1:])
 
-    return TwoLevels(green, rough)
+    return TwoLevels(on_zero_means(solve, areas), rough)
 
 
 def _conjugate_gradients(

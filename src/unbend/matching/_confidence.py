@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._types import FloatArray
+from unbend.alignment import nearest_pairs
 from unbend.matching._shape import Shape
 from unbend.matching._solve import Candidate, OnStep, Solution, refine
-from unbend.refinement import nearest_pairs, spectral_weights
+from unbend.matching._zoomout import spectral_weights
 
 # Maps whose images lie further apart than this on average, in units of sqrt(area), are rivals.
 _DIFFERENT = 0.1

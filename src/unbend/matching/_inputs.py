@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from unbend._topology import wind_alike
 from unbend._types import IntArray
 from unbend.errors import InputError, MeshError
+from unbend.io import as_mesh
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import as_mesh
-from unbend.spectra import eigenpairs
-from unbend.surface import Surface, make_surface
+from unbend.mesh import wind_alike
+from unbend.spectral import Surface, eigenpairs, make_surface
 
 Progress = Callable[[str, float], None]
 

@@ -16,7 +16,7 @@ from unbend.matching._projection import closest_faces
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._rigidity import orientation_score
 from unbend.matching._shape import Shape
-from unbend.surface import Surface
+from unbend.spectral import Surface
 
 _LEAST_EIGENPAIRS = 4
 _ICP_COMPONENTS = 3
@@ -91,7 +91,7 @@ def match(
     --------
     >>> import numpy as np
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.matching import match
+    >>> from unbend import match
     >>> ball = make_sphere(3)
     >>> stone = ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2
     >>> found = match((stone, ball.faces), (stone @ np.diag([-2, 2, -2]), ball.faces))
@@ -168,7 +168,7 @@ def symmetry(
     --------
     >>> import numpy as np
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.matching import symmetry
+    >>> from unbend import symmetry
     >>> ball = make_sphere(3)
     >>> x, y, z = ball.vertices.T
     >>> egg = np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)

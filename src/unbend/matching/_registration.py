@@ -14,10 +14,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
 from unbend._types import FloatArray, IntArray
+from unbend.alignment import nearest_rotation
 from unbend.linalg.factorization import factorize
-from unbend.matching._shape import Shape, vertex_normals
+from unbend.matching._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
+from unbend.matching._shape import Shape
+from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
@@ -107,7 +109,7 @@ class _Deformation:
         self._mass = sp.diags(shape.areas)
         self._average = factorize(self._mass + _TURNING_LENGTH**2 * self._stiffness)
         smooth = basis @ shape.position_coefficients[:k]
-        self._rotations = _start_rotations(self._covariances(smooth))
+        self._rotations = nearest_rotation(self._covariances(smooth).transpose(0, 2, 1))
 
     def stiffen(self, pull: float) -> None:
         """Set the pull of the steps that follow."""
@@ -155,12 +157,6 @@ def _closest(
         walk(left, right, forward, *mine, *other),
         walk(right, left, backward, *other, *mine),
     )
-
-
-def _start_rotations(covariances: FloatArray) -> FloatArray:
-    left, _, right = np.linalg.svd(covariances)
-    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    return np.ascontiguousarray(np.matmul(right.transpose(0, 2, 1), left.transpose(0, 2, 1)))
 
 
 def _scatter(rows: IntArray, values: FloatArray, n: int) -> FloatArray:

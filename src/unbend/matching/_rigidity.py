@@ -15,7 +15,6 @@ from unbend.matching._shape import Shape
 _CENTERS = 300
 # Patch sizes, in samples of 300: from a paw to half a body.
 _PATCH_SIZES = (12, 30, 80)
-_SMOOTHING = 30
 
 
 def rigidity_score(source: Shape, target: Shape, functional_map: FloatArray) -> float:

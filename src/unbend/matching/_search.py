@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray
+from unbend.alignment import Pairs, nearest_pairs
 from unbend.matching._shape import Shape
-from unbend.refinement import Pairs, nearest_pairs, orthogonal_maps, spectral_weights
+from unbend.matching._zoomout import orthogonal_maps, spectral_weights
 
 _SIGNED = 6
 _LAST = 30

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import farthest_points
 from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.matching._kernels import farthest_points
+from unbend.mesh import vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
@@ -125,18 +126,6 @@ def make_shape(
         eigenvalues=np.maximum(eigenvalues[1:], _SMALLEST_EIGENVALUE),
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
     )
-
-
-def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Average the faces' normals, weighted by area, at each vertex: (n, 3), unit length."""
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    n = len(vertices)
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))
 
 
 def wave_kernel_signature(

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._kernels import walk
 from unbend._types import FloatArray, IntArray
+from unbend.alignment import nearest_pairs
+from unbend.matching._kernels import walk
 from unbend.matching._registration import register
 from unbend.matching._rigidity import orientation_score, rigidity_score
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.refinement import grow, nearest_pairs, spectral_weights
+from unbend.matching._zoomout import grow, spectral_weights
 
 _SIZES = (40, 50, 60, 75, 90, 110, 130, 150, 175, 200, 250, 300, 400, 500)
 _GROWTH_SAMPLES = 1500

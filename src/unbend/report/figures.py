@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from unbend._files import atomic_write, check_writable
 from unbend._types import FloatArray
 from unbend.errors import InputError, MissingExtraError
-from unbend.mesh import Mesh, as_mesh
-from unbend.report._raster import VIEWS, rasterize, rgb_of, view_rotation
+from unbend.io import as_mesh, atomic_write, check_writable
+from unbend.mesh import Mesh
+from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
 __all__ = [
     "VIEWS",

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.carrying import transfer
+from unbend.correspondence import THRESHOLDS, Evaluation, transfer
 from unbend.errors import InputError
-from unbend.evaluation import THRESHOLDS, Evaluation
+from unbend.io import as_mesh
 from unbend.matching import Match
-from unbend.mesh import Mesh, as_mesh
+from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
 
 __all__ = ["draw_error_curves", "draw_match", "draw_similarities", "pattern_colors"]
@@ -176,7 +176,7 @@ def draw_error_curves(
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.evaluation import evaluate
+    >>> from unbend import evaluate
     >>> from unbend.report.match_figures import draw_error_curves
     >>> every = np.arange(162)
     >>> found = evaluate(every, make_sphere(2), every, every)

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from unbend.canonical import canonical_form
+from unbend.canonical import (
+    canonical_form,
+    distance_coefficients,
+    sampled_scaling,
+    shape_end,
+    spread_samples,
+)
 from unbend.choices import Interpolation
 from unbend.datasets import Collection
-from unbend.distances import make_metric
-from unbend.distances.gram import truncated_metric
+from unbend.distances import make_metric, truncated_metric
 from unbend.errors import InputError
-from unbend.interpolation import distance_coefficients
-from unbend.mds import sampled_scaling
 from unbend.report.figures import new_figure
 from unbend.reproduce.forms import difference
 from unbend.reproduce.result import Figure, Result
 from unbend.reproduce.run import Arrays, Run, everywhere
-from unbend.sampling import shape_end, spread_samples
-from unbend.spectra import Spectrum, eigenpairs
-from unbend.surface import make_surface
+from unbend.spectral import Spectrum, eigenpairs, make_surface
 
 WAYS: tuple[Interpolation, ...] = ("projection", "least-squares")
 EIGENPAIRS = (10, 20, 50, 100, 150, 200)

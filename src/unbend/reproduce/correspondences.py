@@ -12,8 +12,8 @@ from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import align, procrustes
 from unbend.choices import DistanceKind, Method
+from unbend.correspondence import evaluate
 from unbend.datasets import Collection, Truth
-from unbend.evaluation import evaluate
 from unbend.matching import match
 from unbend.reproduce.forms import form, some_points
 from unbend.reproduce.run import Arrays, Run, everywhere, piece

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from unbend._files import atomic_write
 from unbend._text import plural
 from unbend.datasets import Collection, load_scape, load_tosca
 from unbend.errors import FileError
+from unbend.io import atomic_write
 from unbend.reproduce.run import Arrays, kept
 from unbend.reproduce.synthetic import make_people, make_species
 

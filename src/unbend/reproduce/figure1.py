@@ -12,8 +12,8 @@ from unbend.choices import DistanceKind, Method
 from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.mesh import Mesh
-from unbend.report._raster import view_rotation
 from unbend.report.figures import draw_mesh, new_figure, same_scale
+from unbend.report.raster import view_rotation
 from unbend.reproduce.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
 from unbend.reproduce.drawing import colors_of, upright
 from unbend.reproduce.forms import N_SAMPLES, difference, form

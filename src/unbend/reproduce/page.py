@@ -15,8 +15,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from unbend._files import atomic_write
-from unbend.linalg._threads import n_threads
+from unbend._parallel import n_threads
+from unbend.io import atomic_write
 from unbend.report.figures import save_figure
 from unbend.reproduce.data import Described, make_folder
 from unbend.reproduce.result import Result

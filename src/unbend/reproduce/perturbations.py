@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 from unbend._arrays import nearest_rows, snap
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MissingExtraError
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, edge_ends, vertex_normals
 from unbend.preparation import prepare
 
 _N_HOLES = 8
@@ -77,7 +77,7 @@ def perturb(mesh: Mesh, kind: str, strength: float) -> Perturbed:
     every = np.arange(mesh.n_vertices)
     if kind == "noise":
         offsets = strength * mean_edge(mesh) * chance.standard_normal(mesh.n_vertices)
-        vertices = mesh.vertices + offsets[:, None] * _normals(mesh)
+        vertices = mesh.vertices + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
         return Perturbed(Mesh(vertices, mesh.faces, name=mesh.name), every)
     if kind in ("holes", "part missing"):
         return _cut(mesh, strength, _N_HOLES if kind == "holes" else 1, chance)
@@ -93,17 +93,8 @@ def mean_edge(mesh: Mesh) -> float:
     return float(_edge_graph(mesh)[1].mean())
 
 
-def _normals(mesh: Mesh) -> FloatArray:
-    corners = mesh.vertices[mesh.faces]
-    normals = np.zeros_like(mesh.vertices)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for i in range(3):
-        np.add.at(normals, mesh.faces[:, i], normal)
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
-
-
 def _edge_graph(mesh: Mesh) -> tuple[IntArray, FloatArray]:
-    edges = np.unique(np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = edge_ends(mesh.faces, mesh.n_vertices)
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
     return edges, lengths
 

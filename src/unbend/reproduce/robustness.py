@@ -9,9 +9,9 @@ import numpy as np
 
 from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
+from unbend.correspondence import evaluate
 from unbend.datasets import Collection, make_biped, make_octopus, make_quadruped, rest_map
 from unbend.errors import InputError, MeshError
-from unbend.evaluation import evaluate
 from unbend.matching import match
 from unbend.mesh import Mesh
 from unbend.reproduce.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import threadpoolctl
 
-from unbend._files import atomic_write
 from unbend.datasets import Collection
 from unbend.errors import UnbendWarning
+from unbend.io import atomic_write
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Key = str | int | float | bool | None

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from unbend._types import FloatArray
+from unbend.correspondence import THRESHOLDS
 from unbend.errors import InputError
-from unbend.evaluation import THRESHOLDS
 from unbend.report.figures import new_figure
 from unbend.reproduce.correspondences import (
     ALTERNATIVES,

@@ -10,9 +10,9 @@ import numpy as np
 from unbend._types import FloatArray
 from unbend.alignment import align
 from unbend.choices import DistanceKind
+from unbend.correspondence import aligned_cosine
 from unbend.datasets import Collection
 from unbend.errors import InputError
-from unbend.likeness import aligned_cosine
 from unbend.report.figures import new_figure
 from unbend.reproduce.forms import form, some_points
 from unbend.reproduce.result import Figure, Result

@@ -1,0 +1,45 @@
+"""Control groups, by which Linux and its containers limit what a process may take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def control_groups(
+    controller: str, proc: Path = Path("/proc"), root: Path = Path("/sys/fs/cgroup")
+) -> list[tuple[Path, int]]:
+    """List the groups that this process is in, from its own up: every one of them limits it.
+
+    Parameters
+    ----------
+    controller : str
+        What is limited: ``"cpu"`` or ``"memory"``.
+    proc, root : Path
+        Where the kernel shows processes and control groups.
+
+    Returns
+    -------
+    list of (Path, int)
+        Folders of files with limits, and the version (1 or 2) that their names are of. Some may
+        not exist; none are known where the system has no control groups.
+    """
+    try:
+        lines = (proc / "self" / "cgroup").read_text().splitlines()
+    except OSError:
+        return []
+    groups = []
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            version, tops = 2, [root]
+        elif controller in controllers.split(","):
+            # Controllers that share a hierarchy are found under both names, or under one.
+            version, tops = 1, [root / name for name in {controllers, controller}]
+        else:
+            continue
+        for top in tops:
+            folder = top / path.lstrip("/")
+            groups += [
+                (one, version) for one in (folder, *folder.parents) if one.is_relative_to(top)
+            ]
+    return groups

@@ -1,0 +1,253 @@
+"""Threads for work that releases the GIL."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import threadpoolctl
+
+from unbend._cgroups import control_groups
+from unbend._types import FloatArray
+
+COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
+_ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
+_lock = threading.Lock()  # for what follows
+_pools: dict[int, ThreadPoolExecutor] = {}  # none or one, by its size
+_pins: list[Any] = []
+
+
+def n_threads() -> int:
+    """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use.
+
+    Those are what the process is bound to, and no more than its control groups' quotas of
+    processor time are worth: threads beyond a quota are stopped until its period ends.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    Examples
+    --------
+    >>> from unbend._parallel import n_threads
+    >>> n_threads() >= 1
+    True
+    """
+    asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    bound = hasattr(os, "sched_getaffinity")
+    cores = len(os.sched_getaffinity(0)) if bound else os.cpu_count() or 1
+    return min(cores, _quota())
+
+
+@functools.cache  # it takes longer to find than many a task
+def _quota(**places: Path) -> int:
+    """Count the processors whose time the tightest control group allows, rounded up."""
+    shares = [_share(*group) for group in control_groups("cpu", **places)]
+    return math.ceil(min([share for share in shares if share > 0], default=os.cpu_count() or 1))
+
+
+def _share(group: Path, version: int) -> float:
+    names = ["cpu.max"] if version == 2 else ["cpu.cfs_quota_us", "cpu.cfs_period_us"]
+    try:
+        quota, period = " ".join((group / name).read_text() for name in names).split()
+        return int(quota) / int(period)
+    except (OSError, ValueError, ZeroDivisionError):  # no limit is "max", -1 or no file
+        return -1.0
+
+
+def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
+    """Run every task, in threads where there are several tasks and several cores.
+
+    The caller works too, and in the end waits for nothing but tasks that others have begun: so
+    tasks may call this themselves. An error or Ctrl-C drops the tasks that have not begun.
+
+    Parameters
+    ----------
+    tasks : iterable of callables without arguments
+
+    Returns
+    -------
+    list
+        What they returned, in their order.
+
+    Examples
+    --------
+    >>> from unbend._parallel import run_all
+    >>> run_all([lambda: 1, lambda: 2])
+    [1, 2]
+    """
+    pending = deque(enumerate(tasks))
+    results = [None] * len(pending)
+
+    def work() -> None:
+        try:
+            while taken := _take(pending):
+                i, task = taken
+                results[i] = task()
+        except BaseException:
+            pending.clear()
+            raise
+
+    helpers = _start(work, len(pending) - 1)
+    try:
+        work()
+    finally:
+        busy = [helper for helper in helpers if not helper.cancel()]
+        wait(busy)
+    for helper in busy:
+        helper.result()  # raises what went wrong there
+    return results
+
+
+def _take(pending: deque[Any]) -> Any:
+    try:
+        return pending.popleft()
+    except IndexError:
+        return None
+
+
+def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
+    """Call a function in up to so many helper threads, fewer where that many are not ours.
+
+    They stay: starting a thread takes longer than many a task. All calls share them, so that
+    tasks with tasks of their own do not have more threads at work than there are.
+    """
+    count = n_threads() - 1
+    if min(count, most) < 1:
+        return []
+    with _lock:
+        if count not in _pools:
+            for pool in _pools.values():
+                pool.shutdown(wait=False)
+            _pools.clear()
+            _pools[count] = ThreadPoolExecutor(count, "unbend")
+        return [_pools[count].submit(work) for _ in range(min(count, most))]
+
+
+def _begin_anew() -> None:
+    """Forget, in a forked process, the threads of the other one and what they were about."""
+    global _lock, _pins
+    _lock = threading.Lock()
+    _pools.clear()
+    if _pins:
+        _pins[0].restore_original_limits()
+    _pins = []
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
+
+
+def chunk_width(count: int) -> int:
+    """Columns that solves for so many work on at once: one, half a chunk or a chunk.
+
+    Eight columns cost little more than one.
+
+    Examples
+    --------
+    >>> from unbend._parallel import chunk_width
+    >>> [chunk_width(count) for count in (1, 3, 9, 40)]
+    [1, 8, 16, 16]
+    """
+    return 1 if count == 1 else COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+
+
+def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
+    """Apply a function to a block of columns a chunk at a time, chunks spread over threads.
+
+    A chunk is what the triangular solves take at once; all else that is done to it then finds it
+    in the cache.
+
+    Parameters
+    ----------
+    work : callable
+        Maps (n, r) to (n, r), column by column.
+    block : (n, r) array of float64
+
+    Returns
+    -------
+    (n, r) array of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._parallel import by_columns
+    >>> by_columns(lambda chunk: 2 * chunk, np.ones((1, 3)))
+    array([[2., 2., 2.]])
+    """
+    if block.ndim == 1 or block.shape[1] <= COLUMNS:
+        return work(block)
+    result = np.empty(block.shape)
+
+    def at(part: slice) -> None:
+        result[:, part] = work(np.ascontiguousarray(block[:, part]))
+
+    run_all(functools.partial(at, part) for part in column_slices(block.shape[1]))
+    return result
+
+
+def column_slices(count: int) -> list[slice]:
+    """Cut columns into chunks for one task each.
+
+    Examples
+    --------
+    >>> from unbend._parallel import column_slices
+    >>> column_slices(20)
+    [slice(0, 16, None), slice(16, 20, None)]
+    """
+    return [slice(start, min(start + COLUMNS, count)) for start in range(0, count, COLUMNS)]
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Pin BLAS to one thread: its own threads lose more by waiting than narrow products gain.
+
+    Several threads may be inside at once; the last one out restores what the first one found.
+
+    Examples
+    --------
+    >>> from unbend._parallel import one_blas_thread
+    >>> with one_blas_thread():
+    ...     pass
+    """
+    with _lock:
+        pins = _pins  # a process forked inside has others
+        pins.append(_blas().limit(limits=1, user_api="blas") if not pins else None)
+    try:
+        yield
+    finally:
+        with _lock:
+            # The limit was put first; take a later place instead while others are inside.
+            if len(pins) > 1:
+                pins.pop()
+            else:
+                pins.pop().restore_original_limits()
+
+
+@functools.cache
+def _blas() -> Any:
+    return threadpoolctl.ThreadpoolController()  # it looks at every library loaded: slow
+
+
+def row_slices(n: int) -> list[slice]:
+    """Cut n rows into pieces for one task each.
+
+    Examples
+    --------
+    >>> from unbend._parallel import row_slices
+    >>> row_slices(20_000)
+    [slice(0, 16384, None), slice(16384, 20000, None)]
+    """
+    return [slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS)]

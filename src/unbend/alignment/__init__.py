@@ -1,0 +1,23 @@
+"""Rigid alignment of point sets, and their nearest neighbours."""
+
+from unbend.alignment._alignment import (
+    Alignment,
+    align,
+    closest_points,
+    icp,
+    nearest_rotation,
+    procrustes,
+)
+from unbend.alignment._nearest import Pairs, nearest_both_ways, nearest_pairs
+
+__all__ = [
+    "Alignment",
+    "Pairs",
+    "align",
+    "closest_points",
+    "icp",
+    "nearest_both_ways",
+    "nearest_pairs",
+    "nearest_rotation",
+    "procrustes",
+]

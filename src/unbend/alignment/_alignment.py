@@ -1,0 +1,350 @@
+"""Rigid alignment of point sets in any dimension: Procrustes, and ICP over sign choices."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from unbend._arrays import nearest_rows
+from unbend._types import FloatArray, IntArray
+from unbend.alignment._nearest import nearest_pairs
+from unbend.errors import InputError
+from unbend.linalg.signs import fix_signs
+
+# More axes than this would make more than 256 starts; the later axes then keep their sign.
+_SIGNED_AXES = 8
+_START_POINTS = 500
+_START_STEPS = 10
+_REFINED_STARTS = 4
+# Of all choices of signs, this many are followed.
+_FOLLOWED_STARTS = 16
+# Misfits, as shares of the shape's size, that agree to this many digits are equal.
+_DIGITS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A rigid motion ``x -> rotation @ x + translation`` from source to target.
+
+    Attributes
+    ----------
+    rotation : (d, d) ndarray of float64
+        Orthogonal. Its determinant is -1 when the motion reflects.
+    translation : (d,) ndarray of float64
+    residuals : (n_iterations + 1,) ndarray of float64
+        Symmetric root-mean-square distance, in the points' unit: before the first iteration,
+        then after each.
+    source_to_target : (n_source,) ndarray of int64
+        Nearest target point to each moved source point.
+    target_to_source : (n_target,) ndarray of int64
+        Nearest moved source point to each target point.
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    residuals: FloatArray
+    source_to_target: IntArray
+    target_to_source: IntArray
+
+    @property
+    def residual(self) -> float:
+        """The last of `residuals`."""
+        return float(self.residuals[-1])
+
+    def apply(self, points: Any) -> FloatArray:
+        """Move points (m, d) of the source to the target."""
+        moved: FloatArray = np.asarray(points, dtype=np.float64) @ self.rotation.T
+        return moved + self.translation
+
+
+def procrustes(
+    source_points: Any, target_points: Any, *, weights: Any = None, reflect: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Rigid motion that brings points nearest to corresponding points, in least squares.
+
+    Parameters
+    ----------
+    source_points, target_points : (n, d) array_like of float
+        Row i corresponds to row i.
+    weights : (n,) array_like of float, optional
+        Non-negative weight of each pair, vertex areas say. Default: all equal.
+    reflect : bool, default=True
+        Whether the motion may be a reflection (determinant -1).
+
+    Returns
+    -------
+    rotation : (d, d) ndarray of float64
+    translation : (d,) ndarray of float64
+        ``source @ rotation.T + translation`` is nearest to the target.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ or something is not finite.
+
+    References
+    ----------
+    Schönemann, "A generalized solution of the orthogonal Procrustes problem", Psychometrika
+    31(1), 1966; Kabsch, Acta Crystallographica A32, 1976 (without reflections).
+
+    Examples
+    --------
+    >>> from unbend import procrustes
+    >>> rotation, translation = procrustes([[0, 0], [1, 0], [0, 2]], [[1, 1], [1, 2], [-1, 1]])
+    >>> rotation.round(6) + 0.0
+    array([[ 0., -1.],
+           [ 1.,  0.]])
+    """
+    source, target = _points(source_points, "source"), _points(target_points, "target")
+    if source.shape != target.shape:
+        raise InputError(
+            f"corresponding points must have one shape, not {source.shape} and {target.shape}"
+        )
+    mass = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
+    if mass.shape != (len(source),) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:
+        raise InputError(f"weights must be {len(source)} finite non-negative numbers, not all 0")
+    mass = mass / mass.sum()
+    source_center, target_center = mass @ source, mass @ target
+    cross = ((source - source_center) * mass[:, None]).T @ (target - target_center)
+    rotation = nearest_rotation(cross.T, reflect=reflect)
+    return rotation, target_center - rotation @ source_center
+
+
+def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArray:
+    """Rotation nearest to a matrix, in the sum of squares.
+
+    Parameters
+    ----------
+    matrices : (..., d, d) ndarray of float64
+        ``target.T @ source``, say: its nearest rotation turns the source onto the target.
+    reflect : bool, default=False
+        Whether the nearest orthogonal matrix will do, its determinant -1 perhaps.
+
+    Returns
+    -------
+    (..., d, d) ndarray of float64
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.alignment import nearest_rotation
+    >>> nearest_rotation(np.array([[0.0, -5.0], [3.0, 0.0]])).round(6) + 0.0
+    array([[ 0., -1.],
+           [ 1.,  0.]])
+    """
+    left, _, right = np.linalg.svd(matrices)
+    rotations: FloatArray = left @ right
+    if not reflect:
+        left[..., -1] *= np.sign(np.linalg.det(rotations))[..., None]
+        rotations = left @ right
+    return rotations
+
+
+def align(
+    source_points: Any,
+    target_points: Any,
+    *,
+    reflect: bool = True,
+    max_iterations: int = 100,
+    tolerance: float = 1e-6,
+) -> Alignment:
+    """Align two point sets by iterative closest points, from every choice of axis signs.
+
+    Canonical forms are unique up to an orthogonal matrix. Both sets are first turned to their
+    principal axes; each choice of signs (the first 8 axes) is
+    tried on a subset of the points, the closest are followed for a few iterations there, and the
+    closest of those iterated on all points to convergence. Of motions that fit equally well, as
+    a symmetry makes them, the first choice of signs is taken, whatever rounding says.
+
+    Parameters
+    ----------
+    source_points : (n_source, d) array_like of float
+    target_points : (n_target, d) array_like of float
+        In any dimension d; the counts may differ.
+    reflect : bool, default=True
+        Whether the motion may be a reflection. With False its determinant is +1.
+    max_iterations : int, default=100
+        Limit for the final iterations.
+    tolerance : float, default=1e-6
+        Stop when the residual falls by less than this share.
+
+    Returns
+    -------
+    Alignment
+
+    Raises
+    ------
+    InputError
+        If the dimensions differ, a set is empty, or something is not finite.
+
+    References
+    ----------
+    Besl & McKay, "A method for registration of 3-D shapes", IEEE TPAMI 14(2), 1992. The residual
+    is symmetric: closest pairs of both directions count, each direction with the same weight.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend import align
+    >>> points = np.random.default_rng(0).normal(size=(60, 3)) * [3, 2, 1]
+    >>> align(points, -points + 5).residual < 1e-9
+    True
+    """
+    source, target = _points(source_points, "source"), _points(target_points, "target")
+    if source.shape[1] != target.shape[1]:
+        raise InputError(
+            f"points to align must have one dimension, not {source.shape[1]} and {target.shape[1]}"
+        )
+    centers = source.mean(axis=0), target.mean(axis=0)
+    left, right = source - centers[0], target - centers[1]
+    few = _subset(left), _subset(right)
+    choices = np.array(_axis_choices(left, right, reflect))
+    tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
+    starts = [
+        icp(*few, choices[i], reflect=reflect, max_iterations=_START_STEPS, tolerance=tolerance)
+        for i in np.sort(np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS])
+    ]
+    size = float(np.linalg.norm(right, axis=1).max()) or 1.0
+
+    def misfit(start: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+        return round(float(start[2][-1]) / size, _DIGITS)
+
+    starts.sort(key=misfit)
+    found = [
+        icp(
+            left,
+            right,
+            rotation,
+            translation,
+            reflect=reflect,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
+        for rotation, translation, _ in starts[:_REFINED_STARTS]
+    ]
+    rotation, translation, residuals = min(found, key=misfit)
+    forward, backward, _ = closest_points(left @ rotation.T + translation, right)
+    return Alignment(
+        rotation=rotation,
+        translation=translation + centers[1] - rotation @ centers[0],
+        residuals=residuals,
+        source_to_target=forward,
+        target_to_source=backward,
+    )
+
+
+def _points(points: Any, name: str) -> FloatArray:
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim != 2 or 0 in array.shape:
+        raise InputError(f"{name} points must have shape (n, d), not {array.shape}")
+    if not np.isfinite(array).all():
+        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise InputError(f"{name} point {row} is not finite; leave such points out")
+    return array
+
+
+def _subset(points: FloatArray) -> FloatArray:
+    rows = np.unique(np.linspace(0, len(points) - 1, min(_START_POINTS, len(points))).astype(int))
+    return np.asarray(points[rows])
+
+
+def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list[FloatArray]:
+    """Turn principal axes onto principal axes, with every choice of signs."""
+    ours, theirs = _principal_axes(source), _principal_axes(target)
+    d = len(ours)
+    signed = min(d, _SIGNED_AXES)
+    choices = []
+    for signs in itertools.product([1.0, -1.0], repeat=signed):
+        full = np.concatenate([signs, np.ones(d - signed)])
+        rotation = theirs * full @ ours.T
+        if reflect or np.linalg.det(rotation) > 0:
+            choices.append(rotation)
+    return choices
+
+
+def _principal_axes(points: FloatArray) -> FloatArray:
+    """Columns, the longest first; their signs follow the points and not the eigensolver."""
+    axes = np.linalg.eigh(points.T @ points)[1][:, ::-1]
+    along = points @ axes
+    signs = np.sign((along * fix_signs(along, np.ones(len(points)))).sum(axis=0))
+    return np.asarray(axes * np.where(signs < 0, -1.0, 1.0))
+
+
+def icp(
+    source: FloatArray,
+    target: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray | None = None,
+    *,
+    reflect: bool = True,
+    max_iterations: int = 100,
+    tolerance: float = 1e-6,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Iterate closest points from one given start; :func:`align` tries many.
+
+    Parameters
+    ----------
+    source : (n_source, d) ndarray of float64
+    target : (n_target, d) ndarray of float64
+    rotation : (d, d) ndarray of float64
+        Orthogonal: where to start.
+    translation : (d,) ndarray of float64, optional
+        Default: none.
+    reflect, max_iterations, tolerance
+        See :func:`align`.
+
+    Returns
+    -------
+    rotation : (d, d) ndarray of float64
+    translation : (d,) ndarray of float64
+    residuals : (n_iterations + 1,) ndarray of float64
+        As in :class:`Alignment`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.alignment import icp
+    >>> line = np.array([[0.0, 0], [1, 0], [3, 0]])
+    >>> bool(icp(line, line + [0.2, 0], np.eye(2))[2][-1] < 1e-9)
+    True
+    """
+    if translation is None:
+        translation = np.zeros(source.shape[1])
+    forward, backward, residual = closest_points(source @ rotation.T + translation, target)
+    residuals = [residual]
+    weights = np.repeat([0.5 / len(source), 0.5 / len(target)], [len(source), len(target)])
+    for _ in range(max_iterations):
+        pairs = (
+            np.concatenate([source, source[backward]]),
+            np.concatenate([target[forward], target]),
+        )
+        rotation, translation = procrustes(*pairs, weights=weights, reflect=reflect)
+        forward, backward, residual = closest_points(source @ rotation.T + translation, target)
+        residuals.append(residual)
+        if residuals[-2] - residual <= tolerance * residuals[-2]:
+            break
+    return rotation, translation, np.array(residuals)
+
+
+def closest_points(source: FloatArray, target: FloatArray) -> tuple[IntArray, IntArray, float]:
+    """Nearest neighbours both ways, and their symmetric root mean square distance.
+
+    Parameters
+    ----------
+    source : (n_source, d) ndarray of float64
+    target : (n_target, d) ndarray of float64
+
+    Returns
+    -------
+    forward : (n_source,) ndarray of int64
+    backward : (n_target,) ndarray of int64
+    residual : float
+        Both directions count alike, whatever the numbers of points.
+    """
+    forward, backward = nearest_rows(source, target), nearest_rows(target, source)
+    ahead = ((source - target[forward]) ** 2).sum(axis=1)
+    back = ((target - source[backward]) ** 2).sum(axis=1)
+    return forward, backward, float(np.sqrt((ahead.mean() + back.mean()) / 2))

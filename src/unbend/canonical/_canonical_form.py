@@ -1,0 +1,257 @@
+"""Canonical forms: a shape unbent, so that its poses look alike."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from unbend._arrays import is_whole
+from unbend._types import FloatArray
+from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
+from unbend.choices import (
+    DIFFUSION_TIME,
+    DistanceKind,
+    Interpolation,
+    LaplacianKind,
+    Method,
+    Weighting,
+)
+from unbend.distances import SPECTRAL, Metric, check_kind, length_power
+from unbend.errors import InputError, UnbendWarning
+from unbend.spectral import Surface, make_surface
+
+# Stress is taken over all pairs of this many random vertices; of a quarter with max_vertices.
+_STRESS_VERTICES = 32
+_FEWEST_COARSE = 100  # fewer do not know the shape
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalForm:
+    """A shape's canonical form and how it was made.
+
+    Attributes
+    ----------
+    points : (n, d) ndarray of float64
+        One row per vertex of the input, in its order; NaN where a vertex is not part of the
+        surface. In units of the square root of the area, unless the scale was kept.
+    eigenvalues : (d,) ndarray of float64
+        Of the Gram matrix, descending: the squared norm of each column of `points`, uniform
+        or by area as the weighting says. A negative one (the distances are not Euclidean)
+        belongs to a column of zeros.
+    stress : float
+        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices (8
+        with `max_vertices`), d being the exact distance: 0 for a perfect embedding.
+    distance, method, weighting, laplacian : str
+        What was used; never ``"auto"``.
+    area : float
+        Area of the input, in its own squared units of length.
+    notes : tuple of str
+        What was done to the input, a sentence each.
+    seconds : dict of str to float
+        Wall time of each step.
+    residual : float or None
+        What `max_vertices` leaves: the largest residual of the form's eigenpairs on all vertices,
+        relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
+    """
+
+    points: FloatArray
+    eigenvalues: FloatArray
+    stress: float
+    distance: str
+    method: str
+    weighting: str
+    laplacian: str
+    area: float
+    notes: tuple[str, ...]
+    seconds: dict[str, float]
+    residual: float | None = None
+
+
+def canonical_form(
+    mesh: Any,
+    *,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
+    method: Method = "auto",
+    weighting: Weighting = "uniform",
+    n_eigenpairs: int = 100,
+    n_samples: int = 200,
+    mu: float = 1e4,
+    interpolation: Interpolation = "projection",
+    time: float = DIFFUSION_TIME,
+    laplacian: LaplacianKind = "auto",
+    component: str | int | None = None,
+    keep_scale: bool = False,
+    random_state: int = 0,
+    cache: bool = True,
+    max_vertices: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CanonicalForm:
+    """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
+
+    Poses of one shape have nearly the same intrinsic distances, hence nearly the same
+    canonical form, up to a rotation or reflection.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts. It is scaled to unit area inside.
+    n_components : int, default=3
+        Dimension d of the form.
+    distance : str, default="biharmonic"
+        ``"biharmonic"``, ``"commute-time"``, ``"diffusion"``, ``"geodesic"`` or
+        ``"geodesic-exact"``; see :func:`unbend.distance`.
+    method : {"auto", "exact", "sampled"}, default="auto"
+        ``"exact"``: classical scaling of all n^2 distances through an operator, for the first
+        three distances. ``"sampled"``: the paper's, for any distance, from `n_samples` vertices
+        and `n_eigenpairs` eigenfunctions; ``"auto"``: exact where it exists.
+    weighting : {"uniform", "area"}, default="uniform"
+        Whether each vertex counts the same (the paper's), or by its area, which makes the form
+        independent of how densely a region is meshed.
+    n_eigenpairs, n_samples : int
+        Of the sampled method; no more than there are vertices are used.
+    mu : float, default=1e4
+        Weight of the samples against smoothness, in the sampled method.
+    interpolation : {"projection", "least-squares"}, default="projection"
+        Eq. 15 or Eq. 14 of the paper, in the sampled method.
+    time : float, default=0.1
+        Diffusion time, in units of the area.
+    laplacian : {"auto", "cotangent", "robust"}, default="auto"
+        See :func:`unbend.laplacian`.
+    component : "largest" or int, optional
+        Which component of a mesh that has several, 0 being the largest.
+    keep_scale : bool, default=False
+        Return the form in the unit that the distance has on the input, not at unit area.
+    random_state : int, default=0
+        Seed of the vertices that the stress is taken over, and of the solver's first vectors.
+    cache : bool, default=True
+        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
+    max_vertices : int, optional
+        For meshes too large to factorise: where there are more vertices, one with about so many
+        is factorised in place of the mesh, and its form refined on all vertices to a residual
+        of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
+        and commute-time forms with uniform weights.
+    progress : callable, optional
+        Called with the name of each step as it begins.
+
+    Returns
+    -------
+    CanonicalForm
+
+    Raises
+    ------
+    InputError
+        If a name or number is out of range.
+    MeshError
+        If the mesh cannot be used; the message names the vertex or face. If its computation does
+        not fit into the memory that is free.
+    SolverError
+        If an eigenpair does not reach its accuracy.
+
+    Warns
+    -----
+    UnbendWarning
+        If something was done to the input that the result shows, or an eigenvalue is negative.
+
+    References
+    ----------
+    Yang, Obaseki and Chen, "Spectral multi-dimensional scaling using biharmonic distance",
+    GRAPP 2019. Aflalo and Kimmel, "Spectral multidimensional scaling", PNAS 110(45), 2013.
+
+    Examples
+    --------
+    >>> from unbend import canonical_form
+    >>> from unbend.datasets import make_sphere
+    >>> form = canonical_form(make_sphere(2))
+    >>> form.points.shape, form.method
+    ((162, 3), 'exact')
+    """
+    chosen = _choose_method(method, distance)
+    if weighting not in ("uniform", "area"):
+        raise InputError(f'weighting must be "uniform" or "area", not {weighting!r}')
+    if max_vertices is not None and max_vertices < _FEWEST_COARSE:
+        raise InputError(f"max_vertices must be at least {_FEWEST_COARSE}, not {max_vertices}")
+    options = Options(
+        distance,
+        n_components,
+        weighting,
+        n_eigenpairs,
+        n_samples,
+        mu,
+        interpolation,
+        time,
+        random_state,
+        cache,
+        max_vertices,
+    )
+    steps = Steps(progress)
+    with steps("laplacian"):
+        surface = make_surface(mesh, laplacian=laplacian, component=component)
+    _check_dimension(n_components, surface, chosen, n_eigenpairs)
+    large = max_vertices is not None and surface.n_vertices > max_vertices
+    if large and chosen != "exact":
+        raise InputError('max_vertices is for exact forms; use method="exact"')
+    route = two_level if large else exact if chosen == "exact" else sampled
+    points, eigenvalues, metric, residual = route(surface, options, steps)
+    with steps("stress"):
+        stress = _stress(points, metric, random_state)
+    negative = _eigenvalue_notes(eigenvalues)
+    for note in negative:
+        warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
+    if keep_scale:
+        unit = surface.area ** (length_power(distance) / 2)
+        points, eigenvalues = points * unit, eigenvalues * unit**2
+    return CanonicalForm(
+        points=surface.prepared.expand(points),
+        eigenvalues=eigenvalues,
+        stress=stress,
+        distance=distance,
+        method=chosen,
+        weighting=weighting,
+        laplacian=surface.operator.kind,
+        area=surface.area,
+        notes=surface.prepared.notes + negative,
+        seconds=steps.seconds,
+        residual=residual,
+    )
+
+
+def _choose_method(method: str, distance: DistanceKind) -> str:
+    check_kind(distance)
+    if method == "auto":
+        return "exact" if distance in SPECTRAL else "sampled"
+    if method not in ("exact", "sampled"):
+        raise InputError(f'method must be "auto", "exact" or "sampled", not {method!r}')
+    if method == "exact" and distance not in SPECTRAL:
+        raise InputError(f'the {distance} distance has no exact form; use method="sampled"')
+    return method
+
+
+def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -> None:
+    most = surface.n_vertices - 1
+    if method == "sampled":
+        most = min(most, n_eigenpairs - 1)
+    if not is_whole(d) or not 1 <= d <= most:
+        raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
+
+
+def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
+    chance = np.random.default_rng(random_state)
+    some = np.sort(chance.permutation(len(points))[:_STRESS_VERTICES])
+    wanted = metric.between(some)
+    reached = np.linalg.norm(points[some][:, None] - points[some][None, :], axis=2)
+    return float(np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum()))
+
+
+def _eigenvalue_notes(eigenvalues: FloatArray) -> tuple[str, ...]:
+    negative = int((eigenvalues < 0).sum())
+    if not negative:
+        return ()
+    return (
+        f"{negative} of the {len(eigenvalues)} leading eigenvalues are negative (these distances "
+        "are not Euclidean); their coordinates are zero",
+    )

@@ -1,0 +1,227 @@
+"""Spectral interpolation: from values at samples to smooth functions on the whole surface.
+
+With k eigenfunctions Phi (n, k), their eigenvalues Lambda, p samples, and smoothness weight mu:
+``Phi_P`` are the rows of Phi at the samples and ``S = Phi_P^T Phi_P``.
+
+References
+----------
+Yang, Obaseki and Chen, "Spectral multi-dimensional scaling using biharmonic distance",
+GRAPP 2019, Eq. 8 to 15, with the slips of the printed formulas corrected. Aflalo and Kimmel,
+"Spectral multidimensional scaling", PNAS 110(45), 2013.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+
+from unbend._types import FloatArray, IntArray
+from unbend.choices import Interpolation
+from unbend.errors import InputError, SolverError
+from unbend.mesh import vertex_ids
+from unbend.spectral import Spectrum
+
+# Eq. 14 is solved until its residual is this small, relative to its right-hand side.
+_TOLERANCE = 1e-12
+# A pivot below this share of its diagonal entry is what rounding left of it, or nearly.
+_SINGULAR = 1e-12
+_UNDETERMINED = (
+    "the samples do not determine the interpolation; "
+    "use more samples than eigenpairs, or a smaller mu"
+)
+
+
+def interpolation_operator(spectrum: Spectrum, samples: IntArray, mu: float) -> FloatArray:
+    """M of Eq. 11: turns values at samples into coefficients of eigenfunctions.
+
+    ``M = mu (Lambda + mu S)^-1 Phi_P^T`` minimises ``a^T Lambda a + mu |Phi_P a - f|^2``.
+
+    Returns
+    -------
+    (k, p) ndarray of float64
+
+    Raises
+    ------
+    InputError
+        If `mu` is not positive.
+    """
+    at_samples, gram = _at_samples(spectrum, samples, mu)
+    system = mu * gram + np.diag(spectrum.eigenvalues)
+    operator: FloatArray = mu * scipy.linalg.cho_solve(_factor(system), at_samples.T)
+    return operator
+
+
+def interpolate(
+    values: npt.ArrayLike, samples: npt.ArrayLike, spectrum: Spectrum, *, mu: float = 1e4
+) -> FloatArray:
+    """Smooth functions on the whole surface from their values at samples (Eq. 8 to 11).
+
+    Parameters
+    ----------
+    values : (p,) or (p, c) array_like of float
+        One column per function.
+    samples : (p,) array_like of int
+        Vertex ids the values belong to.
+    spectrum : Spectrum
+        Eigenpairs of the surface.
+    mu : float, default=1e4
+        Weight of the values against smoothness, at unit area: larger follows them closer.
+
+    Returns
+    -------
+    (n,) or (n, c) ndarray of float64
+
+    Raises
+    ------
+    InputError
+        If `mu` is not positive, a sample is not a vertex in use, or there is not one row of finite
+        numbers for each.
+
+    Examples
+    --------
+    A constant is reproduced from any samples:
+
+    >>> import numpy as np
+    >>> from unbend import interpolate, spectrum
+    >>> from unbend.datasets import make_sphere
+    >>> found = interpolate(np.full(12, 7.0), np.arange(12), spectrum(make_sphere(2), 9))
+    >>> bool(np.allclose(found, 7.0))
+    True
+    """
+    unit = _at_unit_area(spectrum)
+    ids = vertex_ids(samples, len(spectrum.areas), "samples")
+    operator = interpolation_operator(unit, ids, mu)
+    functions: FloatArray = unit.eigenfunctions @ (operator @ _rows(values, len(ids)))
+    return functions
+
+
+def _rows(values: Any, n_samples: int) -> FloatArray:
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("values to interpolate must be numbers") from None
+    if array.ndim not in (1, 2):
+        raise InputError(f"values must have one row for each sample, not shape {array.shape}")
+    if len(array) != n_samples:
+        raise InputError(f"there are {len(array)} values for {n_samples} samples")
+    finite = np.isfinite(array.reshape(n_samples, -1)).all(axis=1)
+    if not finite.all():
+        raise InputError(f"value {int(finite.argmin())} is not finite; leave its sample out")
+    return array
+
+
+def distance_coefficients(
+    squared: FloatArray,
+    samples: IntArray,
+    spectrum: Spectrum,
+    *,
+    mu: float = 1e4,
+    interpolation: Interpolation = "projection",
+) -> FloatArray:
+    """Coefficients alpha of all squared distances, ``D = Phi alpha Phi^T``, from sampled ones.
+
+    Parameters
+    ----------
+    squared : (p, p) ndarray of float64
+        Squared distances between the samples.
+    samples : (p,) ndarray of int64
+    spectrum : Spectrum
+        At unit area.
+    mu : float, default=1e4
+    interpolation : {"projection", "least-squares"}, default="projection"
+        ``"projection"``: Eq. 15, rows and columns interpolated one after the other.
+        ``"least-squares"``: Eq. 14, both at once: stationarity of the whole energy,
+        ``Lambda alpha + alpha Lambda + mu S alpha S = mu Phi_P^T D Phi_P``.
+
+    Returns
+    -------
+    (k, k) ndarray of float64
+        Symmetric.
+
+    Raises
+    ------
+    InputError
+        If `mu` is not positive or `interpolation` is not one of the names.
+    SolverError
+        If the conjugate gradients of Eq. 14 do not converge.
+    """
+    if interpolation == "projection":
+        operator = interpolation_operator(spectrum, samples, mu)
+        coefficients: FloatArray = operator @ squared @ operator.T
+        return (coefficients + coefficients.T) / 2
+    if interpolation == "least-squares":
+        return _least_squares(squared, samples, spectrum, mu)
+    raise InputError(
+        f'interpolation must be "projection" or "least-squares", not {interpolation!r}'
+    )
+
+
+def _least_squares(
+    squared: FloatArray, samples: IntArray, spectrum: Spectrum, mu: float
+) -> FloatArray:
+    """Conjugate gradients on the (k, k) matrix equation, in O(k^3) a step."""
+    at_samples, gram = _at_samples(spectrum, samples, mu)
+    values = spectrum.eigenvalues
+    smoothness = values[:, None] + values[None, :]
+
+    def apply(alpha: FloatArray) -> FloatArray:
+        return smoothness * alpha + mu * (gram @ alpha @ gram)
+
+    # A Kronecker product close to the operator: exact but for Lambda Lambda / mu where the
+    # samples are spread so evenly that S is a multiple of the identity.
+    evenness = gram.trace() / len(gram)
+    factor = _factor(np.sqrt(mu) * gram + np.diag(values) / (np.sqrt(mu) * evenness))
+
+    def precondition(residual: FloatArray) -> FloatArray:
+        once = scipy.linalg.cho_solve(factor, residual)
+        both: FloatArray = scipy.linalg.cho_solve(factor, once.T)
+        return both
+
+    target = mu * (at_samples.T @ squared @ at_samples)
+    alpha = precondition(target)
+    residual = target - apply(alpha)
+    direction = corrected = precondition(residual)
+    fall = np.vdot(residual, corrected)
+    for _ in range(20 * len(values)):
+        if np.linalg.norm(residual) <= _TOLERANCE * np.linalg.norm(target):
+            return (alpha + alpha.T) / 2
+        image = apply(direction)
+        step = fall / np.vdot(direction, image)
+        alpha = alpha + step * direction
+        residual = residual - step * image
+        corrected = precondition(residual)
+        fall, previous = np.vdot(residual, corrected), fall
+        direction = corrected + fall / previous * direction
+    raise SolverError(_UNDETERMINED)
+
+
+def _factor(system: FloatArray) -> tuple[FloatArray, bool]:
+    try:
+        factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(system)
+    except scipy.linalg.LinAlgError:
+        raise SolverError(_UNDETERMINED) from None
+    if (factor[0].diagonal() ** 2 < _SINGULAR * system.diagonal()).any():
+        raise SolverError(_UNDETERMINED)
+    return factor
+
+
+def _at_samples(spectrum: Spectrum, samples: IntArray, mu: float) -> tuple[FloatArray, FloatArray]:
+    if not 0 < mu < np.inf:
+        raise InputError(f"mu must be positive, not {mu}")
+    at_samples = spectrum.eigenfunctions[samples]
+    if not np.isfinite(at_samples).all():
+        raise InputError("a sample is a vertex that no face uses")
+    return at_samples, at_samples.T @ at_samples
+
+
+def _at_unit_area(spectrum: Spectrum) -> Spectrum:
+    area = spectrum.areas.sum()
+    return Spectrum(
+        spectrum.eigenvalues * area,
+        spectrum.eigenfunctions * np.sqrt(area),
+        spectrum.areas / area,
+        spectrum.laplacian,
+    )

@@ -1,0 +1,154 @@
+"""Classical scaling of a surface's distances: the exact operator, and the paper's steps 1 to 8.
+
+Classical scaling takes the leading eigenpairs of the Gram matrix ``-1/2 J D J``, D holding
+squared distances and J centring them. A result is the pair (points, eigenvalues).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+
+from unbend._types import FloatArray
+from unbend.choices import Weighting
+from unbend.linalg.lanczos import largest_eigenpairs
+from unbend.linalg.signs import fix_basis, fix_signs
+from unbend.linalg.subspace import Solves, subspace_iteration
+
+# Eigenvalues that differ by no more than this share of the largest are equal.
+_EQUAL = 1e-9
+
+
+def exact_scaling(
+    gram: Callable[[FloatArray], FloatArray],
+    n: int,
+    n_components: int,
+    *,
+    random_state: int = 0,
+) -> tuple[FloatArray, FloatArray]:
+    """Classical scaling of all n^2 distances with uniform weights, through products alone.
+
+    Where ``d_ij^2 = g_ii + g_jj - 2 g_ij``, the Gram matrix ``-1/2 J D J`` is ``J g J``: its
+    leading eigenpairs follow from products with g, and no distance is ever computed.
+
+    Parameters
+    ----------
+    gram : callable
+        Product with g, (n, r) to (n, r).
+    n, n_components : int
+        Number of vertices; dimension d.
+    random_state : int, default=0
+        Seed of the first Lanczos vectors.
+
+    Returns
+    -------
+    points : (n, d) ndarray of float64
+        Centred; column i has squared norm ``eigenvalues[i]``.
+    eigenvalues : (d,) ndarray of float64
+        Descending.
+    """
+
+    def centred(block: FloatArray) -> FloatArray:
+        image = gram(block - block.mean(axis=0))
+        image -= image.mean(axis=0)
+        return image
+
+    values, vectors = largest_eigenpairs(
+        centred,
+        n,
+        n_components,
+        random_state=random_state,
+        block_size=max(8, n_components + 3),  # eight columns cost little more than one
+    )
+    return _points(vectors, values, np.ones(n)), values
+
+
+def refined_scaling(
+    solves: Solves, start: FloatArray, n_components: int, *, tol: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Scale as :func:`exact_scaling` does, from rough vectors and with solves that are iterative.
+
+    Parameters
+    ----------
+    solves, start, tol
+        As in :func:`unbend.linalg.subspace.subspace_iteration`; the operator is ``J g J``.
+    n_components : int
+
+    Returns
+    -------
+    points : (n, d) ndarray of float64
+    eigenvalues : (d,) ndarray of float64
+    residual : float
+        Largest residual of an eigenpair, relative to the largest eigenvalue.
+    """
+    values, vectors, residual = subspace_iteration(solves, start, n_components, tol=tol)
+    return _points(vectors, values, np.ones(len(vectors))), values, residual
+
+
+def area_scaling(
+    filtered: FloatArray, eigenfunctions: FloatArray, areas: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Classical scaling with area weights, which is closed form: ``phi_i sqrt(h(lambda_i))``.
+
+    Parameters
+    ----------
+    filtered : (d + 1,) ndarray of float64
+        h(lambda) of the distance; the constant eigenfunction's comes first and is left out.
+    eigenfunctions : (n, d + 1) ndarray of float64
+    areas : (n,) ndarray of float64
+
+    Returns
+    -------
+    points : (n, d) ndarray of float64
+        Centred by area; column i has squared norm ``eigenvalues[i]`` by area.
+    eigenvalues : (d,) ndarray of float64
+        Descending.
+    """
+    return _points(eigenfunctions[:, 1:], filtered[1:], areas), filtered[1:]
+
+
+def sampled_scaling(
+    coefficients: FloatArray,
+    eigenfunctions: FloatArray,
+    areas: FloatArray,
+    n_components: int,
+    weighting: Weighting,
+) -> tuple[FloatArray, FloatArray]:
+    """Classical scaling of distances given as ``D = Phi alpha Phi^T`` (the paper's steps 5 to 8).
+
+    ``J Phi = S U V^T`` is a thin SVD, ``U V^T (-1/2 alpha) V U = W psi W^T``, and the points are
+    ``S W psi^(1/2)``.
+
+    Parameters
+    ----------
+    coefficients : (k, k) ndarray of float64
+        alpha, for squared distances.
+    eigenfunctions : (n, k) ndarray of float64
+    areas : (n,) ndarray of float64
+        Sum to one.
+    n_components : int
+    weighting : {"uniform", "area"}
+
+    Returns
+    -------
+    points : (n, d) ndarray of float64
+        A column whose eigenvalue is negative is zero.
+    eigenvalues : (d,) ndarray of float64
+        The d largest psi, descending; negative where the distances are not Euclidean.
+    """
+    weights = areas if weighting == "area" else np.full(len(areas), 1.0)
+    root = np.sqrt(weights)[:, None]
+    centred = eigenfunctions - weights @ eigenfunctions / weights.sum()
+    left, singular, right = scipy.linalg.svd(root * centred, full_matrices=False)
+    half = singular[:, None] * right
+    values, rotation = scipy.linalg.eigh(half @ (-0.5 * coefficients) @ half.T)
+    largest = np.argsort(-values, kind="stable")[:n_components]
+    values = values[largest]
+    return _points(left @ rotation[:, largest] / root, values, weights), values
+
+
+def _points(vectors: FloatArray, values: FloatArray, weights: FloatArray) -> FloatArray:
+    vectors = fix_basis(vectors, values, _EQUAL * np.abs(values).max())
+    return fix_signs(vectors, weights) * np.sqrt(np.maximum(values, 0.0))

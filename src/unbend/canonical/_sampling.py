@@ -1,0 +1,133 @@
+"""Farthest-point sampling in any distance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from unbend._arrays import first_largest, is_whole
+from unbend._types import FloatArray, IntArray
+from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
+from unbend.distances import make_metric
+from unbend.errors import InputError
+from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
+
+
+def farthest_point_sampling(
+    mesh: Any,
+    n_samples: int,
+    *,
+    kind: DistanceKind = "geodesic",
+    start: int | None = None,
+    time: float = DIFFUSION_TIME,
+    laplacian: LaplacianKind = "auto",
+    component: str | int | None = None,
+    cache: bool = True,
+) -> IntArray:
+    """Vertices spread evenly: each next one is the farthest from those before it.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    n_samples : int
+        How many, at most the number of vertices in use.
+    kind : str, default="geodesic"
+        In which distance; see :func:`unbend.distance`.
+    start : int, optional
+        First sample; default: an end of the shape, where the first non-constant eigenfunction
+        is largest, so that neither pose nor vertex order matters.
+    time : float, default=0.1
+        Diffusion time, in units of the area.
+    laplacian, component, cache
+        See :func:`unbend.distance`.
+
+    Returns
+    -------
+    (n_samples,) ndarray of int64
+        Vertex ids in the order they were chosen; ties, within a millionth, go to the
+        lowest id.
+
+    Raises
+    ------
+    InputError
+        If `n_samples` or `start` is out of range.
+    MeshError
+        If the mesh cannot be used.
+
+    References
+    ----------
+    Gonzalez, "Clustering to minimize the maximum intercluster distance", 1985.
+
+    Examples
+    --------
+    >>> from unbend import farthest_point_sampling
+    >>> from unbend.datasets import make_sphere
+    >>> len(farthest_point_sampling(make_sphere(2), 10))
+    10
+    """
+    surface = make_surface(mesh, laplacian=laplacian, component=component)
+    metric = make_metric(kind, surface, time=time, cache=cache)
+    if start is None:
+        first = shape_end(eigenpairs(surface, 2, cache=cache))
+    else:
+        if np.ndim(start) != 0:
+            raise InputError(f"start must be one vertex, not {start!r}")
+        first = int(local_ids(surface, start)[0])
+    samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
+    chosen: IntArray = surface.prepared.kept[samples.indices]
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples and the distances between them, a by-product of choosing them.
+
+    Attributes
+    ----------
+    indices : (p,) ndarray of int64
+    distances : (p, p) ndarray of float64
+        Symmetric.
+    """
+
+    indices: IntArray
+    distances: FloatArray
+
+
+def spread_samples(
+    from_sources: Callable[[IntArray], FloatArray],
+    n_vertices: int,
+    n_samples: int,
+    start: int,
+) -> Samples:
+    """Farthest-point sampling with a distance given as a function of the source.
+
+    Raises
+    ------
+    InputError
+        If `n_samples` is out of range.
+    """
+    if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
+        raise InputError(
+            f"asked for {n_samples} samples, but the surface has {n_vertices} vertices"
+        )
+    indices = np.empty(n_samples, dtype=np.int64)
+    distances = np.zeros((n_samples, n_samples))
+    nearest = np.full(n_vertices, np.inf)
+    following = start
+    for i in range(n_samples):
+        indices[i] = following
+        row = from_sources(indices[i : i + 1])[0]
+        distances[i, :i] = distances[:i, i] = row[indices[:i]]
+        np.minimum(nearest, row, out=nearest)
+        nearest[following] = -np.inf  # never twice, not even among coincident points
+        following = int(first_largest(nearest))
+    return Samples(indices, distances)
+
+
+def shape_end(spectrum: Spectrum) -> int:
+    """Vertex where the first non-constant eigenfunction is largest in magnitude."""
+    return int(first_largest(np.abs(spectrum.eigenfunctions[:, 1])))

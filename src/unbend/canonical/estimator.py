@@ -1,0 +1,113 @@
+"""Canonical forms as a scikit-learn estimator, for people who compose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from unbend._types import FloatArray
+from unbend.canonical._canonical_form import canonical_form
+from unbend.errors import MissingExtraError
+
+try:
+    from sklearn.base import BaseEstimator
+except ImportError:
+
+    class BaseEstimator:  # type: ignore[no-redef]
+        """Stands in where scikit-learn is missing: the name can be had, an estimator cannot."""
+
+        def __new__(cls, *args: Any, **kwargs: Any) -> Any:
+            """Say what is missing."""
+            raise MissingExtraError("scikit-learn", "sklearn")
+
+
+class SpectralMDS(BaseEstimator):  # type: ignore[misc]
+    """Canonical form of one mesh, in scikit-learn's conventions.
+
+    Parameters
+    ----------
+    n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation,
+    laplacian, component, keep_scale, random_state
+        As for :func:`unbend.canonical_form`.
+
+    Attributes
+    ----------
+    embedding_ : (n, d) ndarray of float64
+        The canonical form, one row per vertex.
+    eigenvalues_ : (d,) ndarray of float64
+        Of the Gram matrix.
+    stress_ : float
+        Normalised stress.
+    form_ : CanonicalForm
+        The whole result.
+
+    See Also
+    --------
+    unbend.canonical_form : The function behind it.
+
+    Notes
+    -----
+    `X` is one mesh: a path, a Mesh, a (vertices, faces) pair, or an (n, 3) array, which is a
+    point cloud. As in :class:`sklearn.manifold.MDS`, there is no ``transform``: a form belongs
+    to the mesh it was computed from.
+
+    Examples
+    --------
+    >>> from unbend import SpectralMDS
+    >>> from unbend.datasets import make_sphere
+    >>> SpectralMDS(n_components=2).fit_transform(make_sphere(2)).shape
+    (162, 2)
+    """
+
+    def __init__(
+        self,
+        n_components: int = 3,
+        *,
+        distance: str = "biharmonic",
+        method: str = "auto",
+        weighting: str = "uniform",
+        n_eigenpairs: int = 100,
+        n_samples: int = 200,
+        mu: float = 1e4,
+        interpolation: str = "projection",
+        laplacian: str = "auto",
+        component: str | int | None = None,
+        keep_scale: bool = False,
+        random_state: int = 0,
+    ) -> None:
+        self.n_components = n_components
+        self.distance = distance
+        self.method = method
+        self.weighting = weighting
+        self.n_eigenpairs = n_eigenpairs
+        self.n_samples = n_samples
+        self.mu = mu
+        self.interpolation = interpolation
+        self.laplacian = laplacian
+        self.component = component
+        self.keep_scale = keep_scale
+        self.random_state = random_state
+
+    def fit(self, X: Any, y: Any = None) -> SpectralMDS:
+        """Compute the canonical form of a mesh.
+
+        Parameters
+        ----------
+        X : mesh-like
+            One mesh.
+        y : None
+            Ignored.
+
+        Returns
+        -------
+        SpectralMDS
+            Itself.
+        """
+        self.form_ = canonical_form(X, **self.get_params(deep=False))
+        self.embedding_ = self.form_.points
+        self.eigenvalues_ = self.form_.eigenvalues
+        self.stress_ = self.form_.stress
+        return self
+
+    def fit_transform(self, X: Any, y: Any = None) -> FloatArray:
+        """Compute the canonical form of a mesh and return its points, (n, d)."""
+        return self.fit(X).embedding_

@@ -1,0 +1,17 @@
+"""What is done with a map: measure it, carry values and shapes along it, compare forms."""
+
+from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, evaluate
+from unbend.correspondence._morph import morph
+from unbend.correspondence._similarity import aligned_cosine, similarity
+from unbend.correspondence._transfer import transfer, value_kind
+
+__all__ = [
+    "THRESHOLDS",
+    "Evaluation",
+    "aligned_cosine",
+    "evaluate",
+    "morph",
+    "similarity",
+    "transfer",
+    "value_kind",
+]

@@ -1,0 +1,260 @@
+"""Evaluation of point maps against ground truth, by stated protocols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+from unbend.distances import geodesic_solver
+from unbend.errors import InputError, MeshError
+from unbend.io import as_mesh
+from unbend.mesh import Mesh, edge_ends, vertex_areas
+
+THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
+"""Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
+
+# Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.
+_KEPT_BYTES = 2**30
+_kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Geodesic errors of a point map, by three protocols.
+
+    Errors are geodesic distances on the target, divided by the square root of its area; infinite
+    where no path leads from the true image to the one that was found. `direct`
+    counts them against the ground truth as given. `map_min` takes the better of the direct and
+    the mirrored ground truth, once for the whole map; `vertex_min` takes it for every row on its
+    own, which is the loosest. Without a mirrored ground truth the last two are None.
+
+    Attributes
+    ----------
+    direct : (r,) ndarray of float64
+        One error for each row of the ground truth that has an image.
+    map_min, vertex_min : (r,) ndarray of float64, or None
+    coverage : float
+        Share of the target's area at vertices that some source vertex is mapped to.
+    continuity : float or None
+        Total length in space of the images of the source's edges over that of the edges, both
+        at unit area, when the source was given; 1 for a rigid map, more the more a map tears.
+    """
+
+    direct: FloatArray
+    map_min: FloatArray | None
+    vertex_min: FloatArray | None
+    coverage: float
+    continuity: float | None
+
+    def errors(self, protocol: str = "direct") -> FloatArray:
+        """Errors by ``"direct"``, ``"map-min"`` or ``"vertex-min"``.
+
+        Raises
+        ------
+        InputError
+            If there is no such protocol, or it needs a mirrored ground truth.
+        """
+        if protocol not in ("direct", "map-min", "vertex-min"):
+            raise InputError(
+                f"protocol must be 'direct', 'map-min' or 'vertex-min', not {protocol!r}"
+            )
+        found: FloatArray | None = getattr(self, protocol.replace("-", "_"))
+        if found is None:
+            raise InputError(f"protocol {protocol!r} needs the mirrored ground truth")
+        return found
+
+    def mean(self, protocol: str = "direct") -> float:
+        """Mean error."""
+        return float(self.errors(protocol).mean())
+
+    def median(self, protocol: str = "direct") -> float:
+        """Median error."""
+        return float(np.median(self.errors(protocol)))
+
+    def curve(self, protocol: str = "direct") -> FloatArray:
+        """Percentage of rows with an error of at most each of `THRESHOLDS`: (17,)."""
+        errors = self.errors(protocol)
+        return np.asarray(100 * (errors[:, None] <= THRESHOLDS).mean(axis=0))
+
+    def auc(self, protocol: str = "direct") -> float:
+        """Area under the curve from 0 to 0.2, as a share of the best possible: 0 to 1."""
+        curve = self.curve(protocol) / 100
+        return float(((curve[1:] + curve[:-1]) / 2).mean())
+
+
+def evaluate(
+    point_map: Any,
+    target: Any,
+    source_points: Any,
+    target_points: Any,
+    mirrored_target_points: Any = None,
+    *,
+    source: Any = None,
+    geodesics: Literal["heat", "exact"] = "heat",
+) -> Evaluation:
+    """Measure a point map against ground truth.
+
+    Parameters
+    ----------
+    point_map : (n_source,) array_like of int
+        Target vertex of each source vertex; -1 where there is none.
+    target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    source_points, target_points : (r,) array_like of int
+        Ground truth: source vertex ``source_points[i]`` is target vertex ``target_points[i]``.
+        Rows whose target vertex is negative, or whose source vertex has no image, do not count.
+    mirrored_target_points : (r,) array_like of int, optional
+        The ground truth composed with the target's left-right symmetry.
+    source : mesh-like, optional
+        Needed for `continuity` only.
+    geodesics : {"heat", "exact"}, default="heat"
+        The heat method (biased by about -1 %), or exact polyhedral distances, which are slow and
+        need the extra ``exact``.
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    InputError
+        If lengths differ, an index is out of range, the ground truth names a target vertex that
+        no face uses, or no row counts.
+    MeshError
+        If a shape is a point cloud: errors are measured along faces.
+    MissingExtraError
+        If exact geodesics are asked for and pygeodesic is not installed.
+
+    Notes
+    -----
+    Distances are computed from the target vertices that the ground truth names only, and kept in
+    memory for the next map onto the same mesh.
+
+    References
+    ----------
+    Kim, Lipman & Funkhouser, "Blended intrinsic maps", ACM TOG 2011 (the protocol); Crane,
+    Weischedel & Wardetzky, "Geodesics in heat", ACM TOG 2013; Mitchell, Mount & Papadimitriou,
+    "The discrete geodesic problem", 1987.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend import evaluate
+    >>> ball = make_sphere(2)
+    >>> every = np.arange(ball.n_vertices)
+    >>> evaluate(every, ball, every, every).mean()
+    0.0
+    """
+    if geodesics not in ("heat", "exact"):
+        raise InputError(f"geodesics must be 'heat' or 'exact', not {geodesics!r}")
+    target = _with_faces(target)
+    images = _indices(point_map, target.n_vertices, "point_map", least=-1)
+    sources = _indices(source_points, len(images), "source_points")
+    truths = [_indices(target_points, target.n_vertices, "target_points", least=-1)]
+    if mirrored_target_points is not None:
+        truths.append(
+            _indices(mirrored_target_points, target.n_vertices, "mirrored_target_points", least=-1)
+        )
+    for truth in truths:
+        if len(truth) != len(sources):
+            raise InputError(
+                f"the ground truth has {len(sources)} source and {len(truth)} target vertices"
+            )
+    found = images[sources]
+    counted = (found >= 0) & np.all([truth >= 0 for truth in truths], axis=0)
+    if not counted.any():
+        raise InputError("no row of the ground truth counts: none has an image and a true image")
+    for truth, name in zip(truths, ("target_points", "mirrored_target_points"), strict=False):
+        _check_used(np.where(counted, truth, -1), target, name)
+    errors = [_distances(target, truth[counted], found[counted], geodesics) for truth in truths]
+    map_min = vertex_min = None
+    if len(errors) == 2:
+        map_min = min(errors, key=lambda one: float(one.mean()))
+        vertex_min = np.minimum(*errors)
+    return Evaluation(
+        direct=errors[0],
+        map_min=map_min,
+        vertex_min=vertex_min,
+        coverage=_coverage(images, target),
+        continuity=None if source is None else _continuity(images, _with_faces(source), target),
+    )
+
+
+def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
+    array = np.asarray(values)
+    if array.ndim != 1 or not np.issubdtype(array.dtype, np.integer):
+        raise InputError(f"{name} must be a list of whole numbers, one for each row")
+    outside = (array < least) | (array >= n)
+    if outside.any():
+        row = int(np.flatnonzero(outside)[0])
+        raise InputError(f"{name}: row {row} is {array[row]}, but vertices are 0 to {n - 1}")
+    return array.astype(np.int64)
+
+
+def _with_faces(shape: Any) -> Mesh:
+    mesh = as_mesh(shape)
+    if mesh.is_point_cloud:
+        raise MeshError(f"{mesh.name}: errors are measured along faces; this is a point cloud")
+    return mesh
+
+
+def _check_used(truth: IntArray, target: Mesh, name: str) -> None:
+    unused = (truth >= 0) & ~np.isin(truth, target.faces)
+    if unused.any():
+        row = int(np.flatnonzero(unused)[0])
+        raise InputError(
+            f"{name}: row {row} is {truth[row]}, a vertex that no face of {target.name} uses; "
+            "give -1 for rows that do not count"
+        )
+
+
+def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> FloatArray:
+    """Geodesic distances between paired vertices, over the square root of the area."""
+    rows = _kept.setdefault((_fingerprint(mesh), kind), {})
+    missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
+    if missing:
+        from_vertex = geodesic_solver(mesh, exact=kind == "exact")
+        scale = np.sqrt(vertex_areas(mesh).sum())
+        for vertex in missing:
+            rows[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
+    result = np.array([rows[int(i)][j] for i, j in zip(sources, targets, strict=True)], dtype=float)
+    _forget()
+    return result
+
+
+def _forget() -> None:
+    def size() -> int:
+        return sum(row.nbytes for rows in _kept.values() for row in rows.values())
+
+    while len(_kept) > 1 and size() > _KEPT_BYTES:
+        _kept.pop(next(iter(_kept)))
+
+
+def _fingerprint(mesh: Mesh) -> bytes:
+    from hashlib import blake2b
+
+    digest = blake2b(np.ascontiguousarray(mesh.vertices).tobytes())
+    digest.update(np.ascontiguousarray(mesh.faces).tobytes())
+    return digest.digest()
+
+
+def _coverage(images: IntArray, target: Mesh) -> float:
+    areas = vertex_areas(target)
+    return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())
+
+
+def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float:
+    if source.n_vertices != len(images):
+        raise InputError(
+            f"the map has {len(images)} rows, but the source has {source.n_vertices} vertices"
+        )
+    edges = edge_ends(source.faces, source.n_vertices)
+    edges = edges[(images[edges] >= 0).all(axis=1)]
+    before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)
+    after = np.linalg.norm(np.diff(target.vertices[images[edges]], axis=1)[:, 0], axis=1)
+    scale = np.sqrt(vertex_areas(source).sum() / vertex_areas(target).sum())
+    return float(scale * after.sum() / before.sum())

@@ -1,0 +1,220 @@
+"""How alike two shapes are, whatever their poses: the cosine of their canonical forms."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import FloatArray, IntArray
+from unbend.canonical import CanonicalForm, canonical_form
+from unbend.choices import DistanceKind, Method
+from unbend.errors import InputError
+from unbend.io import as_mesh
+from unbend.matching import Match
+from unbend.mesh import Mesh, vertex_areas
+
+
+def similarity(
+    model: Any,
+    probe: Any,
+    *,
+    match: Any = None,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
+    method: Method = "auto",
+    weighting: Literal["auto", "uniform", "area"] = "auto",
+    areas: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    cache: bool = True,
+) -> float:
+    """Tell how alike two shapes are, whatever their poses: the cosine of their canonical forms.
+
+    Both forms are centred and one is rotated, reflected if need be, onto the other. Poses of one
+    shape come close to 1.
+
+    Parameters
+    ----------
+    model, probe : CanonicalForm or mesh-like
+        Forms that were computed before, which spares doing it again when many shapes are
+        compared; or anything :func:`unbend.as_mesh` accepts.
+    match : Match or (n_model,) array_like of int, optional
+        From model to probe. Default: vertex `i` of the one is vertex `i` of the other.
+    n_components : int, default=3
+        Dimension that is compared; further columns of a form are left out.
+    distance, method : str
+        Of the canonical forms of meshes, see :func:`unbend.canonical_form`.
+    weighting : {"auto", "uniform", "area"}, default="auto"
+        Whether vertices count alike or by their area, both in the canonical forms of meshes and
+        in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed in
+        different ways; else alike, as in the paper.
+    areas : ((n_model,), (n_probe,)) arrays_like of float, optional
+        Vertex areas, needed only where vertices count by area and a form is given.
+    cache : bool, default=True
+        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
+
+    Returns
+    -------
+    float
+        0 to 1. Sizes do not count.
+
+    Raises
+    ------
+    InputError
+        If the numbers of vertices differ and there is no match, or something does not fit.
+    MeshError
+        If a mesh cannot be used; the message names the vertex or face.
+
+    Notes
+    -----
+    For centred S and T with one row for each pair of corresponding vertices, the aligned cosine
+    is the sum of the singular values of S^T T over norm(S) norm(T). A Match counts the pairs of
+    both its directions, so that swapping model and probe changes nothing. Where the eigenvalue
+    after the last one kept is nearly as large, two poses may keep different ones: compare in
+    another dimension if a pose looks unlike itself.
+
+    References
+    ----------
+    Yang, Obaseki & Chen, "Spectral multi-dimensional scaling using biharmonic distance", GRAPP
+    2019, Table 2.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend import similarity
+    >>> ball = make_sphere(2)
+    >>> round(similarity(ball, (-5 * ball.vertices, ball.faces)), 6)
+    1.0
+    """
+    if weighting not in ("auto", "uniform", "area"):
+        raise InputError(f'weighting must be "auto", "uniform" or "area", not {weighting!r}')
+    if n_components < 1:
+        raise InputError(f"n_components must be at least 1, not {n_components}")
+    by_area = weighting == "area" or (weighting == "auto" and match is not None)
+    shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
+    left, right = (
+        _points(one, n_components, distance, method, "area" if by_area else "uniform", cache)
+        for one in shapes
+    )
+    if by_area:
+        masses = [_areas(one, areas and areas[i]) for i, one in enumerate(shapes)]
+    else:
+        masses = [np.full(len(points), 1 / len(points)) for points in (left, right)]
+    rows, columns, weights = _pairs(match, masses[0], masses[1])
+    return aligned_cosine(left[rows], right[columns], weights)
+
+
+def aligned_cosine(
+    source_points: npt.ArrayLike, target_points: npt.ArrayLike, weights: npt.ArrayLike
+) -> float:
+    """Cosine of corresponding points after centring and the best rotation or reflection.
+
+    Parameters
+    ----------
+    source_points, target_points : (r, d) array_like of float
+        Row i corresponds to row i; rows that are not finite in both do not count.
+    weights : (r,) array_like of float
+        Non-negative weight of each row.
+
+    Returns
+    -------
+    float
+        0 to 1.
+
+    Raises
+    ------
+    InputError
+        If no rows count, or all points of one side coincide.
+
+    Examples
+    --------
+    >>> from unbend.correspondence import aligned_cosine
+    >>> round(aligned_cosine([[0, 0], [1, 0], [0, 2]], [[5, 5], [5, 3], [1, 5]], [1, 1, 1]), 6)
+    1.0
+    """
+    left, right = np.asarray(source_points, dtype=float), np.asarray(target_points, dtype=float)
+    mass = np.asarray(weights, dtype=float)
+    counted = np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1) & (mass > 0)
+    if not counted.any():
+        raise InputError("no vertex of the one shape corresponds to one of the other")
+    left, right, mass = left[counted], right[counted], mass[counted] / mass[counted].sum()
+    left, right = left - mass @ left, right - mass @ right
+    norms = [float(np.sqrt(mass @ (one**2).sum(axis=1))) for one in (left, right)]
+    if min(norms) == 0:
+        raise InputError("all corresponding points coincide: there is no shape to compare")
+    cross = (left * mass[:, None]).T @ right / (norms[0] * norms[1])
+    return float(min(np.linalg.svd(cross, compute_uv=False).sum(), 1.0))
+
+
+def _points(
+    shape: CanonicalForm | Mesh,
+    d: int,
+    distance: DistanceKind,
+    method: Method,
+    weighting: Literal["uniform", "area"],
+    cache: bool,
+) -> FloatArray:
+    if isinstance(shape, Mesh):
+        shape = canonical_form(
+            shape,
+            n_components=d,
+            distance=distance,
+            method=method,
+            weighting=weighting,
+            cache=cache,
+        )
+    if shape.points.shape[1] < d:
+        raise InputError(
+            f"a canonical form of dimension {shape.points.shape[1]} cannot be compared in "
+            f"{d} dimensions; compute it with n_components={d}"
+        )
+    return shape.points[:, :d]
+
+
+def _areas(shape: CanonicalForm | Mesh, given: npt.ArrayLike | None) -> FloatArray:
+    if given is not None:
+        areas = np.asarray(given, dtype=np.float64)
+        n = shape.n_vertices if isinstance(shape, Mesh) else len(shape.points)
+        if areas.shape != (n,) or not (np.isfinite(areas) & (areas >= 0)).all() or not areas.any():
+            raise InputError(f"areas must be {n} finite non-negative numbers, not all 0")
+    elif isinstance(shape, Mesh):
+        areas = vertex_areas(shape)
+    else:
+        raise InputError(
+            "a canonical form does not know its vertices' areas: give them as areas=, or the "
+            'mesh, or weighting="uniform"'
+        )
+    return np.asarray(areas / areas.sum())
+
+
+def _pairs(
+    match: Any, ours: FloatArray, theirs: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Corresponding vertices of model and probe, and how much each pair counts."""
+    every, others = np.arange(len(ours)), np.arange(len(theirs))
+    if match is None:
+        if len(ours) != len(theirs):
+            raise InputError(
+                f"the shapes have {len(ours)} and {len(theirs)} vertices; pass a match of the "
+                "model with the probe"
+            )
+        return every, every, (ours + theirs) / 2
+    forward = _images(
+        match.source_to_target if isinstance(match, Match) else match, len(ours), len(theirs)
+    )
+    rows, columns, weights = every, forward, ours
+    if isinstance(match, Match):
+        backward = _images(match.target_to_source, len(theirs), len(ours))
+        rows, columns = np.concatenate([rows, backward]), np.concatenate([columns, others])
+        weights = np.concatenate([weights, theirs])
+    there = (rows >= 0) & (columns >= 0)
+    return rows[there], columns[there], weights[there]
+
+
+def _images(values: Any, n: int, m: int) -> IntArray:
+    array = np.asarray(values)
+    if array.shape != (n,) or array.dtype.kind not in "iu":
+        raise InputError(f"the match must have one vertex number for each of {n} vertices")
+    if array.min() < -1 or array.max() >= m:
+        raise InputError(f"the match names a vertex that is not among the {m} of the other shape")
+    return array.astype(np.int64)

@@ -1,0 +1,251 @@
+"""Carrying values per vertex from one shape to another along a match."""
+
+from __future__ import annotations
+
+from typing import Any, cast, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._arrays import first_largest
+from unbend._types import FloatArray, IntArray
+from unbend.choices import ValueKind
+from unbend.errors import InputError
+from unbend.io import as_mesh
+from unbend.matching import Match, closest_faces
+from unbend.mesh import Mesh
+
+_GREY = 128
+
+
+def transfer(
+    values: npt.ArrayLike,
+    mapping: Any,
+    *,
+    kind: ValueKind = "auto",
+    source: Any = None,
+    target: Any = None,
+) -> npt.NDArray[Any]:
+    """Carry values from the vertices of the source to those of the target.
+
+    Each target vertex takes the value of the place on the source that it corresponds to. That is
+    a vertex; or, if both meshes and a match with barycentric coordinates are given, a point of a
+    face, whose corners are averaged (numbers) or vote (labels).
+
+    Parameters
+    ----------
+    values : (n_source, ...) array_like
+        Numbers, labels (whole numbers or text) or truth values per source vertex.
+    mapping : Match or (n_target,) array_like of int
+        From source to target; or the source vertex of each target vertex, -1 where there is none.
+    kind : str, default="auto"
+        ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
+        averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
+        ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
+        texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
+        or four columns, label for everything else.
+    source, target : mesh-like, optional
+        Anything :func:`unbend.as_mesh` accepts; used with ``match(..., barycentric=True)``.
+
+    Returns
+    -------
+    (n_target, ...) ndarray
+        float64 for scalars and weights, NaN where there is no preimage; for labels the type of
+        `values` and ``""`` there, or int64 and -1; for colours uint8 and mid-grey.
+
+    Raises
+    ------
+    InputError
+        If the lengths do not agree or the values do not fit the kind.
+
+    See Also
+    --------
+    unbend.morph : Moves vertices instead of values.
+
+    Notes
+    -----
+    The inverse of a match's barycentric coordinates is found on the source as it lies on the
+    target: the point closest to a target vertex among the faces around its partner.
+
+    Examples
+    --------
+    >>> from unbend import transfer
+    >>> transfer([0.5, 1.5, 2.5], [2, 0, -1])
+    array([2.5, 0.5, nan])
+    >>> transfer(["head", "tail"], [1, 1, 0])
+    array(['tail', 'tail', 'head'], dtype='<U4')
+    """
+    array = np.asarray(values)
+    corners, shares = _preimages(mapping, source, target)
+    n_source = _source_size(mapping, source)
+    if array.ndim == 0 or (n_source is not None and len(array) != n_source):
+        rows = "one value" if array.ndim == 0 else f"{len(array)} rows"
+        raise InputError(
+            f"there are {rows} to carry, but the source has {n_source or 'several'} vertices"
+        )
+    if corners.max(initial=-1) >= len(array):
+        raise InputError(
+            f"the map names source vertex {corners.max()}, but there are {len(array)} values"
+        )
+    chosen = value_kind(array, kind)
+    lost = corners[:, 0] < 0
+    if chosen == "label":
+        return _vote(array, corners, shares, lost)
+    numbers = _checked_numbers(array, chosen)
+    carried = _average(numbers, corners, shares)
+    carried[lost] = np.nan
+    if chosen == "weights":
+        carried = np.maximum(carried, 0)
+        carried = carried / carried.sum(axis=1, keepdims=True)
+    if chosen == "color":
+        return np.where(np.isfinite(carried), np.rint(carried), _GREY).astype(np.uint8)
+    return carried
+
+
+def positions_on_target(mapping: Any, target: Mesh) -> FloatArray:
+    """Where each source vertex lies on the target.
+
+    Parameters
+    ----------
+    mapping : Match or (n_source,) ndarray of int64
+        The match, with or without barycentric coordinates, or the target vertex of each source
+        vertex.
+    target : Mesh
+
+    Returns
+    -------
+    (n_source, 3) ndarray of float64
+        NaN where there is no image.
+
+    Raises
+    ------
+    InputError
+        If the map names a vertex or face that the target lacks.
+    """
+    images = _vertex_map(mapping.source_to_target if isinstance(mapping, Match) else mapping)
+    if images.max(initial=-1) >= target.n_vertices:
+        raise InputError(
+            f"the map names target vertex {images.max()}, but {target.name} has "
+            f"{target.n_vertices} vertices"
+        )
+    positions = np.full((len(images), 3), np.nan)
+    there = images >= 0
+    positions[there] = target.vertices[images[there]]
+    if isinstance(mapping, Match) and mapping.faces is not None and mapping.weights is not None:
+        if mapping.faces.max(initial=-1) >= target.n_faces:
+            raise InputError(f"the match names faces that {target.name} does not have")
+        there = mapping.faces >= 0
+        corners = target.vertices[target.faces[mapping.faces[there]]]
+        positions[there] = np.einsum("ij,ijk->ik", mapping.weights[there], corners)
+    return positions
+
+
+def _preimages(mapping: Any, source: Any, target: Any) -> tuple[IntArray, FloatArray]:
+    """Source vertices (n_target, 1 or 3) of each target vertex, -1 for none, and their shares."""
+    if not isinstance(mapping, Match):
+        vertices = _vertex_map(mapping)
+        return vertices[:, None], np.ones((len(vertices), 1))
+    vertices = mapping.target_to_source
+    if mapping.faces is None or source is None or target is None:
+        return vertices[:, None], np.ones((len(vertices), 1))
+    source, target = as_mesh(source), as_mesh(target)
+    if target.n_vertices != len(vertices):
+        raise InputError(
+            f"the match has {len(vertices)} target vertices, but {target.name} has "
+            f"{target.n_vertices}"
+        )
+    if source.n_vertices != len(mapping.source_to_target):
+        raise InputError(
+            f"the match has {len(mapping.source_to_target)} source vertices, but {source.name} "
+            f"has {source.n_vertices}"
+        )
+    laid = positions_on_target(mapping, target)
+    there = np.flatnonzero(vertices >= 0)
+    faces, weights = closest_faces(target.vertices[there], laid, source.faces, vertices[there])
+    corners = np.full((len(vertices), 3), -1, dtype=np.int64)
+    shares = np.zeros((len(vertices), 3))
+    corners[there], shares[there] = source.faces[faces], weights
+    # Where no face could be projected onto, the partner itself stands in.
+    alone = there[weights.sum(axis=1) == 0]
+    corners[alone] = vertices[alone, None]
+    shares[alone] = (1, 0, 0)
+    return corners, shares
+
+
+def _vertex_map(mapping: Any) -> IntArray:
+    array = np.asarray(mapping)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or array.min(initial=-1) < -1:
+        raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
+    return array.astype(np.int64)
+
+
+def _source_size(mapping: Any, source: Any) -> int | None:
+    if isinstance(mapping, Match):
+        return len(mapping.source_to_target)
+    return None if source is None else as_mesh(source).n_vertices
+
+
+def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
+    """Decide how values are carried, see :func:`transfer`: never ``"auto"``."""
+    if kind not in get_args(ValueKind):
+        raise InputError(f"kind must be one of {', '.join(get_args(ValueKind))}, not {kind!r}")
+    if array.dtype.kind not in "biufU":
+        raise InputError(f"values of type {array.dtype} are neither numbers nor labels")
+    if kind != "auto":
+        return cast(ValueKind, kind)
+    if array.dtype.kind == "f":
+        return "scalar"
+    is_color = array.dtype == np.uint8 and array.ndim == 2 and array.shape[1] in (3, 4)
+    return "color" if is_color else "label"
+
+
+def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
+    if array.dtype.kind == "U":
+        raise InputError(f'text cannot be averaged as {kind}; use kind="label"')
+    numbers = array.astype(np.float64)
+    if kind == "weights":
+        _check_weights(numbers)
+    if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
+        raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
+    if kind == "color" and (
+        numbers.ndim != 2 or not (np.isfinite(numbers) & (numbers >= 0) & (numbers <= 255)).all()
+    ):
+        raise InputError("colours must be rows of numbers from 0 to 255")
+    return numbers
+
+
+def _check_weights(numbers: FloatArray) -> None:
+    if numbers.ndim != 2:
+        raise InputError(f"weights must be rows, one for each vertex, not {numbers.shape}")
+    wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise InputError(
+            f"weights must be non-negative and sum to one in each row; row {row} sums to "
+            f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
+        )
+
+
+def _average(numbers: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
+    carried = np.zeros((len(corners), *numbers.shape[1:]))
+    for corner, share in zip(corners.T, shares.T, strict=True):
+        weight = share.reshape(-1, *[1] * (numbers.ndim - 1))
+        # A corner without a share must not spoil the mean by a NaN.
+        carried += np.where(weight > 0, weight * numbers[corner], 0)
+    return carried
+
+
+def _vote(
+    array: npt.NDArray[Any], corners: IntArray, shares: FloatArray, lost: npt.NDArray[np.bool_]
+) -> npt.NDArray[Any]:
+    """Give each target vertex the label with the largest share: a row of `array`, whole."""
+    _, labels = np.unique(array, axis=0, return_inverse=True)
+    labels = labels.reshape(-1)[corners]
+    votes = np.stack([(shares * (labels == one[:, None])).sum(axis=1) for one in labels.T], axis=1)
+    winners = np.take_along_axis(corners, first_largest(votes.T)[:, None], axis=1)[:, 0]
+    if array.dtype.kind in "biu":
+        array = array.astype(np.int64)
+    carried = array[winners]
+    if lost.any():
+        carried[lost] = {"U": "", "f": np.nan}.get(array.dtype.kind, -1)
+    return carried

@@ -1,0 +1,160 @@
+"""Distances of the form d_ij^2 = g_ii + g_jj - 2 g_ij: biharmonic, commute-time, diffusion.
+
+Each kernel is a function of the Laplacian, ``g = sum_i h(lambda_i) phi_i phi_i^T`` over the
+non-constant eigenpairs, with ``h = lambda^-2``, ``lambda^-1`` and ``exp(-2 t lambda)``.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from unbend._memory import check_memory
+from unbend._parallel import by_columns, one_blas_thread
+from unbend._types import FloatArray, IntArray
+from unbend.choices import DistanceKind
+from unbend.distances._metric import Metric
+from unbend.errors import InputError
+from unbend.linalg.pseudoinverse import green_operator
+from unbend.linalg.tall import inner
+from unbend.spectral import Spectrum, Surface, eigenpairs
+
+SPECTRAL = ("biharmonic", "commute-time", "diffusion")
+
+# exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
+_NEGLIGIBLE = 1e-16
+# Columns solved for at once: a chunk for each of a few threads, and little memory.
+_AT_ONCE = 32
+# Eigenpairs beyond which a diffusion time is called too short to be computed.
+_MOST_EIGENPAIRS = 2000
+
+
+def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) -> FloatArray:
+    """h(lambda) of a kernel, 0 for the constant eigenfunction."""
+    if kind not in SPECTRAL:
+        raise InputError(f"the {kind} distance has no expansion in eigenfunctions to truncate")
+    weights = np.zeros_like(eigenvalues)
+    values = eigenvalues[1:]
+    if kind == "diffusion":
+        weights[1:] = np.exp(-2 * time * values)
+    else:
+        weights[1:] = values**-2.0 if kind == "biharmonic" else 1 / values
+    return weights
+
+
+def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Metric:
+    """Set up the distance through a spectrum's eigenpairs alone (Eq. 1 to 3)."""
+    from scipy.spatial.distance import cdist  # slow to import, and exact forms do without it
+
+    filtered = spectral_filter(kind, spectrum.eigenvalues, time)
+    embedding = spectrum.eigenfunctions * np.sqrt(filtered)
+    return Metric(
+        from_sources=lambda sources: cdist(embedding[sources], embedding),
+        between=lambda samples: cdist(embedding[samples], embedding[samples]),
+        gram=lambda block: embedding @ (embedding.T @ block),
+    )
+
+
+def gram_metric(
+    kind: DistanceKind,
+    surface: Surface,
+    time: float,
+    green: Callable[[FloatArray], FloatArray] | None = None,
+    *,
+    cache: bool = True,
+) -> Metric:
+    """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
+
+    `green` is the Green's operator, if there is one already; not for diffusion distances, whose
+    eigenpairs are kept on disk if `cache` says so.
+    """
+    if kind == "diffusion":
+        return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
+    areas = surface.operator.areas
+    if green is None:
+        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
+        green = green_operator(surface.operator.stiffness, areas)
+    biharmonic = kind == "biharmonic"
+
+    def product(block: FloatArray) -> FloatArray:
+        once = green(block)
+        return green((once.T * areas).T) if biharmonic else once
+
+    def gram(block: FloatArray) -> FloatArray:
+        return by_columns(product, block)
+
+    def columns(vertices: IntArray) -> FloatArray:
+        return by_columns(green, _indicators(vertices, len(areas)))
+
+    def between(samples: IntArray) -> FloatArray:
+        n = len(areas)
+        column = np.empty((n if biharmonic else len(samples), len(samples)))
+        for start in range(0, len(samples), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            some = columns(samples[part])
+            # K A K = (sqrt(A) K)^T (sqrt(A) K) needs the weights once.
+            column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]
+        with one_blas_thread():
+            kernel = inner(column, column) if biharmonic else column
+        return _distances(kernel, kernel.diagonal(), kernel.diagonal())
+
+    @functools.cache
+    def diagonal() -> FloatArray:
+        return _diagonal(columns, areas, biharmonic)
+
+    def from_sources(sources: IntArray) -> FloatArray:
+        kernel = gram(_indicators(sources, len(areas))).T
+        every = diagonal()
+        return _distances(kernel, every[sources], every)
+
+    return Metric(from_sources, between, gram)
+
+
+def _distances(kernel: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    squared = rows[:, None] + columns[None, :] - 2 * kernel
+    distances: FloatArray = np.sqrt(np.maximum(squared, 0.0))
+    return distances
+
+
+def _indicators(vertices: IntArray, n: int) -> FloatArray:
+    block = np.zeros((n, len(vertices)))
+    block[vertices, np.arange(len(vertices))] = 1.0
+    return block
+
+
+def _diagonal(
+    columns: Callable[[IntArray], FloatArray], areas: FloatArray, biharmonic: bool
+) -> FloatArray:
+    """g_jj of all vertices, a few columns at a time."""
+    n = len(areas)
+    diagonal = np.empty(n)
+    width = max(16, min(256, 2**24 // n))
+    for start in range(0, n, width):
+        chunk = np.arange(start, min(start + width, n))
+        column = columns(chunk)
+        if biharmonic:
+            diagonal[chunk] = areas @ column**2
+        else:
+            diagonal[chunk] = column[chunk, np.arange(len(chunk))]
+    return diagonal
+
+
+def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:
+    """As many eigenpairs as a diffusion time can tell from zero."""
+    n = surface.n_vertices
+    # Weyl's law: eigenvalue number k of a surface of unit area is about 4 pi k.
+    reach = -np.log(_NEGLIGIBLE) / (2 * time)
+    k = min(n, max(16, int(1.2 * reach / (4 * np.pi)) + 16))
+    while True:
+        if k > _MOST_EIGENPAIRS:
+            shortest = -np.log(_NEGLIGIBLE) / (2 * 4 * np.pi * _MOST_EIGENPAIRS)
+            raise InputError(
+                f"a diffusion time of {time:.2g} of the area needs over {_MOST_EIGENPAIRS} "
+                f"eigenpairs; use {shortest:.1g} of the area or more, or truncate with n_eigenpairs"
+            )
+        spectrum = eigenpairs(surface, k, cache=cache)
+        if k == n or spectrum.eigenvalues[-1] - spectrum.eigenvalues[1] > reach:
+            return spectrum
+        k = min(n, 2 * k)

@@ -1,0 +1,39 @@
+"""Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
+
+from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io._maps import (
+    MAP_SUFFIXES,
+    counted_from_zero,
+    invert_map,
+    read_map,
+    whole_numbers,
+    write_map,
+)
+from unbend.io._meshes import as_mesh, read_mesh, write_mesh
+from unbend.io._values import (
+    VALUE_MESH_SUFFIXES,
+    VALUE_SUFFIXES,
+    check_storable,
+    read_values,
+    write_values,
+)
+
+__all__ = [
+    "MAP_SUFFIXES",
+    "VALUE_MESH_SUFFIXES",
+    "VALUE_SUFFIXES",
+    "as_mesh",
+    "atomic_write",
+    "check_storable",
+    "check_writable",
+    "counted_from_zero",
+    "invert_map",
+    "read_bytes",
+    "read_map",
+    "read_mesh",
+    "read_values",
+    "whole_numbers",
+    "write_map",
+    "write_mesh",
+    "write_values",
+]

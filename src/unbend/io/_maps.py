@@ -1,0 +1,254 @@
+"""Reading and writing point maps."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from scipy.sparse.csgraph import dijkstra
+
+from unbend._arrays import snap
+from unbend._types import IntArray
+from unbend.errors import FileError, InputError
+from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io._meshes import as_mesh
+from unbend.io.formats.contents import data_lines
+from unbend.io.formats.npy import read_array
+from unbend.mesh import edge_ends
+
+MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
+# What the vertices of a file are counted from, unless the caller knows better.
+_BASES = {".npy": 0, ".txt": 0, ".csv": 0, ".vts": 1}
+_CSV_HEADER = "target_vertex"
+
+
+def read_map(
+    path: str | os.PathLike[str],
+    *,
+    base: int | None = None,
+    n_source: int | None = None,
+    n_target: int | None = None,
+) -> IntArray:
+    r"""Read a point map: the target vertex of each source vertex.
+
+    Parameters
+    ----------
+    path : path
+        A .npy file with a one-dimensional array, or a .txt, .csv or .vts file with one number
+        to a line. A .csv file may begin with a line that names its column.
+    base : {0, 1}, optional
+        What the file counts vertices from. Default: 1 for .vts, 0 for the others. In either, -1
+        says that a vertex has no image.
+    n_source : int, optional
+        Rows that the map must have.
+    n_target : int, optional
+        Vertices of the target, which the map must not exceed.
+
+    Returns
+    -------
+    (n_source,) ndarray of int64
+        Counted from 0; -1 where there is no image.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is empty, holds something else than whole numbers, has the
+        wrong length or names a vertex that does not exist.
+    InputError
+        If `base` is neither 0 nor 1.
+
+    See Also
+    --------
+    write_map : The reverse.
+    unbend.read_match : A whole match, from a .npz file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import read_map
+    >>> path = Path(tempfile.mkdtemp()) / "map.vts"
+    >>> _ = path.write_text("3\n1\n-1\n")
+    >>> read_map(path)
+    array([ 2,  0, -1])
+    """
+    path = Path(path)
+    data = read_bytes(path, MAP_SUFFIXES)
+    suffix = path.suffix.lower()
+    first = _base(base, suffix)
+    try:
+        values = whole_numbers(read_array(data)) if suffix == ".npy" else _numbers(data, suffix)
+        if n_source is not None and len(values) != n_source:
+            raise FileError(
+                f"holds {len(values)} rows, but the source has {n_source} vertices; "
+                "a map has one row for each"
+            )
+        return counted_from_zero(values, first, n_target)
+    except FileError as error:
+        raise FileError(f"{path.name}: {error}") from error.__cause__
+
+
+def write_map(
+    path: str | os.PathLike[str], point_map: npt.ArrayLike, *, base: int | None = None
+) -> None:
+    """Write a point map: the target vertex of each source vertex.
+
+    Parameters
+    ----------
+    path : path
+        The suffix (.npy, .txt, .csv or .vts) says the format; see :func:`read_map`.
+    point_map : (n_source,) array_like of int
+        Counted from 0; -1 where there is no image, which is written as -1 in every format.
+    base : {0, 1}, optional
+        What the file shall count vertices from. Default: 1 for .vts, 0 for the others.
+
+    Raises
+    ------
+    FileError
+        If the suffix is unknown or the file cannot be written.
+    InputError
+        If the map is empty or not a list of whole numbers of at least -1, or `base` is neither
+        0 nor 1.
+
+    See Also
+    --------
+    read_map : The reverse.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import write_map
+    >>> path = Path(tempfile.mkdtemp()) / "map.vts"
+    >>> write_map(path, [2, 0, -1])
+    >>> path.read_text().split()
+    ['3', '1', '-1']
+    """
+    path = check_writable(path, MAP_SUFFIXES)
+    suffix = path.suffix.lower()
+    first = _base(base, suffix)
+    array = np.asarray(point_map)
+    if array.ndim != 1 or not len(array) or array.dtype.kind not in "iu" or array.min() < -1:
+        raise InputError(
+            "a point map must be a list of whole numbers, counted from 0, or -1 for no image"
+        )
+    rows = np.where(array < 0, -1, array.astype(np.int64) + first)
+    with atomic_write(path) as file:
+        if suffix == ".npy":
+            np.save(file, rows)
+        else:
+            lines = [_CSV_HEADER] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
+            file.write(("\n".join(lines) + "\n").encode())
+
+
+def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
+    """Turn a map from source to target round.
+
+    A target vertex that is the image of several source vertices takes the first of them; one that
+    is the image of none takes that of the vertex nearest to it along the target's edges.
+
+    Parameters
+    ----------
+    point_map : (n_source,) array_like of int
+        Target vertex of each source vertex, -1 for none.
+    target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+
+    Returns
+    -------
+    (n_target,) ndarray of int64
+        Source vertex of each target vertex; -1 where no edges lead to the image of any.
+
+    Raises
+    ------
+    InputError
+        If the map names a vertex that the target lacks.
+
+    Examples
+    --------
+    >>> from unbend import invert_map
+    >>> invert_map([2, 0], ([[0, 0, 0], [1, 0, 0], [0, 3, 0]], [[0, 1, 2]]))
+    array([1, 1, 0])
+    """
+    mesh = as_mesh(target)
+    images = np.asarray(point_map)
+    if images.ndim != 1 or images.dtype.kind not in "iu" or images.min(initial=-1) < -1:
+        raise InputError("a map must be a list of vertex numbers, -1 for none")
+    n = mesh.n_vertices
+    if images.max(initial=-1) >= n:
+        raise InputError(f"the map names target vertex {images.max()}, but there are {n} vertices")
+    hit, first = np.unique(images, return_index=True)
+    hit, first = hit[hit >= 0], first[hit >= 0]
+    inverse = np.full(n, -1, dtype=np.int64)
+    inverse[hit] = first
+    if len(hit) and mesh.n_faces:
+        i, j = edge_ends(mesh.faces, n).T
+        lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
+        graph = sp.csr_matrix((snap(lengths), (i, j)), shape=(n, n))
+        _, _, nearest = dijkstra(
+            graph, directed=False, indices=hit, return_predecessors=True, min_only=True
+        )
+        reached = nearest >= 0
+        inverse[reached] = inverse[nearest[reached]]
+    return inverse
+
+
+def _base(base: int | None, suffix: str) -> int:
+    if base not in (None, 0, 1):
+        raise InputError(f"base must be 0 or 1, not {base!r}")
+    return _BASES[suffix] if base is None else base
+
+
+def _numbers(data: bytes, suffix: str) -> IntArray:
+    lines = [line.strip() for line in data_lines(data, suffix[1:])]
+    if suffix == ".csv" and lines and not _is_number(lines[0]):
+        lines = lines[1:]
+    for index, line in enumerate(lines):
+        if not _is_number(line):
+            raise FileError(
+                f"row {index} holds {line[:40]!r}; a map has one vertex number to a line"
+            )
+    return whole_numbers(np.array([float(line) for line in lines]))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def whole_numbers(values: npt.NDArray[Any]) -> IntArray:
+    """Accept whole numbers, also those that some program stored as floats."""
+    if values.ndim != 1 or values.dtype.kind not in "iuf":
+        raise FileError(
+            f"holds {values.dtype} of shape {values.shape}; a map is a list of vertex numbers"
+        )
+    if not len(values):
+        raise FileError("holds no rows")
+    whole = np.abs(values) < 2.0**53  # beyond it floats skip numbers; NaN fails too
+    whole[whole] = values[whole] == np.floor(values[whole])
+    if not whole.all():
+        row = int(np.flatnonzero(~whole)[0])
+        raise FileError(f"row {row} is {values[row]}, which is not a vertex number")
+    return values.astype(np.int64)
+
+
+def counted_from_zero(values: IntArray, first: int, n_target: int | None) -> IntArray:
+    """Check vertex numbers and count them from 0; -1, for no image, stays."""
+    images = np.where(values == -1, -1, values - first)
+    last = np.iinfo(np.int64).max if n_target is None else n_target - 1
+    outside = (images < 0) & (values != -1) | (images > last)
+    if not outside.any():
+        return images
+    row = int(np.flatnonzero(outside)[0])
+    known = f"{first} or more" if n_target is None else f"{first} to {n_target - 1 + first}"
+    raise FileError(
+        f"row {row} is {values[row]}, but counted from {first} vertices are {known} (or -1 for "
+        f"none); does the file count from {1 - first}?"
+    )

@@ -1,0 +1,261 @@
+"""Reading and writing meshes, without ever changing the order of their vertices."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError, InputError, MeshError
+from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io.formats import obj, off, ply, points, stl
+from unbend.io.formats.contents import Contents
+from unbend.mesh import Mesh
+
+_READERS: dict[str, Callable[[bytes], Contents]] = {
+    ".off": off.read,
+    ".obj": obj.read,
+    ".ply": ply.read,
+    ".stl": stl.read,
+    ".xyz": points.read_xyz,
+    ".npy": points.read_npy,
+}
+_WRITERS: dict[str, Callable[[BinaryIO, FloatArray, IntArray], None]] = {
+    ".off": off.write,
+    ".obj": obj.write,
+    ".ply": ply.write,
+    ".stl": stl.write,
+    ".xyz": points.write_xyz,
+}
+
+READ_SUFFIXES = tuple(_READERS)
+WRITE_SUFFIXES = tuple(_WRITERS)
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    r"""Read a triangle mesh or a point cloud.
+
+    Vertices and faces keep the file's order and number. Polygons are split into fans of
+    triangles, and the corners of an STL file, which stores no vertices, are welded where their
+    positions are exactly equal; ``Mesh.notes`` says so.
+
+    Parameters
+    ----------
+    path : path
+        A file with the suffix .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .xyz
+        (one point per line) or .npy (an (n, 3) array of points).
+
+    Returns
+    -------
+    Mesh
+        Named after the file. A file without faces gives a point cloud.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read: missing, of an unknown suffix, truncated, not of its format.
+    MeshError
+        If a face names a vertex that does not exist, or a vertex in use is not finite.
+
+    See Also
+    --------
+    write_mesh : The reverse.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import read_mesh
+    >>> path = Path(tempfile.mkdtemp()) / "square.obj"
+    >>> _ = path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    >>> mesh = read_mesh(path)
+    >>> mesh
+    Mesh(4 vertices, 2 faces)
+    >>> mesh.notes
+    ('1 polygon split into triangles',)
+    """
+    path = Path(path)
+    data = read_bytes(path, READ_SUFFIXES)
+    name, suffix = path.name, path.suffix.lower()
+    try:
+        contents = _READERS[suffix](data)
+    except FileError as error:
+        raise FileError(f"{name}: {error}") from error.__cause__
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}") from None
+    if len(contents.vertices) == 0:
+        raise FileError(f"{name}: holds no vertices")
+    return Mesh(contents.vertices, contents.faces, name=name, notes=contents.notes)
+
+
+def write_mesh(
+    path: str | os.PathLike[str],
+    mesh: Any,
+    *,
+    scalars: Mapping[str, npt.ArrayLike] | None = None,
+    colors: npt.ArrayLike | None = None,
+    uvs: npt.ArrayLike | None = None,
+) -> None:
+    """Write a triangle mesh or a point cloud.
+
+    OFF, OBJ, PLY and XYZ keep every position to the last bit, in the same order. STL stores
+    bare triangles in single precision: vertex order is lost. The file appears under its name
+    only once it is complete.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix (.off, .obj, .ply, .stl or .xyz) says the format.
+    mesh : Mesh or anything that :func:`as_mesh` accepts
+        What to write, for instance a ``(vertices, faces)`` pair.
+    scalars : mapping of str to (n,) array_like of float, optional
+        Values per vertex by name, stored as extra vertex properties. PLY only.
+    colors : (n, 3) array_like of int, optional
+        Red, green and blue per vertex, 0 to 255. PLY and OBJ only.
+    uvs : (n, 2) array_like of float, optional
+        Texture coordinates per vertex. PLY (as the properties s and t) and OBJ only.
+
+    Raises
+    ------
+    FileError
+        If the suffix is unknown or the file cannot be written.
+    InputError
+        If the format cannot hold what was given, or arrays do not match the mesh.
+
+    See Also
+    --------
+    read_mesh : The reverse.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import read_mesh, write_mesh
+    >>> path = Path(tempfile.mkdtemp()) / "triangle.ply"
+    >>> vertices, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> write_mesh(path, (vertices, faces), scalars={"distance": [0.0, 1.0, 1.0]})
+    >>> read_mesh(path)
+    Mesh(3 vertices, 1 faces)
+    """
+    path = check_writable(path, WRITE_SUFFIXES)
+    suffix = path.suffix.lower()
+    mesh = as_mesh(mesh)
+    if suffix != ".ply" and scalars:
+        raise InputError(f"{suffix} files cannot hold values per vertex; write .ply")
+    if suffix not in (".ply", ".obj") and (colors is not None or uvs is not None):
+        raise InputError(
+            f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
+        )
+    if suffix == ".xyz" and mesh.n_faces:
+        raise InputError(".xyz files hold points only; write .off, .obj or .ply to keep the faces")
+    if suffix == ".stl" and not mesh.n_faces:
+        raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
+    scalar_arrays = _scalars(scalars or {}, mesh.n_vertices)
+    color_array = None if colors is None else _colors(colors, mesh.n_vertices)
+    uv_array = None if uvs is None else _uvs(uvs, mesh.n_vertices)
+    with atomic_write(path) as file:
+        if suffix == ".ply":
+            if uv_array is not None:
+                scalar_arrays |= {"s": uv_array[:, 0], "t": uv_array[:, 1]}
+            ply.write(file, mesh.vertices, mesh.faces, scalar_arrays, color_array)
+        elif suffix == ".obj":
+            obj.write(file, mesh.vertices, mesh.faces, color_array, uv_array)
+        else:
+            _WRITERS[suffix](file, mesh.vertices, mesh.faces)
+
+
+def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
+    arrays = {}
+    for name, values in scalars.items():
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in (*"xyz", *_COLOR_NAMES):
+            raise InputError(
+                f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
+                "and none of x, y, z, red, green, blue"
+            )
+        array = np.asarray(values, dtype=np.float64)
+        if array.shape != (n_vertices,):
+            raise InputError(
+                f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
+                f"of its {plural(n_vertices, 'vertex')}"
+            )
+        arrays[name] = array
+    return arrays
+
+
+def _uvs(uvs: npt.ArrayLike, n_vertices: int) -> FloatArray:
+    array = np.asarray(uvs, dtype=np.float64)
+    if array.shape != (n_vertices, 2) or not np.isfinite(array).all():
+        raise InputError(f"uvs must be finite numbers of shape ({n_vertices}, 2)")
+    return array
+
+
+_COLOR_NAMES = ("red", "green", "blue")
+
+
+def _colors(colors: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.uint8]:
+    array = np.asarray(colors)
+    if array.shape != (n_vertices, 3) or array.dtype.kind not in "iu":
+        raise InputError(
+            f"colors must be whole numbers of shape ({n_vertices}, 3), not {array.dtype} of "
+            f"shape {array.shape}"
+        )
+    if array.size and (array.min() < 0 or array.max() > 255):
+        raise InputError("colors must lie between 0 and 255")
+    return array.astype(np.uint8)
+
+
+def as_mesh(mesh: Any) -> Mesh:
+    """Turn anything that unbend accepts as a mesh into a :class:`Mesh`.
+
+    Parameters
+    ----------
+    mesh : Mesh, path, (V, F) pair, (n, 3) array, or object with vertices and faces
+        A path is read with :func:`unbend.read_mesh`. An object may carry ``.vertices`` and
+        ``.faces`` (trimesh) or be a PyVista ``PolyData``. An (n, 3) array is a point cloud.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    InputError
+        If the object is none of these.
+    MeshError
+        If its arrays break a rule of :class:`Mesh`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend import as_mesh
+    >>> as_mesh(np.eye(3))
+    Mesh(3 points)
+    """
+    if isinstance(mesh, Mesh):
+        return mesh
+    if isinstance(mesh, (str, os.PathLike)):
+        return read_mesh(mesh)
+    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        return Mesh(mesh.vertices, mesh.faces)
+    if hasattr(mesh, "points") and hasattr(mesh, "regular_faces"):  # PyVista PolyData
+        if mesh.n_cells == 0 or mesh.is_all_triangles:
+            return Mesh(mesh.points, mesh.regular_faces if mesh.n_cells else None)
+        surface = mesh.triangulate()
+        faces = surface.regular_faces if surface.n_cells else None
+        notes = ("polygons split into triangles",) if surface.n_cells else ()
+        return Mesh(surface.points, faces, notes=notes)
+    if isinstance(mesh, tuple | list) and len(mesh) == 2:
+        return Mesh(*mesh)
+    if isinstance(mesh, np.ndarray):
+        return Mesh(mesh)
+    raise InputError(
+        f"a {type(mesh).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
+        "pair, or an object with .vertices and .faces"
+    )

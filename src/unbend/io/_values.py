@@ -1,0 +1,197 @@
+"""Reading and writing values per vertex: numbers, labels, weights, colours."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend.errors import FileError, InputError
+from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io._meshes import write_mesh
+from unbend.io.formats.contents import data_lines
+from unbend.io.formats.npy import read_array
+from unbend.mesh import Mesh
+
+VALUE_SUFFIXES = (".npy", ".csv", ".txt")
+VALUE_MESH_SUFFIXES = (".ply", ".obj")
+
+
+def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) -> npt.NDArray[Any]:
+    r"""Read values per vertex.
+
+    Parameters
+    ----------
+    path : path
+        A .npy array; or a .csv file (a first line of column names is skipped) or .txt file with
+        one line for each vertex, of numbers, or of one word each.
+    n_vertices : int, optional
+        Rows that there must be.
+
+    Returns
+    -------
+    (n,) or (n, k) ndarray of int64, float64 or str, or of the .npy file's type
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or does not hold one row for each vertex.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import read_values
+    >>> path = Path(tempfile.mkdtemp()) / "parts.csv"
+    >>> _ = path.write_text("part\nhead\ntail\n")
+    >>> read_values(path)
+    array(['head', 'tail'], dtype='<U4')
+    """
+    path = Path(path)
+    data = read_bytes(path, VALUE_SUFFIXES)
+    try:
+        if path.suffix.lower() == ".npy":
+            values = read_array(data)
+        else:
+            values = _table(data, path.suffix.lower(), n_vertices)
+    except FileError as error:
+        raise FileError(f"{path.name}: {error}") from error.__cause__
+    if values.ndim == 0 or values.size == 0:
+        raise FileError(f"{path.name}: holds no rows")
+    if n_vertices is not None and len(values) != n_vertices:
+        raise FileError(
+            f"{path.name}: holds {plural(len(values), 'row')}, but there are {n_vertices} vertices"
+        )
+    return values
+
+
+def write_values(
+    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: Mesh, *, kind: str = "scalar"
+) -> None:
+    """Write values per vertex, as a table or on a mesh.
+
+    Parameters
+    ----------
+    path : path
+        .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties (colours
+        and texture coordinates as such); .obj: the mesh with colours or texture coordinates.
+    values : (n,) or (n, k) array_like
+    mesh : Mesh
+        With n vertices.
+    kind : str, default="scalar"
+        ``"color"`` and ``"uv"`` say what the columns mean to a mesh file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    InputError
+        If the format cannot hold such values.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend import read_values, write_values
+    >>> path = Path(tempfile.mkdtemp()) / "numbers.csv"
+    >>> write_values(path, range(162), make_sphere(2))
+    >>> read_values(path)[:3]
+    array([0, 1, 2])
+    """
+    path = check_writable(path, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
+    suffix = path.suffix.lower()
+    array = np.asarray(values)
+    if array.ndim == 0 or len(array) != mesh.n_vertices:
+        raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
+    check_storable(path, array, kind)
+    if suffix in VALUE_MESH_SUFFIXES:
+        _write_mesh(path, array, mesh, kind)
+        return
+    with atomic_write(path) as file:
+        if suffix == ".npy":
+            np.save(file, array)
+            return
+        columns = array.reshape(len(array), -1)
+        delimiter = "," if suffix == ".csv" else " "
+        names = _names(kind, columns.shape[1])
+        lines = [delimiter.join(names)] * (suffix == ".csv")
+        lines += [delimiter.join(map(_word, row)) for row in columns.tolist()]
+        file.write("\n".join([*lines, ""]).encode())
+
+
+def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
+    """Refuse a format that cannot hold such values, before any computing is done.
+
+    Raises
+    ------
+    InputError
+        If it cannot.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix in VALUE_MESH_SUFFIXES and values.dtype.kind == "U":
+        raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
+    if suffix == ".obj" and kind not in ("color", "uv"):
+        raise InputError(".obj files hold colours and texture coordinates only; write .ply")
+    if suffix != ".npy" and values.ndim > 2:
+        raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else repr(value)
+
+
+def _names(kind: str, count: int) -> list[str]:
+    name = kind if kind in ("label", "color", "uv") else "value"
+    return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
+
+
+def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> None:
+    if kind == "color":
+        write_mesh(path, mesh, colors=array[:, :3])
+    elif kind == "uv":
+        # A vertex without texture coordinates still needs numbers to be drawn at all.
+        write_mesh(path, mesh, uvs=np.nan_to_num(array))
+    else:
+        columns = array.reshape(len(array), -1).T
+        names = _names(kind, len(columns))
+        write_mesh(path, mesh, scalars=dict(zip(names, columns, strict=True)))
+
+
+def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
+    lines = data_lines(data, suffix[1:])
+    if suffix == ".csv":
+        rows = [[word.strip() for word in row] for row in csv.reader(lines)]
+        # Names over words look like the words; only the number of rows can tell then.
+        if rows and not _are_numbers(rows[0]) and len(rows) != n_vertices:
+            rows = rows[1:]
+    else:
+        rows = [line.split() for line in lines]
+    widths = {len(row) for row in rows}
+    if len(widths) > 1:
+        row = next(i for i, one in enumerate(rows) if len(one) != len(rows[0]))
+        raise FileError(f"row {row} has {len(rows[row])} entries, but row 0 has {len(rows[0])}")
+    if not rows:
+        return np.empty(0)
+    table = np.array(rows)
+    if all(map(_are_numbers, rows)):
+        whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
+        table = table.astype(np.int64 if whole else np.float64)
+    elif table.shape[1] > 1:
+        row = next(i for i, one in enumerate(rows) if not _are_numbers(one))
+        raise FileError(f"row {row} holds {' '.join(rows[row])[:40]!r}, not numbers")
+    return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _are_numbers(words: list[str]) -> bool:
+    try:
+        for word in words:
+            float(word)
+    except ValueError:
+        return False
+    return True

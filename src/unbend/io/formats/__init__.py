@@ -1,0 +1,1 @@
+"""One file per mesh format: ``read(data) -> Contents``; ``write(file, vertices, faces, ...)``."""

@@ -1,0 +1,55 @@
+"""NumPy array files, read without trusting them: no pickles, no sizes that are not there."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend.errors import FileError
+
+
+def read_array(data: bytes) -> npt.NDArray[Any]:
+    """Read an array of numbers, truth values or text from the bytes of a .npy file.
+
+    Raises
+    ------
+    FileError
+        If this is no such file, is truncated, or holds Python objects.
+
+    Examples
+    --------
+    >>> import io
+    >>> import numpy as np
+    >>> from unbend.io.formats.npy import read_array
+    >>> file = io.BytesIO()
+    >>> np.save(file, np.arange(3))
+    >>> read_array(file.getvalue())
+    array([0, 1, 2])
+    """
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        header = (
+            np.lib.format.read_array_header_1_0
+            if version == (1, 0)
+            else np.lib.format.read_array_header_2_0
+        )
+        shape, fortran_order, dtype = header(stream)
+    except Exception as error:  # NumPy parses the header as Python: any error may come of it
+        raise FileError("not a NumPy array file, or a damaged one") from error
+    if dtype.kind not in "biufU":
+        raise FileError(f"holds an array of shape {shape} and type {dtype}, not numbers or text")
+    size = math.prod(shape)
+    follow = len(data) - stream.tell()
+    if min(shape, default=0) < 0 or size * dtype.itemsize > follow:
+        raise FileError(
+            f"truncated: it promises {plural(shape[0] if shape else 1, 'row')}, "
+            f"{size * dtype.itemsize} bytes, but {follow} bytes follow"
+        )
+    values = np.frombuffer(data, dtype=dtype, count=size, offset=stream.tell())
+    return values.reshape(shape, order="F" if fortran_order else "C")

@@ -1,0 +1,61 @@
+"""OFF: a text format; also COFF, NOFF and STOFF, whose extra columns follow the position."""
+
+from __future__ import annotations
+
+import re
+from typing import BinaryIO
+
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError
+from unbend.io.formats.contents import (
+    NO_FACES,
+    Contents,
+    count,
+    data_lines,
+    polygon_rows,
+    positions,
+)
+from unbend.io.formats.contents import table as write_table
+
+_KEYWORD = re.compile(r"\s*(?:ST)?C?N?(4?n?)OFF(\s+BINARY)?")
+
+
+def read(data: bytes) -> Contents:
+    """Read the positions and faces; colours, normals and texture coordinates are left out."""
+    if re.match(rb"\s*\w*OFF\s+BINARY", data):
+        raise FileError("binary OFF cannot be read; save it as text OFF or PLY")
+    lines = data_lines(data, "OFF")
+    if not lines:
+        raise FileError("holds nothing but comments")
+    keyword = _KEYWORD.match(lines[0])
+    if keyword is None:
+        raise FileError(f"not an OFF file: it starts with {lines[0].strip()[:20]!r}")
+    if keyword[1]:
+        raise FileError("has vertices that are not three-dimensional; save it as plain OFF")
+    # Some well-known collections glue the counts to the keyword: "OFF490 518 0".
+    header = lines[0][keyword.end() :].split()
+    rest = lines[1:]
+    if not header and rest:
+        header, rest = rest[0].split(), rest[1:]
+    if len(header) < 2:
+        raise FileError("lacks the line with the numbers of vertices and faces")
+    n_vertices, n_faces = count(header[0], "vertices"), count(header[1], "faces")
+    if n_vertices + n_faces > len(rest):
+        raise FileError(
+            f"truncated: it promises {n_vertices} vertices and {n_faces} faces, "
+            f"but {plural(len(rest), 'line')} follow"
+        )
+    vertices = positions([line.split() for line in rest[:n_vertices]])
+    rows = [line.split() for line in rest[n_vertices : n_vertices + n_faces]]
+    faces, notes = polygon_rows(rows, n_vertices) if rows else (NO_FACES, [])
+    if extra := len(rest) - n_vertices - n_faces:
+        notes.append(f"{plural(extra, 'line')} after the last face left out")
+    return Contents(vertices, faces, tuple(notes))
+
+
+def write(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:
+    """Write positions and faces."""
+    file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n".encode())
+    file.write(write_table(vertices))
+    file.write(write_table(faces, "3 "))

@@ -1,0 +1,39 @@
+"""Point clouds: XYZ text and NumPy arrays."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError
+from unbend.io.formats.contents import NO_FACES, Contents, data_lines, positions
+from unbend.io.formats.contents import table as write_table
+from unbend.io.formats.npy import read_array
+
+
+def read_xyz(data: bytes) -> Contents:
+    """Read one point per line, its numbers separated by spaces, commas or semicolons."""
+    lines = data_lines(data, "XYZ")
+    if not lines:
+        raise FileError("holds no points")
+    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+    widths = {len(row) for row in rows}
+    notes = ("columns after the third left out",) if max(widths) > 3 else ()
+    return Contents(positions(rows, "point"), NO_FACES, notes)
+
+
+def read_npy(data: bytes) -> Contents:
+    """Read an (n, 3) array of numbers; never a pickle."""
+    points = read_array(data)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+        raise FileError(
+            f"holds an array of shape {points.shape} and type {points.dtype}, not (n, 3) numbers"
+        )
+    return Contents(points.astype(np.float64), NO_FACES)
+
+
+def write_xyz(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:
+    """Write one point per line."""
+    file.write(write_table(vertices))

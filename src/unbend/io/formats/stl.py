@@ -1,0 +1,73 @@
+"""STL: triangles without shared vertices, binary or text; equal positions are welded."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+import numpy as np
+
+from unbend._arrays import first_equal_row
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError, InputError
+from unbend.io.formats.contents import Contents, data_lines, positions
+
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 84  # bytes: 80 of free text and the number of triangles
+
+
+def read(data: bytes) -> Contents:
+    """Read triangles and weld corners whose positions are exactly equal."""
+    corners = _binary(data)
+    if corners is None:
+        corners = _text(data)
+    if len(corners) == 0:
+        raise FileError("holds no triangles")
+    first = first_equal_row(corners)
+    kept = np.flatnonzero(first == np.arange(len(first)))
+    number = np.empty(len(first), dtype=np.int64)
+    number[kept] = np.arange(len(kept))
+    note = (
+        f"{plural(len(first), 'corner')} of {plural(len(first) // 3, 'triangle')} welded into "
+        f"{len(kept)} vertices where their positions are equal (STL does not store vertices)"
+    )
+    return Contents(corners[kept], number[first].reshape(-1, 3), (note,))
+
+
+def _binary(data: bytes) -> FloatArray | None:
+    """Corners of a binary file, or None if it is a text file."""
+    n_triangles = int.from_bytes(data[80:_HEADER], "little")
+    n_bytes = _HEADER + n_triangles * _TRIANGLE.itemsize
+    if len(data) < _HEADER or n_bytes > len(data) or n_triangles == 0:
+        if data.lstrip()[:5].lower() == b"solid" and (b"facet" in data or b"endsolid" in data):
+            return None
+        raise FileError(
+            f"truncated: it promises {plural(n_triangles, 'triangle')}, {n_bytes} bytes, "
+            f"but has {len(data)} bytes"
+            if len(data) >= _HEADER and n_triangles
+            else "not an STL file, or one without triangles"
+        )
+    triangles = np.frombuffer(data, dtype=_TRIANGLE, count=n_triangles, offset=_HEADER)
+    return triangles["corners"].reshape(-1, 3).astype(np.float64)
+
+
+def _text(data: bytes) -> FloatArray:
+    lines = [line.split() for line in data_lines(data, "STL")]
+    rows = [words[1:] for words in lines if words[0].lower() == "vertex"]
+    n_facets = sum(words[0].lower() == "endfacet" for words in lines)
+    if lines[-1][0].lower() != "endsolid":
+        raise FileError("truncated: its last line is not endsolid")
+    if len(rows) != 3 * n_facets:
+        raise FileError(f"has {plural(n_facets, 'facet')} but {len(rows)} corners; 3 each needed")
+    return positions(rows, "corner")
+
+
+def write(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:
+    """Write a binary file; positions are rounded to single precision."""
+    corners = vertices[faces]
+    if np.abs(corners).max() > np.finfo(np.float32).max:
+        raise InputError("STL holds single-precision numbers, which these positions exceed")
+    triangles = np.zeros(len(faces), dtype=_TRIANGLE)
+    triangles["corners"] = corners
+    file.write(b"binary STL".ljust(80) + len(faces).to_bytes(4, "little"))
+    file.write(triangles.tobytes())

@@ -1,0 +1,198 @@
+"""Compiled loops of the matcher: nearest pairs, walks over meshes, local rotations.
+
+Kernels are compiled without Numba's own threads, which take long to compile for and must not be
+entered twice at a time: they release the GIL and work on a range of rows, and a function beside
+each spreads the ranges over threads.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from unbend._compiled import compiled
+from unbend._parallel import run_all
+from unbend._types import FloatArray, IntArray
+
+_ROWS = 1024  # rows that a task works on
+
+
+def _over_rows(n: int, kernel: Callable[..., None], *arguments: Any) -> None:
+    """Call a kernel for all ranges of rows, in threads; its last two arguments are the range."""
+    run_all(
+        functools.partial(kernel, *arguments, first, min(first + _ROWS, n))
+        for first in range(0, n, _ROWS)
+    )
+
+
+@compiled
+def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
+    """Choose ``count`` rows, each as far as possible from those before it (Gonzalez 1985)."""
+    n, d = points.shape
+    distance = np.full(n, np.inf)
+    chosen = np.empty(count, np.int64)
+    current = start
+    for i in range(count):
+        chosen[i] = current
+        farthest, following = -1.0, 0
+        for j in range(n):
+            square = 0.0
+            for c in range(d):
+                difference = points[j, c] - points[current, c]
+                square += difference * difference
+            if square < distance[j]:
+                distance[j] = square
+            if distance[j] > farthest:
+                farthest, following = distance[j], j
+        current = following
+    return chosen
+
+
+@compiled
+def _squared_distance(left, right, i, j):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for c in range(left.shape[1]):
+        difference = left[i, c] - right[j, c]
+        total += difference * difference
+    return total
+
+
+def walk(
+    left: FloatArray,
+    right: FloatArray,
+    guess: IntArray,
+    left_start: Any,
+    left_neighbors: Any,
+    right_start: Any,
+    right_neighbors: Any,
+) -> IntArray:
+    """Improve a map by descent: from a vertex's image, or its neighbours' images, go downhill.
+
+    Row i of ``left`` (n, d) is brought to a nearby row of ``right`` (m, d) such that no mesh
+    neighbour of that row is closer. The meshes' neighbours are given in compressed rows.
+    """
+    result = guess.copy()
+    steps = left_start, left_neighbors, right_start, right_neighbors
+    _over_rows(len(left), _walk, left, right, guess, *steps, result)
+    return result
+
+
+@compiled
+def _walk(  # type: ignore[no-untyped-def]
+    left,
+    right,
+    guess,
+    left_start,
+    left_neighbors,
+    right_start,
+    right_neighbors,
+    result,
+    first,
+    last,
+):
+    for i in range(first, last):
+        here = guess[i]
+        best = _squared_distance(left, right, i, here)
+        for e in range(left_start[i], left_start[i + 1]):
+            candidate = guess[left_neighbors[e]]
+            if candidate != here:
+                distance = _squared_distance(left, right, i, candidate)
+                if distance < best:
+                    best, here = distance, candidate
+        moved = True
+        while moved:
+            moved = False
+            center = here
+            for e in range(right_start[center], right_start[center + 1]):
+                candidate = right_neighbors[e]
+                distance = _squared_distance(left, right, i, candidate)
+                if distance < best:
+                    best, here, moved = distance, candidate, True
+        result[i] = here
+
+
+def edge_covariances(
+    start: Any, neighbors: Any, weights: FloatArray, rest: FloatArray, posed: FloatArray
+) -> FloatArray:
+    """Weighted sums over a vertex's edges of (rest edge) (posed edge)^T: (n, 3, 3)."""
+    result = np.zeros((len(rest), 3, 3))
+    _over_rows(len(rest), _edge_covariances, start, neighbors, weights, rest, posed, result)
+    return result
+
+
+@compiled
+def _edge_covariances(start, neighbors, weights, rest, posed, result, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for e in range(start[i], start[i + 1]):
+            j = neighbors[e]
+            for a in range(3):
+                edge = weights[e] * (rest[j, a] - rest[i, a])
+                for b in range(3):
+                    result[i, a, b] += edge * (posed[j, b] - posed[i, b])
+
+
+def rotated_divergence(
+    start: Any, neighbors: Any, weights: FloatArray, rest: FloatArray, rotations: FloatArray
+) -> FloatArray:
+    """Right-hand side of the as-rigid-as-possible system (Sorkine & Alexa 2007, Eq. 8)."""
+    result = np.zeros((len(rest), 3))
+    _over_rows(len(rest), _rotated_divergence, start, neighbors, weights, rest, rotations, result)
+    return result
+
+
+@compiled
+def _rotated_divergence(start, neighbors, weights, rest, rotations, result, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for e in range(start[i], start[i + 1]):
+            j = neighbors[e]
+            for a in range(3):
+                total = 0.0
+                for b in range(3):
+                    rotation = rotations[i, a, b] + rotations[j, a, b]
+                    total += rotation * (rest[i, b] - rest[j, b])
+                result[i, a] += 0.5 * weights[e] * total
+
+
+def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
+    """Turn rotations (n, 3, 3), in place, to those that best explain covariances.
+
+    The rotation R that maximises the trace of R C, by the fixed-point iteration of Müller,
+    Bender, Chentanez & Macklin ("A robust method to extract the rotational part of
+    deformations", 2016), from where it stands.
+    """
+    _over_rows(len(rotations), _turn_rotations, covariances, rotations)
+
+
+@compiled
+def _turn_rotations(covariances, rotations, first, last):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        r = rotations[i]
+        c = covariances[i]
+        for _ in range(30):
+            axis = np.zeros(3)
+            along = 0.0
+            for a in range(3):
+                # Column a of r against row a of the covariance, which is where it should point.
+                axis[0] += r[1, a] * c[a, 2] - r[2, a] * c[a, 1]
+                axis[1] += r[2, a] * c[a, 0] - r[0, a] * c[a, 2]
+                axis[2] += r[0, a] * c[a, 1] - r[1, a] * c[a, 0]
+                along += r[0, a] * c[a, 0] + r[1, a] * c[a, 1] + r[2, a] * c[a, 2]
+            axis /= abs(along) + 1e-30
+            angle = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+            if angle < 1e-7:
+                break
+            axis /= angle
+            angle = min(angle, 1.0)
+            sine, versine = np.sin(angle), 1 - np.cos(angle)
+            for a in range(3):
+                x, y, z = r[0, a], r[1, a], r[2, a]
+                dot = axis[0] * x + axis[1] * y + axis[2] * z
+                u = axis[1] * z - axis[2] * y
+                v = axis[2] * x - axis[0] * z
+                w = axis[0] * y - axis[1] * x
+                r[0, a] = x + sine * u + versine * (axis[0] * dot - x)
+                r[1, a] = y + sine * v + versine * (axis[1] * dot - y)
+                r[2, a] = z + sine * w + versine * (axis[2] * dot - z)

@@ -1,0 +1,36 @@
+"""The mesh itself: vertices and faces, their topology, and coarser ones."""
+
+from unbend.mesh._coarsening import aggregate_vertices
+from unbend.mesh._mesh import Mesh, vertex_areas, vertex_ids, vertex_normals
+from unbend.mesh._topology import (
+    FACES_AT_ONCE,
+    Components,
+    Edges,
+    count_non_manifold_vertices,
+    edge_ends,
+    find_components,
+    find_edges,
+    group_rows,
+    measure_faces,
+    proper_faces,
+    wind_alike,
+)
+
+__all__ = [
+    "FACES_AT_ONCE",
+    "Components",
+    "Edges",
+    "Mesh",
+    "aggregate_vertices",
+    "count_non_manifold_vertices",
+    "edge_ends",
+    "find_components",
+    "find_edges",
+    "group_rows",
+    "measure_faces",
+    "proper_faces",
+    "vertex_areas",
+    "vertex_ids",
+    "vertex_normals",
+    "wind_alike",
+]

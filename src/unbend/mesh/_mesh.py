@@ -1,0 +1,235 @@
+"""The mesh: vertices and faces, checked once, never changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError, MeshError
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh, or a point cloud when it has no faces.
+
+    Vertex order is never changed by unbend: row ``i`` of every per-vertex result belongs to
+    row ``i`` of ``vertices``.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Positions, in any unit of length.
+    faces : (m, 3) array_like of int, optional
+        0-based vertex indices of each triangle. None or empty: a point cloud.
+    name : str, default="mesh"
+        What messages call this mesh; the file's name when it was read from a file.
+    notes : tuple of str, default=()
+        What reading the mesh did to it ("12 quads split into triangles").
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray of float64, read-only
+    faces : (m, 3) ndarray of int64, read-only
+
+    Raises
+    ------
+    MeshError
+        If an array has the wrong shape, a face names a vertex that does not exist, or a vertex
+        in use is not finite. (A vertex that no face uses may be NaN: such rows are what unbend
+        itself writes for unreferenced vertices.)
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    Mesh(3 vertices, 1 faces)
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    name: str = "mesh"
+    notes: tuple[str, ...] = ()
+
+    def __init__(
+        self,
+        vertices: Any,
+        faces: Any = None,
+        *,
+        name: str = "mesh",
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        vertices = _vertex_array(vertices, name)
+        faces = _face_array(faces, name)
+        _check_faces(faces, len(vertices), name)
+        _check_finite(vertices, faces, name)
+        vertices.setflags(write=False)
+        faces.setflags(write=False)
+        for field, value in (
+            ("vertices", vertices),
+            ("faces", faces),
+            ("name", name),
+            ("notes", tuple(notes)),
+        ):
+            object.__setattr__(self, field, value)
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices, unreferenced ones included."""
+        return len(self.vertices)
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles; 0 for a point cloud."""
+        return len(self.faces)
+
+    @property
+    def is_point_cloud(self) -> bool:
+        """Whether the mesh has no faces."""
+        return len(self.faces) == 0
+
+    def __repr__(self) -> str:
+        if self.is_point_cloud:
+            return f"Mesh({self.n_vertices} points)"
+        return f"Mesh({self.n_vertices} vertices, {self.n_faces} faces)"
+
+
+def _vertex_array(vertices: Any, name: str) -> FloatArray:
+    if np.iscomplexobj(vertices):
+        raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
+    try:
+        array = np.array(vertices, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise MeshError(f"{name}: vertices are not an array of numbers ({error})") from None
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise MeshError(f"{name}: vertices must have shape (n, 3), not {array.shape}")
+    return array
+
+
+def _face_array(faces: Any, name: str) -> IntArray:
+    if faces is None:
+        return np.empty((0, 3), dtype=np.int64)
+    array = np.asarray(faces)
+    if array.size == 0:
+        return np.empty((0, 3), dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise MeshError(
+            f"{name}: faces must have shape (m, 3), not {array.shape}; triangulate them first"
+        )
+    if not np.issubdtype(array.dtype, np.integer):
+        raise MeshError(f"{name}: faces must be whole numbers (vertex indices), not {array.dtype}")
+    return np.array(array, dtype=np.int64, order="C")
+
+
+def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
+    outside = (faces < 0) | (faces >= n_vertices)
+    if outside.any():
+        face = int(np.flatnonzero(outside.any(axis=1))[0])
+        index = int(faces[face][outside[face]][0])
+        raise MeshError(
+            f"{name}: face {face} names vertex {index}, but the vertices are numbered "
+            f"0 to {n_vertices - 1}; correct or remove that face"
+        )
+
+
+def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
+    bad = ~np.isfinite(vertices).all(axis=1)
+    if len(faces):
+        used = np.zeros(len(vertices), dtype=bool)
+        used[faces] = True
+        bad &= used
+    if bad.any():
+        vertex = int(np.flatnonzero(bad)[0])
+        position = ", ".join(f"{x:g}" for x in vertices[vertex])
+        raise MeshError(
+            f"{name}: vertex {vertex} is at ({position}), which is not a finite position; "
+            "correct or remove that vertex"
+        )
+
+
+def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
+    """Check vertex numbers: one, or a list of whole numbers from 0 to ``n - 1``.
+
+    Returns
+    -------
+    (s,) ndarray of int64
+
+    Raises
+    ------
+    InputError
+        If they are something else.
+
+    Examples
+    --------
+    >>> from unbend.mesh import vertex_ids
+    >>> vertex_ids(5, 12, "mesh")
+    array([5])
+    """
+    ids = np.atleast_1d(np.asarray(vertices))
+    if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
+        raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
+    outside = (ids < 0) | (ids >= n)
+    if outside.any():
+        raise InputError(
+            f"{name}: there is no vertex {ids[outside][0]}; vertices are numbered 0 to {n - 1}"
+        )
+    return ids.astype(np.int64)
+
+
+def vertex_areas(mesh: Mesh) -> FloatArray:
+    """Give each vertex a third of the area of the faces around it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    (n,) ndarray of float64
+        In squared units of the mesh; 0 at vertices that no face uses. All 1 for a point cloud.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.mesh import vertex_areas
+    >>> vertex_areas(Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0]], [[0, 1, 2]]))
+    array([1., 1., 1.])
+    """
+    if mesh.is_point_cloud:
+        return np.ones(mesh.n_vertices)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
+    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
+
+
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Average the faces' normals, weighted by area, at each vertex.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+        Of unit length; 0 where no face has an area.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.mesh import vertex_normals
+    >>> vertex_normals(np.array([[0.0, 0, 0], [3, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))[0]
+    array([0., 0., 1.])
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = len(vertices)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))

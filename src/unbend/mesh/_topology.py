@@ -1,0 +1,282 @@
+"""Edges, components and fans of a triangle mesh, as whole-array operations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from unbend._types import BoolArray, FloatArray, IntArray
+
+# A face is degenerate when its height over its longest edge is at most this fraction of that
+# edge. It is about the square root of double precision: below it, the cotangent of the smallest
+# angle has lost half of its digits and outweighs every other face.
+DEGENERATE_HEIGHT = 1e-8
+
+# Faces measured at once: their temporaries stay in the cache.
+FACES_AT_ONCE = 2**14
+
+# Up to this many faces around a vertex, fans are counted by walking around it.
+_LONGEST_WALK = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The undirected edges of a mesh.
+
+    Attributes
+    ----------
+    ends : (n_edges, 2) ndarray of int64
+        Vertex indices, the lower one first.
+    n_faces : (n_edges,) ndarray of int64
+        Faces at each edge.
+    n_upward : (n_edges,) ndarray of int64
+        How many of them walk from the lower to the higher vertex index.
+    of_side : (3 * m,) ndarray of int64
+        Edge of side ``k`` (from corner ``k`` to the next one) of face ``i``, at ``3 * i + k``.
+    """
+
+    ends: IntArray
+    n_faces: IntArray
+    n_upward: IntArray
+    of_side: IntArray
+
+
+def find_edges(faces: IntArray, n_vertices: int) -> Edges:
+    """Collect the edges of faces that name three different vertices."""
+    tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    upward = tail < head
+    key = np.where(upward, tail * n_vertices + head, head * n_vertices + tail)
+    order = np.argsort(key)
+    ordered = key[order]
+    is_new = np.ones(len(key), dtype=bool)
+    is_new[1:] = ordered[1:] != ordered[:-1]
+    starts = np.flatnonzero(is_new)
+    of_side = np.empty(len(key), dtype=np.int64)
+    of_side[order] = np.cumsum(is_new) - 1
+    return Edges(
+        ends=np.column_stack(np.divmod(ordered[starts], max(n_vertices, 1))),
+        n_faces=np.diff(np.append(starts, len(key))),
+        n_upward=np.bincount(of_side[upward], minlength=len(starts)),
+        of_side=of_side,
+    )
+
+
+def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:
+    """Pairs of vertices that an edge joins, each once: (e, 2), the lower one first, ascending.
+
+    A side from a vertex to itself, as of a face that names one twice, is no edge.
+    """
+    ends = find_edges(faces, n_vertices).ends
+    return np.asarray(ends[ends[:, 0] != ends[:, 1]])
+
+
+def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
+    """Turn faces until any two that are alone at an edge walk along it in opposite directions.
+
+    Of each connected part, turned are the fewer faces. Edges of more than two faces connect none.
+
+    Parameters
+    ----------
+    faces : (m, 3) ndarray of int64
+    n_vertices : int
+
+    Returns
+    -------
+    (m, 3) ndarray of int64, or None
+        None for a surface that has only one side.
+    """
+    m = len(faces)
+    edges = find_edges(faces, n_vertices)
+    twin = _other_sides(edges)
+    is_loop = (edges.ends[:, 0] == edges.ends[:, 1])[edges.of_side]
+    sides = np.flatnonzero((twin > np.arange(3 * m)) & ~is_loop)
+    one, other = sides // 3, twin[sides] // 3
+    turned = (edges.n_upward[edges.of_side[sides]] != 1) * m
+    # Each face occurs twice: face i as it is, i + m as it would be, turned.
+    tails = np.concatenate([one, one + m])
+    heads = np.concatenate([other + turned, other + m - turned])
+    graph = coo_matrix((np.ones(len(tails)), (tails, heads)), shape=(2 * m, 2 * m))
+    count, labels = connected_components(graph, directed=False)
+    as_they_are, opposite = labels[:m], labels[m:]
+    if (as_they_are == opposite).any():
+        return None
+    votes = np.bincount(as_they_are, minlength=count)
+    turn = votes[as_they_are] < votes[opposite]
+    turn |= (votes[as_they_are] == votes[opposite]) & (as_they_are > opposite)
+    return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
+
+
+def _other_sides(edges: Edges) -> IntArray:
+    """For each side the other one at its edge, -1 where the edge has not exactly two."""
+    side = np.arange(len(edges.of_side))
+    # The numbers of an edge's two sides, summed, less one of them is the other one.
+    other = np.bincount(edges.of_side, side).astype(np.int64)[edges.of_side] - side
+    return np.where(edges.n_faces[edges.of_side] == 2, other, -1)
+
+
+def group_rows(rows: IntArray, n_groups: int) -> IntArray:
+    """Label rows so that rows that share a group, directly or through others, share a label.
+
+    Parameters
+    ----------
+    rows : (m, k) ndarray of int64
+        The groups that each row belongs to, 0 to ``n_groups - 1``.
+
+    Returns
+    -------
+    (m + n_groups,) ndarray of int64
+        Labels of the rows, then of the groups; a group without rows has a label of its own.
+    """
+    m, k = rows.shape
+    # Rows and groups are the nodes of a bipartite graph whose CSR arrays need no sorting.
+    indptr = np.concatenate([np.arange(m + 1) * k, np.full(n_groups, m * k)])
+    size = m + n_groups
+    data = np.ones(m * k, dtype=np.int8)
+    graph = csr_matrix((data, rows.ravel() + m, indptr), shape=(size, size))
+    labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """The connected components, largest first.
+
+    Attributes
+    ----------
+    of_vertex : (n,) ndarray of int64
+        Component of each vertex, -1 for vertices that no face uses.
+    n_vertices, n_faces : (n_components,) ndarray of int64
+    """
+
+    of_vertex: IntArray
+    n_vertices: IntArray
+    n_faces: IntArray
+
+
+def find_components(faces: IntArray, n_vertices: int) -> Components:
+    """Group the vertices that faces connect."""
+    index = faces.astype(np.int32)
+    links = index[:, [0, 0]].ravel(), index[:, 1:].ravel()
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(n_vertices, n_vertices))
+    n_labels, label = connected_components(graph, directed=False)
+    if n_labels == 1 and n_vertices > 1:  # as most meshes are
+        counts = np.array([n_vertices]), np.array([len(faces)])
+        return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
+    used = np.zeros(n_vertices, dtype=bool)
+    used[faces] = True
+    labels, first, number = np.unique(label[used], return_index=True, return_inverse=True)
+    vertex_count = np.bincount(number, minlength=len(labels))
+    compact = np.full(n_vertices, -1, dtype=np.int64)
+    compact[used] = number
+    face_count = np.bincount(compact[faces[:, 0]], minlength=len(labels))
+    # Most vertices first, then most faces, then the earliest vertex: never up to chance.
+    order = np.lexsort([first, -face_count, -vertex_count])
+    rank = np.empty(len(labels), dtype=np.int64)
+    rank[order] = np.arange(len(labels))
+    of_vertex = np.full(n_vertices, -1, dtype=np.int64)
+    of_vertex[used] = rank[number]
+    return Components(of_vertex, vertex_count[order], face_count[order])
+
+
+def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
+    """Count vertices whose faces form more than one fan.
+
+    Two faces at a vertex are in the same fan if a chain of edges at that vertex joins them.
+    """
+    if len(faces) == 0:
+        return 0
+    degree = np.bincount(faces.ravel())
+    paired = (edges.n_faces == 1) | ((edges.n_faces == 2) & (edges.n_upward == 1))
+    if paired.all() and degree.max() <= _LONGEST_WALK:
+        return int((_walk_around(faces, edges, len(degree)) < degree).sum())
+    side = edges.of_side.reshape(-1, 3)
+    # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
+    leaving, arriving = side, side[:, [2, 0, 1]]
+    pairs = np.stack(
+        [
+            2 * leaving + (edges.ends[leaving, 1] == faces),
+            2 * arriving + (edges.ends[arriving, 1] == faces),
+        ],
+        axis=-1,
+    )
+    fan = group_rows(pairs.reshape(-1, 2), 2 * len(edges.ends))[: faces.size]
+    corner_of_fan = np.unique(fan, return_index=True)[1]
+    fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
+    return int((fans_at_vertex > 1).sum())
+
+
+def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
+    """Size of one fan at each vertex of an oriented mesh: of the open one, if there is any.
+
+    A corner has the number of the side that leaves it. The next corner of its fan lies across
+    that side.
+    """
+    at_vertex = faces.ravel()
+    side = np.arange(len(at_vertex))
+    twin = _other_sides(edges)
+    inner = twin >= 0
+    following = np.where(inner, twin + np.where(twin % 3 == 2, -2, 1), -1)
+    begins = np.ones(len(side), dtype=bool)
+    begins[following[inner]] = False
+    first = np.full(n_vertices, -1)
+    first[at_vertex] = side
+    first[at_vertex[begins]] = side[begins]
+    size = np.zeros(n_vertices, dtype=np.int64)
+    vertices = np.flatnonzero(first >= 0)
+    corner = first[vertices]
+    while len(vertices):
+        size[vertices] += 1
+        corner = following[corner]
+        going = (corner >= 0) & (corner != first[vertices])
+        vertices, corner = vertices[going], corner[going]
+    return size
+
+
+def has_repeated_index(faces: IntArray) -> BoolArray:
+    """Which faces name a vertex twice."""
+    a, b, c = faces.T
+    repeated: BoolArray = (a == b) | (b == c) | (c == a)
+    return repeated
+
+
+def proper_faces(faces: IntArray) -> IntArray:
+    """Select the faces that name three different vertices: only they have edges."""
+    repeated = has_repeated_index(faces)
+    return faces[~repeated] if repeated.any() else faces
+
+
+def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
+    """Which faces are degenerate (see ``DEGENERATE_HEIGHT``), and the area of all.
+
+    Lengths are measured in units of the longest, so that no product overflows or vanishes in
+    whatever unit of length the mesh comes.
+    """
+    degenerate = np.empty(len(faces), dtype=bool)
+    area = 0.0
+    for start in range(0, len(faces), FACES_AT_ONCE):
+        part = slice(start, start + FACES_AT_ONCE)
+        degenerate[part], part_area = _measure(vertices, faces[part])
+        area += part_area
+    return degenerate, area
+
+
+def _measure(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
+    a, b, c = (vertices[faces[:, k]] / 4 for k in range(3))  # / 4: no difference overflows
+    u, v = b - a, c - a
+    scale = float(max(u.max(), -u.min(), v.max(), -v.min()))
+    if scale > 0:
+        u /= scale
+        v /= scale
+    normal = np.empty_like(u)  # np.cross, without its temporaries
+    normal[:, 0] = u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]
+    normal[:, 1] = u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]
+    normal[:, 2] = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    twice_area = np.sqrt(np.einsum("ij,ij->i", normal, normal))
+    w = v - u
+    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", x, x) for x in (u, v, w)])
+    degenerate: BoolArray = twice_area <= DEGENERATE_HEIGHT * longest_squared
+    area = float(twice_area.sum()) / 2 * (4 * scale) * (4 * scale)
+    return degenerate | has_repeated_index(faces), area

@@ -1,0 +1,13 @@
+"""What is wrong with a mesh, and the part of it that computations run on."""
+
+from unbend.preparation._diagnosis import Diagnosis, diagnose
+from unbend.preparation._prepare import Prepared, only_component, prepare, restrict
+
+__all__ = [
+    "Diagnosis",
+    "Prepared",
+    "diagnose",
+    "only_component",
+    "prepare",
+    "restrict",
+]

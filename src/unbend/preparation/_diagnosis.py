@@ -1,0 +1,170 @@
+"""What is wrong with a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from unbend._arrays import count_repeats
+from unbend._types import FloatArray
+from unbend.mesh import (
+    Edges,
+    Mesh,
+    count_non_manifold_vertices,
+    find_components,
+    find_edges,
+    group_rows,
+    measure_faces,
+    proper_faces,
+)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The health of a mesh, as returned by :func:`diagnose`.
+
+    Attributes
+    ----------
+    n_vertices, n_faces : int
+    component_vertices, component_faces : tuple of int
+        Vertices and faces of each connected component, largest first. Two faces are connected
+        if they share a vertex. Empty for a point cloud.
+    boundary_edges : int
+        Edges with a single face.
+    boundary_loops : int
+        Connected groups of boundary edges; loops that touch at a vertex count as one.
+    non_manifold_edges : int
+        Edges with more than two faces.
+    non_manifold_vertices : int
+        Vertices whose faces form more than one fan.
+    inconsistent_edges : int
+        Edges whose two faces are oriented against each other.
+    degenerate_faces : int
+        Faces that name a vertex twice, or whose height over their longest edge is at most 1e-8 of
+        that edge, so that the cotangents of their angles mean nothing.
+    unreferenced_vertices : int
+        Vertices that no face uses; 0 for a point cloud.
+    duplicate_vertices : int
+        Vertices at exactly the position of an earlier one.
+    duplicate_faces : int
+        Faces with the same three vertices as an earlier one, in any order.
+    area : float
+        Sum of the faces' areas, in the square of the mesh's unit of length.
+    closed : bool
+        Whether there are faces and every edge has at least two.
+    euler_characteristic : int or None
+        Vertices in use - edges + faces, not counting faces that name a vertex twice. None for a
+        point cloud.
+    genus : int or None
+        Number of handles, where it is meaningful: one component, every edge and vertex manifold,
+        consistent orientation, no face that names a vertex twice.
+    edge_min, edge_median, edge_max : float
+        Lengths of the edges; NaN without edges.
+    """
+
+    n_vertices: int
+    n_faces: int
+    component_vertices: tuple[int, ...]
+    component_faces: tuple[int, ...]
+    boundary_edges: int
+    boundary_loops: int
+    non_manifold_edges: int
+    non_manifold_vertices: int
+    inconsistent_edges: int
+    degenerate_faces: int
+    unreferenced_vertices: int
+    duplicate_vertices: int
+    duplicate_faces: int
+    area: float
+    closed: bool
+    euler_characteristic: int | None
+    genus: int | None
+    edge_min: float
+    edge_median: float
+    edge_max: float
+
+    @property
+    def n_components(self) -> int:
+        """Number of connected components; 0 for a point cloud."""
+        return len(self.component_vertices)
+
+    @property
+    def robust_needed(self) -> bool:
+        """Whether the cotangent Laplacian would be wrong, and the robust one is needed."""
+        return bool(self.degenerate_faces or self.non_manifold_edges or self.non_manifold_vertices)
+
+
+def diagnose(mesh: Mesh) -> Diagnosis:
+    """Examine a mesh; nothing is changed.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    Diagnosis
+
+    See Also
+    --------
+    prepare : The part of the mesh that computations run on.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend import diagnose
+    >>> tetrahedron = Mesh(
+    ...     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    ...     [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    ... )
+    >>> health = diagnose(tetrahedron)
+    >>> health.closed, health.genus, health.component_vertices
+    (True, 0, (4,))
+    """
+    vertices, faces = mesh.vertices, mesh.faces
+    proper = proper_faces(faces)
+    edges = find_edges(proper, mesh.n_vertices)
+    components = find_components(faces, mesh.n_vertices)
+    degenerate, area = measure_faces(vertices, faces)
+    n_used = int(components.n_vertices.sum())
+    boundary = edges.ends[edges.n_faces == 1]
+    loops = len(np.unique(group_rows(boundary, mesh.n_vertices)[: len(boundary)]))
+    non_manifold_edges = int((edges.n_faces > 2).sum())
+    non_manifold_vertices = count_non_manifold_vertices(proper, edges)
+    inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
+    euler = n_used - len(edges.ends) + len(proper)
+    surface = (
+        len(components.n_vertices) == 1
+        and not (non_manifold_edges or non_manifold_vertices or inconsistent)
+        and len(proper) == len(faces)
+    )
+    lengths = _lengths(vertices, edges)
+    return Diagnosis(
+        n_vertices=mesh.n_vertices,
+        n_faces=mesh.n_faces,
+        component_vertices=tuple(components.n_vertices.tolist()),
+        component_faces=tuple(components.n_faces.tolist()),
+        boundary_edges=len(boundary),
+        boundary_loops=loops,
+        non_manifold_edges=non_manifold_edges,
+        non_manifold_vertices=non_manifold_vertices,
+        inconsistent_edges=inconsistent,
+        degenerate_faces=int(degenerate.sum()),
+        unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
+        duplicate_vertices=count_repeats(vertices),
+        duplicate_faces=count_repeats(np.sort(faces, axis=1)),
+        area=area,
+        closed=len(faces) > 0 and len(boundary) == 0,
+        euler_characteristic=None if mesh.is_point_cloud else euler,
+        genus=(2 - euler - loops) // 2 if surface else None,
+        edge_min=float(lengths.min()) if len(lengths) else np.nan,
+        edge_median=float(np.median(lengths)) if len(lengths) else np.nan,
+        edge_max=float(lengths.max()) if len(lengths) else np.nan,
+    )
+
+
+def _lengths(vertices: FloatArray, edges: Edges) -> FloatArray:
+    x, y, z = (vertices[edges.ends[:, 1]] - vertices[edges.ends[:, 0]]).T
+    lengths: FloatArray = np.hypot(np.hypot(x, y), z)  # neither overflows nor vanishes
+    return lengths

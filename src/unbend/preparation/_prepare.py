@@ -1,0 +1,269 @@
+"""The part of a mesh that computations run on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._arrays import count_repeats, is_whole
+from unbend._text import plural
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.errors import InputError, MeshError
+from unbend.mesh import (
+    Components,
+    Mesh,
+    count_non_manifold_vertices,
+    find_components,
+    find_edges,
+    measure_faces,
+    proper_faces,
+)
+
+_LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """The part of a mesh that computations run on, as returned by :func:`prepare`.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The kept vertices, in their original order, and the faces between them. The mesh that was
+        given if all of it is kept.
+    kept : (n_kept,) ndarray of int64
+        Index in the original mesh of each kept vertex, increasing.
+    n_original : int
+        Vertices of the original mesh.
+    robust_needed : bool
+        Whether degenerate faces or non-manifold edges or vertices are kept, which the cotangent
+        Laplacian cannot take. False for a point cloud.
+    notes : tuple of str
+        One sentence for each thing that was done or found.
+    """
+
+    mesh: Mesh
+    kept: IntArray
+    n_original: int
+    robust_needed: bool
+    notes: tuple[str, ...] = ()
+
+    def expand(self, values: npt.ArrayLike) -> FloatArray:
+        """Give every original vertex a row: its value if it was kept, else NaN.
+
+        Parameters
+        ----------
+        values : (n_kept, ...) array_like of float
+
+        Returns
+        -------
+        (n_original, ...) ndarray of float64
+
+        Raises
+        ------
+        InputError
+            If there is not one row for each kept vertex.
+        """
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim == 0 or len(array) != len(self.kept):
+            raise InputError(
+                f"values of shape {array.shape} do not have one row for each of the "
+                f"{len(self.kept)} kept vertices"
+            )
+        if len(self.kept) == self.n_original:
+            return array
+        expanded = np.full((self.n_original, *array.shape[1:]), np.nan)
+        expanded[self.kept] = array
+        return expanded
+
+
+def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool = True) -> Prepared:
+    """Select the vertices that computations can run on, or say why there are none.
+
+    Vertices that no face uses are left out, as are the components that were not chosen. Nothing
+    else is: degenerate and duplicate faces stay, and vertices keep their order.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A triangle mesh or a point cloud.
+    component : "largest" or int, optional
+        Which connected component to keep: the one with most vertices, or its place (0-based)
+        among the components sorted from the largest to the smallest.
+    connected : bool, default=True
+        Whether the computation needs a single component.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    MeshError
+        If no face has an area, fewer than 4 vertices are left, or the mesh has several components
+        while one is needed and none was chosen.
+    InputError
+        If there is no such component.
+
+    See Also
+    --------
+    diagnose : All there is to say about a mesh.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend import Mesh
+    >>> from unbend.preparation import prepare
+    >>> vertices = [[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> prepared = prepare(Mesh(vertices, [[0, 3, 2], [0, 2, 4], [0, 4, 3], [2, 3, 4]]))
+    >>> prepared.notes
+    ('1 unreferenced vertex is NaN in the result',)
+    >>> prepared.expand([1, 2, 3, 4])
+    array([ 1., nan,  2.,  3.,  4.])
+    """
+    if mesh.is_point_cloud:
+        return _prepare_points(mesh, component)
+    components = find_components(mesh.faces, mesh.n_vertices)
+    n_components = len(components.n_vertices)
+    chosen = _chosen(component, n_components, mesh.name)
+    if chosen is None and connected and n_components > 1:
+        raise MeshError(
+            f"{mesh.name}: the mesh has {n_components} separate components "
+            f"(with {_sizes(components)} vertices); keep one with --component largest "
+            '(in Python: component="largest")'
+        )
+    notes = []
+    n_unused = int((components.of_vertex < 0).sum())
+    if n_unused:
+        verb = "is" if n_unused == 1 else "are"
+        notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} NaN in the result")
+    keep = components.of_vertex >= 0
+    if chosen is not None and n_components > 1:
+        keep = components.of_vertex == chosen
+        notes.append(
+            f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]} of "
+            f"{mesh.n_vertices} vertices; the others are NaN in the result"
+        )
+    working, kept = restrict(mesh, keep)
+    if len(kept) < _LEAST_VERTICES:
+        raise MeshError(
+            f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
+            f"{_LEAST_VERTICES}"
+        )
+    degenerate, _ = measure_faces(working.vertices, working.faces)
+    if degenerate.all():
+        raise MeshError(
+            f"{mesh.name}: every face is degenerate (a point or a line); "
+            "give a mesh whose faces have an area"
+        )
+    problems = _problems(working, int(degenerate.sum()))
+    if problems:
+        notes.append(f"{' and '.join(problems)} call for the robust Laplacian")
+    return Prepared(working, kept, mesh.n_vertices, bool(problems), tuple(notes))
+
+
+def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
+    """Keep the faces of one component, and every vertex: what was left out is unreferenced.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    component : "largest", int or None
+        Which component, 0 being the largest. None: all of the mesh.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    MeshError, InputError
+        If there is no such component, or it cannot be used.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.preparation import only_component
+    >>> two = Mesh([[x, y, z] for x in (0, 5) for y, z in ((0, 0), (0, 1), (1, 0), (1, 1))],
+    ...            [[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]])
+    >>> only_component(two, "largest")
+    Mesh(8 vertices, 2 faces)
+    """
+    if component is None:
+        return mesh
+    kept = np.zeros(mesh.n_vertices, dtype=bool)
+    kept[prepare(mesh, component=component).kept] = True
+    faces = mesh.faces[kept[mesh.faces].all(axis=1)]
+    return Mesh(mesh.vertices, faces, name=mesh.name, notes=mesh.notes)
+
+
+def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
+    _chosen(component, 1, mesh.name)
+    if mesh.n_vertices < _LEAST_VERTICES:
+        raise MeshError(
+            f"{mesh.name}: the point cloud has only {plural(mesh.n_vertices, 'point')}; "
+            f"a shape needs at least {_LEAST_VERTICES}"
+        )
+    repeats = count_repeats(mesh.vertices)
+    verb = "point repeats" if repeats == 1 else "points repeat"
+    notes = (f"{repeats} {verb} the position of another",) if repeats else ()
+    kept = np.arange(mesh.n_vertices, dtype=np.int64)
+    return Prepared(mesh, kept, mesh.n_vertices, False, notes)
+
+
+def _chosen(component: str | int | None, n_components: int, name: str) -> int | None:
+    if component is None:
+        return None
+    if component == "largest":
+        return 0
+    if not is_whole(component):
+        raise InputError(f"component must be 'largest' or a whole number, not {component!r}")
+    if not 0 <= component < n_components:
+        raise InputError(
+            f"{name}: there is no component {component}; they are numbered 0 to "
+            f"{n_components - 1}, largest first"
+        )
+    return int(component)
+
+
+def _sizes(components: Components) -> str:
+    sizes = [str(size) for size in components.n_vertices[:5]]
+    if len(components.n_vertices) > 5:
+        sizes.append(f"({len(components.n_vertices) - 5} more) fewer")
+    return f"{', '.join(sizes[:-1])} and {sizes[-1]}"
+
+
+def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray]:
+    """Keep some components: their vertices, in their order, and the faces between them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    keep : (n,) ndarray of bool
+        Alike for all vertices of a face.
+
+    Returns
+    -------
+    part : Mesh
+    kept : (n_kept,) ndarray of int64
+        Index in the mesh of each vertex of the part.
+    """
+    kept = np.flatnonzero(keep).astype(np.int64)
+    if len(kept) == mesh.n_vertices:
+        return mesh, kept
+    number = np.cumsum(keep) - 1
+    faces = number[mesh.faces[keep[mesh.faces[:, 0]]]]
+    return Mesh(mesh.vertices[kept], faces, name=mesh.name, notes=mesh.notes), kept
+
+
+def _problems(mesh: Mesh, n_degenerate: int) -> list[str]:
+    proper = proper_faces(mesh.faces)
+    edges = find_edges(proper, mesh.n_vertices)
+    found = (
+        (n_degenerate, "degenerate face"),
+        (int((edges.n_faces > 2).sum()), "non-manifold edge"),
+        (count_non_manifold_vertices(proper, edges), "non-manifold vertex"),
+    )
+    return [plural(number, noun) for number, noun in found if number]

@@ -1,0 +1,162 @@
+"""Spectra kept on disk, so that a mesh's eigenpairs are computed once.
+
+Each file holds the eigenpairs of one mesh at unit area under a name made from everything they
+depend on. A file that is damaged, foreign or from another solver is recomputed, never trusted;
+a folder that cannot be written is done without. Files appear whole (written aside, renamed), so
+any number of processes may share a folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from unbend._types import FloatArray
+from unbend.errors import FileError
+from unbend.io import atomic_write
+from unbend.mesh import Mesh
+
+# Total size that the cache may grow to; the files used longest ago go first.
+_MOST_BYTES = 2 * 2**30
+# A temporary file this old was left behind by a process that was killed.
+_ABANDONED_SECONDS = 3600.0
+
+
+@dataclass(frozen=True)
+class CacheInfo:
+    """What the cache holds.
+
+    Attributes
+    ----------
+    folder : Path
+    n_files, n_bytes : int
+        Number of spectra and their total size.
+    most_bytes : int
+        Size the cache may grow to.
+    """
+
+    folder: Path
+    n_files: int
+    n_bytes: int
+    most_bytes: int
+
+
+def cache_folder() -> Path:
+    """Folder of the cache: ``UNBEND_CACHE_DIR``, or the user's cache folder of the platform."""
+    import platformdirs
+
+    return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
+
+
+def cache_key(mesh: Mesh, *how: str | float) -> str:
+    """Name under which a mesh's spectrum is kept: a hash of the mesh and of how it was computed."""
+    digest = hashlib.blake2b(digest_size=20)
+    digest.update(f"{how!r} {mesh.vertices.shape}".encode())
+    digest.update(mesh.vertices.data)
+    digest.update(mesh.faces.data)
+    return digest.hexdigest()
+
+
+def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
+    """Return cached eigenvalues and eigenfunctions, or None.
+
+    Parameters
+    ----------
+    key : str
+        From :func:`cache_key`.
+
+    Returns
+    -------
+    tuple of (k,) and (n, k) ndarray of float64, or None
+    """
+    path = _path(key)
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            values, functions = file["eigenvalues"], file["eigenfunctions"]
+            checked = bytes(file["digest"]) == _digest(key, values, functions)
+    except Exception:  # whatever a damaged file makes NumPy or zipfile raise, it is no use
+        return None
+    if not checked:
+        return None
+    with suppress(OSError):
+        os.utime(path)  # used just now: last to go
+    return values, functions
+
+
+def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:
+    """Keep eigenpairs for the next time; quietly does nothing where that is impossible."""
+    path = _path(key)
+    if functions.nbytes > _MOST_BYTES // 2:
+        return
+    digest = np.frombuffer(_digest(key, values, functions), dtype=np.uint8)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _make_room(functions.nbytes)
+        with atomic_write(path) as file:
+            np.savez(file, eigenvalues=values, eigenfunctions=functions, digest=digest)
+    except (OSError, FileError):
+        return
+
+
+def cache_info() -> CacheInfo:
+    """Count what the cache holds."""
+    sizes = [size for _, size, _ in _files()]
+    return CacheInfo(cache_folder(), len(sizes), sum(sizes), _MOST_BYTES)
+
+
+def clear_cache() -> int:
+    """Remove every cached spectrum; return how many there were.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be removed.
+    """
+    count = 0
+    for path, _, _ in _files():
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"cannot remove {path}: {error.strerror}") from None
+        count += 1
+    return count
+
+
+def _path(key: str) -> Path:
+    return cache_folder() / f"{key}.npz"
+
+
+def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:
+    digest = hashlib.blake2b(digest_size=20)
+    digest.update(f"{key} {values.shape} {functions.shape}".encode())
+    digest.update(np.ascontiguousarray(values).data)
+    digest.update(np.ascontiguousarray(functions).data)
+    return digest.digest()
+
+
+def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
+    """Path, size and time of last use of each file; others may remove them meanwhile."""
+    for path in cache_folder().glob(pattern):
+        with suppress(OSError):
+            status = path.stat()
+            yield path, status.st_size, status.st_mtime
+
+
+def _make_room(n_bytes: int) -> None:
+    for path, _, used in _files(".*.part"):
+        if time.time() - used > _ABANDONED_SECONDS:
+            path.unlink(missing_ok=True)
+    files = sorted(_files(), key=lambda file: file[2])
+    excess = sum(size for _, size, _ in files) + n_bytes - _MOST_BYTES
+    for path, size, _ in files:
+        if excess <= 0:
+            return
+        path.unlink(missing_ok=True)
+        excess -= size

@@ -1,0 +1,184 @@
+"""The Laplacian of a mesh: stiffness matrix W and lumped vertex areas a."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from unbend._parallel import run_all
+from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.choices import AreaKind, LaplacianKind
+from unbend.errors import InputError, MeshError
+from unbend.io import as_mesh
+from unbend.mesh import FACES_AT_ONCE, Mesh
+from unbend.preparation import Prepared, prepare
+
+
+@dataclass(frozen=True, eq=False)
+class Laplacian:
+    """A discrete Laplace-Beltrami operator ``diag(areas)^-1 stiffness``.
+
+    Attributes
+    ----------
+    stiffness : (n, n) sparse array of float64
+        W: symmetric, positive semi-definite, rows sum to zero. It does not depend on scale.
+    areas : (n,) ndarray of float64
+        Lumped vertex areas, in squared units of length; zero at unreferenced vertices.
+    kind : str
+        ``"cotangent"`` or ``"robust"``: what ``"auto"`` chose.
+    """
+
+    stiffness: SparseMatrix
+    areas: FloatArray
+    kind: str
+
+
+def laplacian(mesh: Any, kind: LaplacianKind = "auto", areas: AreaKind = "voronoi") -> Laplacian:
+    """Discrete Laplace-Beltrami operator of a triangle mesh or a point cloud.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    kind : {"auto", "cotangent", "robust"}, default="auto"
+        ``"cotangent"``: ``W_ij = -(cot alpha_ij + cot beta_ij) / 2`` (Pinkall and Polthier
+        1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020),
+        for any triangle soup and for point clouds. ``"auto"``: robust for point clouds and
+        where a face is degenerate or an edge non-manifold, cotangent otherwise.
+    areas : {"voronoi", "barycentric"}, default="voronoi"
+        Lumped areas of the cotangent Laplacian: mixed Voronoi cells (Meyer et al. 2003) or a
+        third of each triangle. The robust Laplacian has its own.
+
+    Returns
+    -------
+    Laplacian
+
+    Raises
+    ------
+    InputError
+        If `kind` or `areas` is not one of the names above.
+    MeshError
+        If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
+        mesh with a degenerate face.
+
+    Notes
+    -----
+    The factor 1/2 belongs to the weights; Eq. 5 of Yang, Obaseki and Chen (2019) omits it.
+
+    Examples
+    --------
+    The area of the unit square is shared among its corners:
+
+    >>> from unbend import laplacian
+    >>> square = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> laplacian(square).areas
+    array([0.25, 0.25, 0.25, 0.25])
+    """
+    mesh = as_mesh(mesh)
+    if areas not in ("voronoi", "barycentric"):
+        raise InputError(f'areas must be "voronoi" or "barycentric", not {areas!r}')
+    if kind == "auto":
+        kind = choose_kind(kind, prepare(mesh, connected=False))
+    if kind == "robust":
+        return _robust(mesh)
+    if kind == "cotangent":
+        return _cotangent(mesh, areas)
+    raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {kind!r}')
+
+
+def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:
+    """Turn "auto" into the Laplacian that suits a prepared mesh."""
+    if kind != "auto":
+        return kind
+    robust = prepared.mesh.is_point_cloud or prepared.robust_needed
+    return "robust" if robust else "cotangent"
+
+
+def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
+    if mesh.is_point_cloud:
+        raise MeshError(f'{mesh.name}: a point cloud has no cotangent Laplacian; use "robust"')
+    faces, n = mesh.faces, mesh.n_vertices
+    cotangents, corner_areas = np.empty(faces.shape), np.empty(faces.shape)
+
+    def measure(start: int) -> None:
+        part = slice(start, start + FACES_AT_ONCE)
+        cotangents[part], corner_areas[part] = _measure_corners(mesh, part, area_kind)
+
+    run_all(partial(measure, start) for start in range(0, len(faces), FACES_AT_ONCE))
+    vertex_areas: FloatArray = np.bincount(faces.ravel(), corner_areas.ravel(), n).astype(float)
+    cotangents /= 2
+    return Laplacian(_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
+
+
+def _measure_corners(mesh: Mesh, part: slice, area_kind: AreaKind) -> tuple[FloatArray, FloatArray]:
+    """Cotangents of the corners of some faces, and the area that belongs to each corner."""
+    corners = mesh.vertices[mesh.faces[part]]  # (m, 3 corners, 3 coordinates)
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge facing corner
+    squared = np.einsum("mij,mij->mi", opposite, opposite)
+    double_area = np.linalg.norm(np.cross(opposite[:, 1], opposite[:, 2]), axis=1)
+    flat = double_area <= np.finfo(float).eps * squared.max(axis=1)
+    if flat.any():
+        raise MeshError(
+            f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its cotangents "
+            'do not exist; use the "robust" Laplacian'
+        )
+    # cot of a corner: (b^2 + c^2 - a^2) / (4 area), a being the edge that faces it
+    cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
+    if area_kind == "voronoi":
+        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2)
+    return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1)
+
+
+def _stiffness(faces: IntArray, weights: FloatArray, n: int) -> SparseMatrix:
+    """Assemble W from half-cotangents: corner c of a face weighs the edge that faces it."""
+    index = faces.astype(np.int32)
+    tails = np.roll(index, -1, axis=1).ravel()
+    heads = np.roll(index, -2, axis=1).ravel()
+    weight = weights.ravel()
+    diagonal = np.bincount(tails, weight, n) + np.bincount(heads, weight, n)
+    every = np.arange(n, dtype=np.int32)
+    entries = np.concatenate([-weight, -weight, diagonal])
+    rows = np.concatenate([tails, heads, every])
+    columns = np.concatenate([heads, tails, every])
+    return sp.csr_array(sp.coo_array((entries, (rows, columns)), shape=(n, n)))
+
+
+def _mixed_voronoi(
+    squared: FloatArray, cotangents: FloatArray, face_areas: FloatArray
+) -> FloatArray:
+    """Share of each face that belongs to each of its corners (Meyer et al. 2003, fig. 4)."""
+    product = squared * cotangents
+    # A corner's Voronoi cell reaches the midpoints of the two edges that meet there.
+    voronoi = (np.roll(product, -1, axis=1) + np.roll(product, -2, axis=1)) / 8
+    obtuse = cotangents < 0
+    clipped = np.where(obtuse, face_areas[:, None] / 2, face_areas[:, None] / 4)
+    shares: FloatArray = np.where(obtuse.any(axis=1, keepdims=True), clipped, voronoi)
+    return shares
+
+
+def _robust(mesh: Mesh) -> Laplacian:
+    import robust_laplacian
+
+    used = np.ones(mesh.n_vertices, dtype=bool)
+    if mesh.is_point_cloud:
+        neighbours = min(30, mesh.n_vertices - 1)
+        stiffness, mass = robust_laplacian.point_cloud_laplacian(
+            mesh.vertices, n_neighbors=neighbours
+        )
+        return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.faces] = True
+    if used.all():
+        stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+        return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
+    kept = np.flatnonzero(used)
+    renumbered = np.cumsum(used) - 1
+    part = _robust(Mesh(mesh.vertices[kept], renumbered[mesh.faces], name=mesh.name))
+    spread = sp.csr_array(
+        (np.ones(len(kept)), (kept, np.arange(len(kept)))), shape=(mesh.n_vertices, len(kept))
+    )
+    return Laplacian(spread @ part.stiffness @ spread.T, spread @ part.areas, "robust")

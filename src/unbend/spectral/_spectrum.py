@@ -1,0 +1,202 @@
+"""Eigenpairs of a mesh's Laplacian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse.csgraph as csgraph
+
+from unbend._arrays import is_whole
+from unbend._memory import check_memory
+from unbend._types import FloatArray
+from unbend.choices import AreaKind, LaplacianKind
+from unbend.errors import InputError
+from unbend.linalg.lanczos import smallest_eigenpairs
+from unbend.linalg.signs import fix_basis, fix_signs
+from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
+from unbend.spectral._laplacian import Laplacian
+from unbend.spectral._surface import Surface, make_surface
+
+# Largest relative residual |W phi - lambda A phi| / |lambda A phi|, unless another is asked for.
+_RESIDUAL = 1e-8
+# Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
+# otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
+_VERSION = 1
+# Neighbouring eigenvalues are equal if they differ by no more than this share of the tolerance, or
+# by what rounding leaves of equal ones, relative to the larger or to the mean distance of a
+# surface's eigenvalues. Eigenfunctions in their space keep to the tolerance.
+_EQUAL, _ROUNDING = 0.1, 1e-11
+_MEAN_DISTANCE = 4 * np.pi  # at unit area, by Weyl's law
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The lowest eigenpairs ``W phi = lambda A phi`` of a Laplacian.
+
+    Attributes
+    ----------
+    eigenvalues : (k,) ndarray of float64
+        Ascending, in 1 / squared units of length; the first is exactly 0.
+    eigenfunctions : (n, k) ndarray of float64
+        One column each, area-orthonormal: ``Phi.T @ diag(areas) @ Phi = I``. The first is
+        constant. Rows of unreferenced vertices are NaN.
+    areas : (n,) ndarray of float64
+        Lumped vertex areas, in squared units of length.
+    laplacian : str
+        Which Laplacian: ``"cotangent"`` or ``"robust"``.
+    notes : tuple of str
+        What was done to the input.
+    """
+
+    eigenvalues: FloatArray
+    eigenfunctions: FloatArray
+    areas: FloatArray
+    laplacian: str
+    notes: tuple[str, ...] = ()
+
+
+def spectrum(
+    mesh: Any,
+    k: int,
+    *,
+    laplacian: LaplacianKind = "auto",
+    areas: AreaKind = "voronoi",
+    tol: float = _RESIDUAL,
+    cache: bool = True,
+) -> Spectrum:
+    """Lowest `k` eigenvalues and eigenfunctions of the Laplace-Beltrami operator.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts. Several components are allowed: each has an
+        eigenvalue 0 of its own.
+    k : int
+        How many, the constant eigenfunction included; at most the number of vertices in use.
+    laplacian, areas : str
+        See :func:`unbend.laplacian`.
+    tol : float, default=1e-8
+        Largest relative residual ``|W phi - lambda A phi| / |lambda A phi|``, in the norm of
+        A^-1, that an eigenpair may have.
+    cache : bool, default=True
+        Look in the cache on disk first, and keep what was computed there. What it holds changes
+        no result.
+
+    Returns
+    -------
+    Spectrum
+
+    Raises
+    ------
+    InputError
+        If `k` is out of range.
+    MeshError
+        If the mesh cannot be used; the message names the vertex or face. If its computation does
+        not fit into the memory that is free.
+    SolverError
+        If an eigenpair's residual stays larger than `tol`.
+
+    Notes
+    -----
+    Signs follow one rule: an eigenfunction's area-weighted third moment is positive; where it
+    vanishes (functions odd under a symmetry), its first entry of largest magnitude is.
+
+    So does the basis of a multiple eigenvalue's space (on symmetric shapes), whatever `k`: its
+    first function is the one that reaches the highest value at any vertex, each next one the one
+    that does so among those orthogonal to it; of several such vertices the first decides.
+    Eigenvalues count as equal if they differ by less than a tenth of `tol`.
+
+    Examples
+    --------
+    >>> from unbend import spectrum
+    >>> from unbend.datasets import make_sphere
+    >>> spectrum(make_sphere(3), 4).eigenvalues.round(1)
+    array([0., 2., 2., 2.])
+    """
+    surface = make_surface(mesh, laplacian=laplacian, areas=areas, connected=False)
+    unit = eigenpairs(surface, k, tol=tol, cache=cache)
+    expand = surface.prepared.expand
+    return Spectrum(
+        eigenvalues=unit.eigenvalues / surface.area,
+        eigenfunctions=expand(unit.eigenfunctions / np.sqrt(surface.area)),
+        areas=np.nan_to_num(expand(unit.areas * surface.area)),
+        laplacian=unit.laplacian,
+        notes=surface.prepared.notes,
+    )
+
+
+def eigenpairs(surface: Surface, k: int, *, tol: float = _RESIDUAL, cache: bool = True) -> Spectrum:
+    """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
+    operator = surface.operator
+    if not is_whole(k) or not 1 <= k <= surface.n_vertices:
+        raise InputError(
+            f"{surface.mesh.name}: asked for {k} eigenpairs, but a mesh of "
+            f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
+        )
+    values, functions = _at_least(surface, k, tol, cache)
+    functions = np.ascontiguousarray(functions[:, :k])
+    return Spectrum(values[:k], functions, operator.areas, operator.kind)
+
+
+def _at_least(surface: Surface, k: int, tol: float, cache: bool) -> tuple[FloatArray, FloatArray]:
+    """Eigenpairs that depend on the surface, `k` and `tol` alone, not on what the cache holds.
+
+    One of a few numbers of pairs is computed, and each has a file of its own.
+    """
+    operator, wanted = surface.operator, k
+    while True:
+        count = _number_to_compute(wanted, surface.n_vertices)
+        key = ""
+        if cache:
+            key = cache_key(surface.mesh, _VERSION, operator.kind, surface.area_kind, tol, count)
+        found = load_eigenpairs(key) if cache else None
+        if found is None:
+            # Behind k pairs is a basis of about 1.6 k + 75 vectors, and polishing copies them.
+            check_memory(surface.mesh.name, surface.n_vertices, 4 * count + 75)
+            found = whole_eigenpairs(operator, count, tol)
+            if cache:
+                store_eigenpairs(key, *found)
+        if len(found[0]) >= k:
+            return found
+        wanted = count * 3 // 2
+
+
+def _number_to_compute(k: int, n: int) -> int:
+    """More than `k`, for the last one shows whether those before it are whole eigenspaces."""
+    return min(n, next((few for few in (5, 11) if few > k), -(-k // 10) * 10 + 1))
+
+
+def whole_eigenpairs(operator: Laplacian, count: int, tol: float) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (k,) and eigenfunctions (n, k) of a Laplacian at unit area, one for each input.
+
+    Of the first `count`, those whose spaces are known to be whole: all but the last value's, or
+    all there are. Null space, bases and signs are fixed.
+    """
+    null = null_space(operator)[:, :count]
+    c = null.shape[1]
+    if c == count:
+        return np.zeros(count), fix_signs(null, operator.areas)
+    values, functions = smallest_eigenpairs(operator.stiffness, operator.areas, count, tol=tol)
+    values[:c], functions[:, :c] = 0.0, null
+    equal = max(_EQUAL * tol, _ROUNDING) * np.maximum(values[1:], _MEAN_DISTANCE)
+    equal[:c] = -1.0  # the null space has its basis
+    k = count
+    if count < len(operator.areas):
+        k = int(np.flatnonzero(np.append(True, np.diff(values) > equal))[-1])
+    functions = fix_basis(functions[:, :k], values[:k], equal[: k - 1])
+    return values[:k], fix_signs(functions, operator.areas)
+
+
+def null_space(operator: Laplacian) -> FloatArray:
+    """Area-orthonormal functions constant on each component, (n, n_components), ones first."""
+    count, label = csgraph.connected_components(operator.stiffness, directed=False)
+    component_areas = np.bincount(label, operator.areas)
+    # An orthogonal matrix whose first column is the constant, in units of each component.
+    basis = np.eye(count)
+    basis[:, 0] = np.sqrt(component_areas / component_areas.sum())
+    basis, triangle = np.linalg.qr(basis)
+    basis *= np.sign(triangle[0, 0])
+    functions: FloatArray = (basis / np.sqrt(component_areas)[:, None])[label]
+    return functions

@@ -1,0 +1,123 @@
+"""A mesh made ready for computation: one connected surface of unit area and its Laplacian."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse.csgraph as csgraph
+
+from unbend._types import IntArray
+from unbend.choices import AreaKind, LaplacianKind
+from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.io import as_mesh
+from unbend.mesh import Mesh, vertex_ids
+from unbend.preparation import Prepared, prepare
+from unbend.spectral._laplacian import Laplacian, choose_kind
+from unbend.spectral._laplacian import laplacian as build_laplacian
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What every computation on a mesh starts from.
+
+    Attributes
+    ----------
+    prepared : Prepared
+        The vertices in use, and where they stand in the whole mesh.
+    operator : Laplacian
+        Of the vertices in use, with areas that sum to one.
+    area : float
+        Total area in squared units of length.
+    area_kind : str
+        ``"voronoi"`` or ``"barycentric"``: how the vertex areas were taken.
+    """
+
+    prepared: Prepared
+    operator: Laplacian
+    area: float
+    area_kind: str
+
+    @property
+    def mesh(self) -> Mesh:
+        """The part of the mesh that is in use, in its own unit of length."""
+        return self.prepared.mesh
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices in use."""
+        return len(self.operator.areas)
+
+
+def make_surface(
+    mesh: Any,
+    *,
+    laplacian: LaplacianKind = "auto",
+    areas: AreaKind = "voronoi",
+    component: str | int | None = None,
+    connected: bool = True,
+) -> Surface:
+    """Check a mesh, choose its component, and build its Laplacian at unit area.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    laplacian, areas : str
+        See :func:`unbend.laplacian`.
+    component : "largest" or int, optional
+        Which component of a mesh that has several.
+    connected : bool, default=True
+        Whether a single component is needed.
+
+    Raises
+    ------
+    MeshError
+        If the mesh cannot be used; the message names the vertex or face.
+
+    Warns
+    -----
+    UnbendWarning
+        For each thing that was done to the mesh.
+    """
+    prepared = prepare(as_mesh(mesh), component=component, connected=connected)
+    for note in prepared.notes:
+        warnings.warn(f"{prepared.mesh.name}: {note}", UnbendWarning, stacklevel=3)
+    operator = build_laplacian(prepared.mesh, choose_kind(laplacian, prepared), areas)
+    area = float(operator.areas.sum())
+    name = prepared.mesh.name
+    if not 0 < area < np.inf:
+        raise MeshError(f"{name}: its area is {area:g}; give coordinates in a sensible unit")
+    # The cotangent Laplacian joins what the faces join; others look further or less far.
+    look = connected and operator.kind != "cotangent"
+    pieces = csgraph.connected_components(operator.stiffness, directed=False)[0] if look else 1
+    if pieces > 1:
+        raise MeshError(
+            f"{name}: its Laplacian falls into {pieces} pieces; bridge the gaps between its points"
+        )
+    unit = Laplacian(operator.stiffness, operator.areas / area, operator.kind)
+    return Surface(prepared, unit, area, areas)
+
+
+def local_ids(surface: Surface, vertices: Any) -> IntArray:
+    """Turn vertex ids of the whole mesh into ids among the vertices in use.
+
+    Raises
+    ------
+    InputError
+        If an id is not a whole number, out of range, or not in use, or there is none.
+    """
+    kept = surface.prepared.kept
+    ids = vertex_ids(vertices, surface.prepared.n_original, surface.mesh.name)
+    if not len(ids):
+        raise InputError(f"{surface.mesh.name}: name at least one vertex")
+    local = np.minimum(np.searchsorted(kept, ids), len(kept) - 1)
+    unused = kept[local] != ids
+    if unused.any():
+        raise InputError(
+            f"{surface.mesh.name}: vertex {ids[unused][0]} is not part of the surface; "
+            "no face of the chosen component uses it"
+        )
+    return local.astype(np.int64)

@@ -1,0 +1,135 @@
+"""Alignment: truths about rigid motions in any dimension."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from unbend.alignment import align, nearest_rotation, procrustes
+from unbend.errors import InputError
+
+
+def _cloud(n: int, d: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.exponential(size=(n, d)) * np.arange(d + 1, 1, -1)
+
+
+def _orthogonal(d: int, seed: int, determinant: int) -> np.ndarray:
+    rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(d, d)))[0]
+    rotation[0] *= determinant * np.sign(np.linalg.det(rotation))
+    return rotation
+
+
+@given(d=st.integers(1, 6), seed=st.integers(0, 1000), determinant=st.sampled_from([1, -1]))
+def test_procrustes_recovers_a_motion(d: int, seed: int, determinant: int) -> None:
+    points = _cloud(40, d, seed)
+    truth = _orthogonal(d, seed, determinant)
+    rotation, translation = procrustes(points, points @ truth.T + 3)
+    np.testing.assert_allclose(rotation, truth, atol=1e-9)
+    np.testing.assert_allclose(translation, np.full(d, 3.0), atol=1e-8)
+
+
+def test_procrustes_without_reflections_keeps_the_determinant() -> None:
+    points = _cloud(40, 3)
+    rotation, _ = procrustes(points, points * [-1, 1, 1], reflect=False)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+def test_procrustes_weights_ignore_a_weightless_point() -> None:
+    points = _cloud(20, 3)
+    wrong = points.copy()
+    wrong[0] += 100
+    rotation, translation = procrustes(points, wrong, weights=[0] + [1] * 19)
+    np.testing.assert_allclose(rotation, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(translation, 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 5, 8])
+@pytest.mark.parametrize("determinant", [1, -1])
+def test_align_recovers_a_motion_of_shuffled_points(d: int, determinant: int) -> None:
+    points = _cloud(300, d)
+    order = np.random.default_rng(1).permutation(300)
+    truth = _orthogonal(d, 2, determinant)
+    found = align(points, points[order] @ truth.T - 2)
+    np.testing.assert_allclose(found.rotation, truth, atol=1e-9)
+    assert found.residual < 1e-9
+    assert (order[found.source_to_target] == np.arange(300)).all()
+    assert (found.target_to_source == order).all()
+    np.testing.assert_allclose(found.apply(points), points @ truth.T - 2, atol=1e-9)
+
+
+def test_align_obeys_reflect() -> None:
+    points = _cloud(200, 3)
+    mirror = points * [-1, 1, 1]
+    assert align(points, mirror).residual < 1e-9
+    found = align(points, mirror, reflect=False)
+    assert np.linalg.det(found.rotation) == pytest.approx(1)
+    assert found.residual > 0.1
+
+
+def test_align_different_numbers_of_points_and_history() -> None:
+    rng = np.random.default_rng(0)
+    angles = rng.uniform(0, 2 * np.pi, 500)
+    curve = np.stack([3 * np.cos(angles), np.sin(angles) + 0.3 * np.cos(angles) ** 2], axis=1)
+    found = align(curve[:200], curve[200:] @ _orthogonal(2, 0, 1).T + [5, 6])
+    assert found.residual < 0.1
+    assert found.residuals[-1] == found.residual <= found.residuals[0]
+    assert found.source_to_target.shape == (200,)
+    assert found.target_to_source.shape == (300,)
+
+
+def test_align_is_deterministic() -> None:
+    one, two = (align(_cloud(300, 3), _cloud(250, 3, 5)) for _ in range(2))
+    assert (one.rotation == two.rotation).all()
+    assert (one.residuals == two.residuals).all()
+
+
+@pytest.mark.parametrize("reflect", [True, False])
+def test_rounding_does_not_choose_between_motions_that_a_symmetry_makes_equal(reflect) -> None:
+    half = _cloud(60, 3)
+    points = np.concatenate([half * (1, i, j) for i in (1, -1) for j in (1, -1)])
+    rotations = []
+    for seed in range(5):
+        noise = 1e-14 * np.random.default_rng(seed).standard_normal(points.shape)
+        rotations.append(align(points, points @ _orthogonal(3, 1, 1).T + noise, reflect=reflect))
+        np.testing.assert_allclose(rotations[-1].rotation, rotations[0].rotation, atol=1e-6)
+    assert rotations[0].residual < 1e-9
+
+
+def test_align_in_many_dimensions_limits_its_starts() -> None:
+    points = _cloud(60, 12)
+    assert align(points, points + 1, max_iterations=3).residual < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "message"),
+    [
+        (np.zeros((3, 2)), np.zeros((3, 3)), "one dimension"),
+        (np.zeros((0, 3)), np.zeros((3, 3)), "source points"),
+        (np.zeros((3, 3)), np.full((3, 3), np.nan), "target point 0 is not finite"),
+    ],
+)
+def test_align_says_what_is_wrong(source: np.ndarray, target: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        align(source, target)
+
+
+def test_procrustes_says_what_is_wrong() -> None:
+    with pytest.raises(InputError, match="one shape"):
+        procrustes(np.zeros((3, 2)), np.zeros((4, 2)))
+    with pytest.raises(InputError, match="weights"):
+        procrustes(np.eye(3), np.eye(3), weights=[1, -1, 1])
+
+
+@pytest.mark.parametrize("d", [2, 3, 5])
+def test_the_nearest_rotation_has_the_largest_trace(d: int) -> None:
+    chance = np.random.default_rng(d)
+    matrices = chance.normal(size=(6, d, d))
+    rotations = nearest_rotation(matrices)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1)
+    turned = np.linalg.qr(chance.normal(size=(200, d, d)))[0]
+    turned[..., 0] *= np.linalg.det(turned)[:, None]
+    for matrix, rotation in zip(matrices, rotations, strict=True):
+        assert (rotation * matrix).sum() >= (turned * matrix).sum(axis=(1, 2)).max()
+    for other in (turned[:6], -turned[:6]):  # what is orthogonal stays as it is
+        np.testing.assert_allclose(nearest_rotation(other, reflect=True), other, atol=1e-12)

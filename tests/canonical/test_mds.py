@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+import dense
+from unbend import canonical_form, laplacian
+from unbend.canonical import sampled_scaling
+from unbend.datasets import make_quadruped, make_sphere
+
+FILTERS = {
+    "biharmonic": lambda values: values**-2,
+    "commute-time": lambda values: values**-1,
+    "diffusion": lambda values: np.exp(-2 * 0.1 * values),
+}
+
+
+def unit(mesh):
+    operator = laplacian(mesh)
+    return type(operator)(operator.stiffness, operator.areas / operator.areas.sum(), operator.kind)
+
+
+@pytest.mark.parametrize("distance", FILTERS)
+def test_exact_form_is_dense_classical_scaling_of_all_distances(blob, distance):
+    gram = dense.kernel(unit(blob), FILTERS[distance])
+    points, values = dense.classical_scaling(dense.distances(gram) ** 2, 3)
+    form = canonical_form(blob, distance=distance)
+    np.testing.assert_allclose(form.eigenvalues, values, rtol=1e-8)
+    assert dense.relative_error(form.points, points) < 1e-6
+
+
+def test_exact_form_of_an_animal_is_dense_classical_scaling():
+    """By a route without eigenpairs: (W + a a^T)^-1 is the Green's operator plus constants."""
+    dog = make_quadruped("galloping", n_vertices=1500).mesh
+    operator = unit(dog)
+    inverse = np.linalg.inv(operator.stiffness.toarray() + np.outer(operator.areas, operator.areas))
+    gram = inverse @ (operator.areas[:, None] * inverse)
+    points, values = dense.classical_scaling(dense.distances(gram) ** 2, 3)
+    form = canonical_form(dog)
+    np.testing.assert_allclose(form.eigenvalues, values, rtol=1e-8)
+    assert dense.relative_error(form.points, points) < 1e-6
+
+
+@pytest.mark.parametrize("distance", FILTERS)
+def test_area_weights_give_the_scaled_eigenfunctions(blob, distance):
+    """Weighted scaling by the definition: eigenpairs of A^1/2 J g J^T A^1/2."""
+    operator = unit(blob)
+    areas = operator.areas
+    root = np.sqrt(areas)
+    centre = np.eye(len(areas)) - np.outer(np.ones(len(areas)), areas)
+    gram = centre @ dense.kernel(operator, FILTERS[distance]) @ centre.T
+    values, vectors = np.linalg.eigh(root[:, None] * gram * root)
+    points = (vectors[:, ::-1][:, :3] / root[:, None]) * np.sqrt(values[::-1][:3])
+    form = canonical_form(blob, distance=distance, weighting="area")
+    np.testing.assert_allclose(form.eigenvalues, values[::-1][:3], rtol=1e-8)
+    assert dense.relative_error(form.points, points) < 1e-6
+
+
+@pytest.mark.parametrize("weighting", ["uniform", "area"])
+@pytest.mark.parametrize("interpolation", ["projection", "least-squares"])
+def test_all_samples_and_all_eigenpairs_leave_nothing_to_approximate(
+    blob, weighting, interpolation
+):
+    # As mu grows the sampled values are met exactly.
+    everything = {"n_eigenpairs": blob.n_vertices, "n_samples": blob.n_vertices, "mu": 1e12}
+    sampled = canonical_form(
+        blob, method="sampled", weighting=weighting, interpolation=interpolation, **everything
+    )
+    exact = canonical_form(blob, weighting=weighting)
+    np.testing.assert_allclose(sampled.eigenvalues, exact.eigenvalues, rtol=1e-6)
+    assert dense.relative_error(sampled.points, exact.points) < 1e-6
+
+
+@pytest.mark.parametrize("name", ["cat0", "cat1", "cat2", "cat3", "cat6", "cat8"])
+def test_the_paper_s_sampling_comes_within_a_thousandth_on_cats(real_data, name):
+    mesh = real_data / "tosca_remeshed" / f"{name}.off"
+    exact = canonical_form(mesh)
+    for interpolation in ("projection", "least-squares"):
+        sampled = canonical_form(mesh, method="sampled", interpolation=interpolation)
+        assert dense.relative_error(sampled.points, exact.points) < 1e-3
+
+
+def test_negative_eigenvalues_are_returned_and_their_columns_are_zero():
+    """Distances 1 among four points but 3 between one pair: no such points exist."""
+    squared = np.ones((4, 4)) - np.eye(4)
+    squared[0, 1] = squared[1, 0] = 9.0
+    points, values = sampled_scaling(squared, np.eye(4), np.full(4, 0.25), 4, "uniform")
+    _, expected = dense.classical_scaling(squared, 4)
+    np.testing.assert_allclose(values, expected, atol=1e-12)
+    assert values[-1] < -0.1
+    assert np.isfinite(points).all()
+    np.testing.assert_array_equal(points[:, values < 0], 0)
+
+
+@pytest.mark.parametrize("n_components", [3, 8])
+def test_a_sphere_has_one_form(n_components):
+    """Its eigenvalues are multiple: three, then five equal ones."""
+    one, other = (
+        canonical_form(make_sphere(3), n_components=n_components, random_state=seed)
+        for seed in (0, 1)
+    )
+    np.testing.assert_allclose(other.points, one.points, atol=1e-6)

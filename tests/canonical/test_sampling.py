@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from unbend import Mesh, distance, farthest_point_sampling
+from unbend.datasets import make_octopus, make_quadruped
+from unbend.errors import InputError
+
+
+@pytest.mark.parametrize("kind", ["biharmonic", "geodesic", "commute-time", "diffusion"])
+def test_each_sample_is_the_farthest_from_those_before(blob, kind):
+    samples = farthest_point_sampling(blob, 8, kind=kind)
+    rows = distance(blob, samples, kind=kind)
+    for i in range(1, 8):
+        nearest = rows[:i].min(axis=0)
+        assert nearest[samples[i]] == pytest.approx(nearest.max(), rel=1e-6)
+
+
+def test_every_vertex_can_be_sampled_once(blob):
+    samples = farthest_point_sampling(blob, blob.n_vertices)
+    np.testing.assert_array_equal(np.sort(samples), np.arange(blob.n_vertices))
+
+
+def test_does_not_depend_on_vertex_order(blob):
+    order = np.random.default_rng(0).permutation(blob.n_vertices)
+    permuted = Mesh(blob.vertices[order], np.argsort(order)[blob.faces])
+    samples = farthest_point_sampling(blob, 10, kind="biharmonic")
+    np.testing.assert_array_equal(
+        order[farthest_point_sampling(permuted, 10, kind="biharmonic")], samples
+    )
+
+
+@pytest.mark.parametrize("kind", ["biharmonic", "geodesic"])
+@pytest.mark.parametrize("make", [make_quadruped, make_octopus])
+def test_what_is_rounded_in_another_way_has_the_same_samples(make, kind):
+    mesh = make(n_vertices=600).mesh  # of two sides, which are equally far from its middle
+    other = Mesh(mesh.vertices[:, [1, 2, 0]] * 3 + 1, mesh.faces)
+    samples = farthest_point_sampling(mesh, 60, kind=kind)
+    assert farthest_point_sampling(other, 60, kind=kind).tolist() == samples.tolist()
+
+
+def test_starts_where_it_is_told(blob):
+    assert farthest_point_sampling(blob, 3, start=17)[0] == 17
+    with pytest.raises(InputError, match="no vertex 1000"):
+        farthest_point_sampling(blob, 3, start=1000)
+    for start in (-1, 1.0, [4, 5], []):
+        with pytest.raises(InputError, match="vertex"):
+            farthest_point_sampling(blob, 3, start=start)
+
+
+@pytest.mark.parametrize("n_samples", [0, 643, 2.5, True])
+def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
+    with pytest.raises(InputError, match="642 vertices"):
+        farthest_point_sampling(blob, n_samples)

@@ -1,0 +1,148 @@
+"""Evaluation: protocols, curve and geodesics on surfaces where distances are known."""
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.correspondence import THRESHOLDS, evaluate
+from unbend.datasets import make_sphere
+from unbend.errors import InputError, MeshError
+
+BALL = make_sphere(3)
+EVERY = np.arange(BALL.n_vertices)
+AREA = 4 * np.pi
+
+
+def _antipodes() -> np.ndarray:
+    return np.argmin(BALL.vertices @ BALL.vertices.T, axis=1)
+
+
+def _mirror() -> np.ndarray:
+    return np.argmax((BALL.vertices * [-1, 1, 1]) @ BALL.vertices.T, axis=1)
+
+
+def test_identity_has_no_error() -> None:
+    found = evaluate(EVERY, BALL, EVERY, EVERY, source=BALL)
+    assert found.direct.max() == 0
+    assert found.coverage == pytest.approx(1)
+    assert found.continuity == pytest.approx(1)
+    assert found.auc() == 1
+    assert (found.curve() == 100).all()
+    assert found.map_min is None
+
+
+@pytest.mark.parametrize("geodesics", ["heat", "exact"])
+def test_antipodes_are_half_a_great_circle_away(geodesics: str) -> None:
+    if geodesics == "exact":
+        pytest.importorskip("pygeodesic")
+    found = evaluate(_antipodes(), BALL, EVERY[:20], EVERY[:20], geodesics=geodesics)
+    np.testing.assert_allclose(found.direct, np.pi / np.sqrt(AREA), rtol=0.03)
+
+
+def test_errors_do_not_depend_on_the_unit() -> None:
+    images = np.roll(EVERY, 7)
+    small = evaluate(images, BALL, EVERY[:30], EVERY[:30])
+    large = evaluate(images, Mesh(BALL.vertices * 1000, BALL.faces), EVERY[:30], EVERY[:30])
+    np.testing.assert_allclose(small.direct, large.direct, rtol=1e-4)
+
+
+def test_protocols_of_a_mirrored_map() -> None:
+    mirror = _mirror()
+    found = evaluate(mirror, BALL, EVERY, EVERY, mirror)
+    assert found.mean("map-min") == 0
+    assert found.mean("vertex-min") == 0
+    assert found.mean("direct") > 0.1
+    # Half mirrored: no single choice is right, each row on its own is.
+    half = np.where(BALL.vertices[:, 2] > 0, mirror, EVERY)
+    found = evaluate(half, BALL, EVERY, EVERY, mirror)
+    assert found.mean("vertex-min") == 0
+    assert 0 < found.mean("map-min") <= found.mean("direct")
+
+
+def test_curve_counts_errors_up_to_each_threshold() -> None:
+    found = evaluate(np.roll(EVERY, 3), BALL, EVERY, EVERY)
+    curve = found.curve()
+    assert THRESHOLDS.shape == curve.shape == (17,)
+    assert THRESHOLDS[-1] == 0.2
+    assert (np.diff(curve) >= 0).all()
+    assert curve[4] == pytest.approx(100 * (found.direct <= 0.05).mean())
+    assert found.median() == np.median(found.direct)
+    assert 0 <= found.auc() < 1
+
+
+def test_rows_without_an_image_do_not_count() -> None:
+    images = EVERY.copy()
+    images[5] = -1
+    truth = EVERY.copy()
+    truth[6] = -1
+    found = evaluate(images, BALL, EVERY, truth)
+    assert len(found.direct) == len(EVERY) - 2
+    assert found.coverage < 1
+
+
+def test_coverage_of_a_constant_map() -> None:
+    found = evaluate(np.zeros_like(EVERY), BALL, EVERY[:5], EVERY[:5])
+    assert found.coverage == pytest.approx(1 / BALL.n_vertices, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((EVERY, BALL, EVERY, EVERY[:3]), "source and"),
+        ((EVERY + 1, BALL, EVERY, EVERY), "point_map: row"),
+        ((EVERY, BALL, [-1], [0]), "source_points: row 0 is -1"),
+        ((EVERY * 1.0, BALL, EVERY, EVERY), "whole numbers"),
+        ((np.full_like(EVERY, -1), BALL, EVERY, EVERY), "no row"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments: tuple, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        evaluate(*arguments)
+
+
+def test_unknown_choices_are_refused() -> None:
+    with pytest.raises(InputError, match="geodesics"):
+        evaluate(EVERY, BALL, EVERY, EVERY, geodesics="dijkstra")
+    found = evaluate(EVERY, BALL, EVERY[:3], EVERY[:3])
+    with pytest.raises(InputError, match="mirrored ground truth"):
+        found.mean("map-min")
+    with pytest.raises(InputError, match="protocol"):
+        found.mean("best")
+
+
+def _two_balls_and_a_stray() -> Mesh:
+    """Vertices 0 to n - 1: a ball; n to 2 n - 1: another, apart; 2 n: used by no face."""
+    n = BALL.n_vertices
+    points = np.vstack([BALL.vertices, BALL.vertices + 5, [[9, 9, 9]]])
+    return Mesh(points, np.vstack([BALL.faces, BALL.faces + n]), name="two balls")
+
+
+@pytest.mark.parametrize("geodesics", ["heat", "exact"])
+def test_what_no_path_leads_to_is_infinitely_far(geodesics: str) -> None:
+    if geodesics == "exact":
+        pytest.importorskip("pygeodesic")
+    target, n = _two_balls_and_a_stray(), BALL.n_vertices
+    images = np.array([0, n + 1, 2 * n, n + 3])
+    truth = np.array([0, 1, 2, n + 4])
+    found = evaluate(images, target, np.arange(4), truth, geodesics=geodesics)
+    np.testing.assert_array_equal(np.isinf(found.direct), [False, True, True, False])
+    assert found.direct[0] == 0
+    # The second ball is measured as if it stood alone, in units of both areas.
+    alone = evaluate([3], BALL, [0], [4], geodesics=geodesics)
+    assert found.direct[3] == pytest.approx(alone.direct[0] / np.sqrt(2), rel=1e-5)
+    assert found.mean() == np.inf
+    assert found.curve()[-1] <= 50
+
+
+def test_ground_truth_off_the_surface_is_refused() -> None:
+    target, n = _two_balls_and_a_stray(), BALL.n_vertices
+    with pytest.raises(InputError, match=f"target_points: row 1 is {2 * n}, a vertex that no face"):
+        evaluate([0, 1], target, [0, 1], [0, 2 * n])
+    assert evaluate([0, -1], target, [0, 1], [0, 2 * n]).mean() == 0  # it does not count
+
+
+def test_point_clouds_are_refused() -> None:
+    with pytest.raises(MeshError, match="point cloud"):
+        evaluate(EVERY, BALL.vertices, EVERY, EVERY)
+    with pytest.raises(MeshError, match="point cloud"):
+        evaluate(EVERY, BALL, EVERY, EVERY, source=BALL.vertices)

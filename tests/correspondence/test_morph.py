@@ -1,0 +1,81 @@
+"""In-between shapes: exact ends, rigid motions kept rigid, limbs that do not shrink."""
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.correspondence import morph
+from unbend.datasets import make_quadruped
+from unbend.errors import InputError
+
+
+def _edges(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vertices[mesh.faces] - vertices[mesh.faces[:, [1, 2, 0]]], axis=2)
+
+
+def _turn(degrees: float) -> np.ndarray:
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def test_the_ends_are_the_shapes(blob: Mesh) -> None:
+    target = Mesh(blob.vertices[:, [1, 2, 0]] * [1, 2, 1] + 4, blob.faces)
+    every = np.arange(blob.n_vertices)
+    start, end = (morph(blob, target, every, t) for t in (0, 1))
+    np.testing.assert_array_equal(start.vertices, blob.vertices)
+    np.testing.assert_allclose(end.vertices, target.vertices, atol=1e-12)
+    np.testing.assert_array_equal(end.faces, blob.faces)
+    for near, t in ((blob, 1e-6), (target, 1 - 1e-6)):
+        close = morph(blob, target, every, t).vertices
+        np.testing.assert_allclose(close, near.vertices, atol=1e-4)
+
+
+def test_a_rigid_motion_stays_rigid(blob: Mesh) -> None:
+    moved = Mesh(blob.vertices @ _turn(120).T + [5, 0, 0], blob.faces)
+    half = morph(blob, moved, np.arange(blob.n_vertices), 0.5)
+    np.testing.assert_allclose(_edges(blob, half.vertices), _edges(blob, blob.vertices), rtol=1e-6)
+    center = blob.vertices.mean(axis=0)
+    expected = (blob.vertices - center) @ _turn(60).T + (center + moved.vertices.mean(axis=0)) / 2
+    np.testing.assert_allclose(half.vertices, expected, atol=1e-6)
+
+
+def test_limbs_swing_instead_of_shrinking() -> None:
+    # Two poses of one mesh have the same edges; so should what lies between them.
+    source = make_quadruped("galloping", n_vertices=1000).mesh
+    target = make_quadruped("sitting", n_vertices=1000).mesh
+    half = morph(source, target, np.arange(1000), 0.5).vertices
+    length = (_edges(source, source.vertices) + _edges(source, target.vertices)) / 2
+    ours = np.abs(_edges(source, half) / length - 1)
+    line = np.abs(_edges(source, (source.vertices + target.vertices) / 2) / length - 1)
+    assert ours.mean() < 0.05
+    assert ours.mean() < line.mean() / 4
+    assert ours.max() < line.max()
+
+
+def test_vertices_without_an_image_go_along(blob: Mesh) -> None:
+    vertices = np.vstack([blob.vertices, [[9, 9, 9], [np.nan] * 3]])
+    source = Mesh(vertices, blob.faces)
+    every = np.append(np.arange(blob.n_vertices), [-1, -1])
+    target = Mesh(blob.vertices + np.array([0, 0, 8]), blob.faces)
+    for t in (0.5, 1):
+        found = morph(source, target, every, t)
+        np.testing.assert_allclose(found.vertices[-2], [9, 9, 9 + 8 * t], atol=1e-6)
+        assert np.isnan(found.vertices[-1]).all()
+
+
+def test_points_go_straight() -> None:
+    source = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
+    half = morph(source, source * 2, np.arange(4), 0.5)
+    np.testing.assert_allclose(half.vertices, source * 1.5, atol=1e-12)
+
+
+def test_what_does_not_fit(blob: Mesh) -> None:
+    every = np.arange(blob.n_vertices)
+    for mapping, t, sentence in (
+        (every, np.nan, "t must be"),
+        (every[:-1], 0.5, "the map has 641 rows"),
+        (np.full_like(every, -1), 0.5, "fewer than 3"),
+        (every + 1, 0.5, "names target vertex 642"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            morph(blob, blob, mapping, t)

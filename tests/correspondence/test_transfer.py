@@ -1,0 +1,177 @@
+"""Carried values are those of the place they come from; labels are never averaged."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from unbend import Mesh
+from unbend.correspondence import transfer
+from unbend.correspondence._transfer import positions_on_target
+from unbend.datasets import make_quadruped, rest_map
+from unbend.errors import InputError
+from unbend.matching import Match, match
+from unbend.matching._projection import closest_faces
+
+PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))
+
+
+def _match(forward, backward, faces=None, weights=None) -> Match:
+    return Match(
+        np.asarray(forward), np.asarray(backward), np.eye(1), 1.0, 0.0, 1.0, (), faces, weights
+    )
+
+
+def _identity(mesh: Mesh) -> Match:
+    """Map each vertex to a corner of one of its faces, exactly."""
+    every = np.arange(mesh.n_vertices)
+    faces = np.zeros(mesh.n_vertices, dtype=np.int64)
+    weights = np.zeros((mesh.n_vertices, 3))
+    for corner in range(3):
+        faces[mesh.faces[:, corner]] = np.arange(mesh.n_faces)
+    weights[mesh.faces[faces] == every[:, None]] = 1
+    return _match(every, every, faces, weights)
+
+
+@given(PERMUTATION)
+def test_permutations_permute(order) -> None:
+    order = np.array(order)
+    for values in (order * 0.5, order, np.stack([order * 1.0] * 2, axis=1), order.astype(str)):
+        np.testing.assert_array_equal(transfer(values, order), values[order])
+    np.testing.assert_array_equal(transfer(order, _match(np.argsort(order), order)), order[order])
+
+
+def test_the_identity_changes_nothing(blob: Mesh) -> None:
+    same = _identity(blob)
+    carried = transfer(blob.vertices, same, source=blob, target=blob)
+    np.testing.assert_allclose(carried, blob.vertices, atol=1e-12)
+    labels = np.where(blob.vertices[:, 0] > 0, "front", "back")
+    np.testing.assert_array_equal(transfer(labels, same, source=blob, target=blob), labels)
+
+
+def test_positions_carried_through_faces_are_finer_than_through_vertices() -> None:
+    # Both shapes at rest, meshed apart: each target vertex should get its own position.
+    source = make_quadruped("standing", n_vertices=800)
+    target = make_quadruped("standing", n_vertices=700, meshing=1)
+    forward, backward = rest_map(source, target), rest_map(target, source)
+    found = _match(
+        forward,
+        backward,
+        *closest_faces(source.mesh.vertices, target.mesh.vertices, target.mesh.faces, forward),
+    )
+    fine = transfer(source.mesh.vertices, found, source=source.mesh, target=target.mesh)
+    coarse = transfer(source.mesh.vertices, found)
+    errors = [np.linalg.norm(one - target.mesh.vertices, axis=1).mean() for one in (fine, coarse)]
+    assert errors[0] < 0.4 * errors[1]
+
+
+@pytest.mark.parametrize("meshing", [0, 1])
+def test_body_parts_arrive_away_from_their_borders(meshing: int) -> None:
+    source = make_quadruped("standing", n_vertices=1000)
+    target = make_quadruped("galloping", n_vertices=900, meshing=meshing)
+    carried = transfer(source.labels, rest_map(target, source))
+    ends = target.mesh.faces
+    border = np.zeros(900, dtype=bool)
+    border[ends[(target.labels[ends] != target.labels[ends[:, :1]]).any(axis=1)]] = True
+    assert (carried == target.labels)[~border].mean() >= 0.99
+
+
+def test_body_parts_arrive_through_a_computed_match() -> None:
+    source = make_quadruped("standing", n_vertices=900)
+    target = make_quadruped("walking", n_vertices=1000, meshing=1)
+    found = match(source.mesh, target.mesh, barycentric=True)
+    for meshes in ({}, {"source": source.mesh, "target": target.mesh}):
+        parts = transfer(np.array(source.parts)[source.labels], found, **meshes)
+        assert (parts == np.array(target.parts)[target.labels]).mean() > 0.95
+        weights = np.eye(len(source.parts))[source.labels]
+        carried = transfer(weights, found, kind="weights", **meshes)
+        np.testing.assert_allclose(carried.sum(axis=1), 1)
+        assert carried.min() >= 0
+    assert 0.005 < ((carried > 0) & (carried < 1)).any(axis=1).mean() < 0.5  # blended at borders
+
+
+def test_labels_go_by_majority() -> None:
+    # The first target vertex lies at (0.4, 0.3): shares 0.3, 0.4, 0.3 of the source's corners.
+    source = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    target = Mesh([[0.4, 0.3, 0], [0, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    corners = [np.vstack([one.vertices[:, :2].T, np.ones(3)]) for one in (source, target)]
+    shares = np.linalg.solve(corners[1], corners[0]).T  # of each source vertex on the target
+    laid = _match([1, 0, 2], [1, 0, 2], np.zeros(3, dtype=np.int64), shares)
+    carried = transfer(["A", "B", "A"], laid, source=source, target=target)
+    assert carried.tolist() == ["A", "A", "A"]  # though B has the largest single share
+    numbers = transfer([0.0, 1, 0], laid, source=source, target=target)
+    np.testing.assert_allclose(numbers, [0.4, 0, 0], atol=1e-12)
+
+
+def test_rounding_does_not_choose_between_labels_of_equal_shares() -> None:
+    # The last target vertex lies in the middle of a side of the source's only face.
+    source = Mesh([[0, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    laid = _match([0, 1, 2], [0, 1, 2, 0], np.array([0, 1, 0]), np.eye(3)[[0, 1, 2]])
+    for noise in (0, 1e-14, -1e-14):
+        target = Mesh([*source.vertices, [1 + noise, 0, 0]], [[0, 3, 2], [3, 1, 2]])
+        carried = transfer(["A", "B", "C"], laid, source=source, target=target)
+        assert carried.tolist() == ["A", "B", "C", "A"]
+
+
+def test_without_a_preimage_nothing_is_made_up() -> None:
+    gap = [1, -1]
+    assert np.isnan(transfer([1.0, 2], gap)).tolist() == [False, True]
+    assert np.isnan(transfer([[1.0, 2], [3, 4]], gap)).tolist() == [[False] * 2, [True] * 2]
+    assert transfer([5, 6], gap).tolist() == [6, -1]
+    assert transfer(np.array([0, 1], np.uint8), gap).tolist() == [1, -1]
+    assert transfer([True, True], gap).tolist() == [1, -1]
+    assert transfer(["a", "b"], gap).tolist() == ["b", ""]
+    colors = transfer(np.array([[0, 0, 0], [9, 8, 7]], np.uint8), gap)
+    assert (colors.dtype, colors.tolist()) == (np.uint8, [[9, 8, 7], [128, 128, 128]])
+
+
+def test_nan_corners_without_a_share_do_not_spread(blob: Mesh) -> None:
+    values = blob.vertices[:, 0].copy()
+    values[7] = np.nan
+    carried = transfer(values, _identity(blob), source=blob, target=blob)
+    assert np.flatnonzero(np.isnan(carried)).tolist() == [7]
+
+
+@pytest.mark.parametrize(
+    ("values", "mapping", "options", "sentence"),
+    [
+        ([1.0, 2], [2], {}, "names source vertex 2, but there are 2 values"),
+        ([1.0, 2], [0.5], {}, "must be a Match or a list"),
+        ([1.0, 2], [-2], {}, "must be a Match or a list"),
+        (1.0, [0], {}, "one value to carry"),
+        ([1.0], _match([0, 0], [1]), {}, "1 rows to carry, but the source has 2 vertices"),
+        ([1.0], [0], {"kind": "mean"}, "kind must be"),
+        (["a"], [0], {"kind": "scalar"}, "cannot be averaged"),
+        ([1j], [0], {}, "neither numbers nor labels"),
+        ([[0.5, 0.5], [0.5, 0.6]], [0], {"kind": "weights"}, "row 1 sums to 1.1"),
+        ([[1.5, -0.5]], [0], {"kind": "weights"}, "its least is -0.5"),
+        ([0.5, 0.5], [0], {"kind": "weights"}, "must be rows"),
+        ([[300, 0, 0]], [0], {"kind": "color"}, "from 0 to 255"),
+        ([0.5], [0], {"kind": "uv"}, "must have two columns"),
+    ],
+)
+def test_what_does_not_fit(values, mapping, options, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        transfer(values, mapping, **options)
+
+
+def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
+    small = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    every = np.zeros(blob.n_vertices)
+    for pair in ({"source": small, "target": blob}, {"source": blob, "target": small}):
+        with pytest.raises(InputError, match="the match has 642"):
+            transfer(every, _identity(blob), **pair)
+    with pytest.raises(InputError, match="names target vertex 641"):
+        positions_on_target(np.arange(642), small)
+    lying = _match([0, 1, 2], [0, 1, 2], np.array([5, 5, 5]), np.eye(3))
+    with pytest.raises(InputError, match="names faces"):
+        positions_on_target(lying, small)
+
+
+def test_a_partner_without_faces_stands_in_itself() -> None:
+    # The source's only face lies where no target vertex has its partner.
+    source = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
+    target = Mesh([[5, 5, 5], [0, 0, 0], [1, 0, 0]], [[0, 1, 2]])
+    laid = _match([1, 2, 1, 0], [3, 0, 1], np.zeros(4, dtype=np.int64), np.eye(3)[[1, 2, 1, 0]])
+    assert transfer([1, 2, 3, 4], laid, source=source, target=target).tolist()[0] == 4
+    assert transfer([1.0, 2, 3, 4], laid, source=source, target=target)[0] == 4

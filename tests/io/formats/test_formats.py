@@ -1,0 +1,301 @@
+"""Tricky files keep their order; bad ones get one sentence; none does harm."""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from unbend import Mesh
+from unbend.errors import FileError, MeshError, UnbendError
+from unbend.io import read_mesh, write_mesh
+from unbend.io._meshes import READ_SUFFIXES
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]], dtype=np.float64)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
+QUICK = settings(
+    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def put(folder: Path, name: str, content: str | bytes) -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+PLY_VERTEX = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+PLY_FACE = "element face 2\nproperty list uchar int vertex_indices\n"
+POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+TWO = "3 0 1 2\n3 0 2 3\n"
+ASCII = "ply\nformat ascii 1.0\n"
+
+# Each of these is the square of POINTS, in order, split into TRIANGLES.
+SAME_SQUARE = {
+    "plain.off": f"OFF\n4 2 0\n{POINTS}{TWO}",
+    "no_edge_count.off": f"OFF\n4 2\n{POINTS}{TWO}",
+    "one_line.off": f"OFF 4 2 0\n{POINTS}{TWO}",
+    "glued.off": f"OFF4 2 0\n{POINTS}{TWO}",
+    "windows.off": f"OFF\n4 2 0\n{POINTS}{TWO}".replace("\n", "\r\n"),
+    "old_mac.off": f"OFF\n4 2 0\n{POINTS}{TWO}".replace("\n", "\r"),
+    "bom.off": f"\ufeffOFF\n4 2 0\n{POINTS}{TWO}",
+    "comments.off": f"# COFF by hand\n\nOFF # it is\n 4 2 0\n# points\n{POINTS}\n#\n{TWO}# end",
+    "latin1.off": f"# cr\xe9\xe9\nOFF\n4 2 0\n{POINTS}{TWO}".encode("latin-1"),
+    "colours.off": "COFF\n4 2 0\n" + POINTS.replace("\n", " 255 0 0 255\n") + TWO,
+    "normals.off": "NOFF\n4 2 0\n" + POINTS.replace("\n", " 0 0 1\n") + TWO,
+    "face_colours.off": f"OFF\n4 2 0\n{POINTS}" + TWO.replace("\n", " 10 20 30\n"),
+    "quad.off": f"OFF\n4 1 0\n{POINTS}4 0 1 2 3\n",
+    "plain.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
+    "textured.obj": (
+        "mtllib a.mtl\no square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5\nvn 0 0 1\nvn 0 0 -1\ns off\nusemtl red\n"
+        "f 1/5/2 2/1/1 3/3/1\nf 1/2/1 3/4/2 4/1/1\n"
+    ),
+    "normals.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\n"
+        "f 1//1 2//1 3//1\nf 1//1 3//1 4//1",
+    "negative.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4/1 -2/1 -1/1\n",
+    "colours.obj": "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3 4\n",
+    "continued.obj": "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\r\n 3 4 # quad\n",
+    "faces_first.obj": "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",
+    "plain.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}{TWO}",
+    "windows.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}{TWO}".replace("\n", "\r\n"),
+    "quad.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}4 0 1 2 3\n".replace(
+        "face 2", "face 1"
+    ),
+    "colours_first.ply": (
+        f"{ASCII}comment by hand\nelement vertex 4\nproperty uchar red\nproperty double z\n"
+        f"property double y\nproperty double x\n{PLY_FACE}end_header\n"
+        "9 0 0 0\n9 0 0 1\n9 0 1 1\n9 0 1 0\n" + TWO
+    ),
+    "texture.ply": (
+        f"{ASCII}{PLY_VERTEX}property float s\nproperty float t\nelement face 2\n"
+        "property uchar flags\nproperty list uchar float texcoord\n"
+        "property list uchar int vertex_index\nend_header\n"
+        + POINTS.replace("\n", " 0 0\n")
+        + "7 6 0 0 1 0 1 1 3 0 1 2\n7 6 0 0 .5 1 0 1 3 0 2 3\n"
+    ),
+    "more_elements.ply": (
+        f"{ASCII}element camera 1\nproperty list uchar int view\nproperty float zoom\n"
+        f"{PLY_VERTEX}{PLY_FACE}element edge 1\nproperty int vertex1\nend_header\n"
+        f"2 5 6 1.5\n{POINTS}{TWO}0\n"
+    ),
+}  # fmt: skip
+
+
+def binary_square(order: str, kind: str, quad_and_list: bool = False) -> bytes:
+    name = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    real = {"f": "float32", "d": "double"}[kind]
+    header = f"ply\nformat {name} 1.0\n" + PLY_VERTEX.replace("float", real)
+    if quad_and_list:  # lists of different lengths before the one that matters
+        header += "element face 2\nproperty list uchar short tags\n"
+        header += "property list int uint vertex_index\nproperty uchar flag\nend_header\n"
+        faces = struct.pack(f"{order}BhiIIIB", 1, 5, 3, 0, 1, 2, 0)
+        faces += struct.pack(f"{order}BhhiIIIB", 2, 5, 6, 3, 0, 2, 3, 0)
+    else:
+        header += PLY_FACE + "end_header\n"
+        faces = struct.pack(f"{order}BiiiBiii", 3, 0, 1, 2, 3, 0, 2, 3)
+    points = np.array(POINTS.split(), dtype=f"{order}f{8 if kind == 'd' else 4}")
+    return header.encode() + points.tobytes() + faces
+
+
+for _order in "<>":
+    for _kind in "fd":
+        for _ragged in (False, True):
+            _name = f"{'big' if _order == '>' else 'little'}_{_kind}_{_ragged}.ply"
+            SAME_SQUARE[_name] = binary_square(_order, _kind, _ragged)
+
+
+class TestTrickyFiles:
+    @pytest.mark.parametrize("name", SAME_SQUARE)
+    def test_order_survives(self, tmp_path: Path, name: str) -> None:
+        mesh = read_mesh(put(tmp_path, name, SAME_SQUARE[name]))
+        np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+        np.testing.assert_array_equal(mesh.faces, TRIANGLES)
+
+    def test_polygons_are_split_in_order_and_noted(self, tmp_path: Path) -> None:
+        text = "OFF\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 .5 0\n3 1 2 3\n5 0 1 2 3 4\n4 3 2 1 0\n"
+        mesh = read_mesh(put(tmp_path, "m.off", text))
+        expected = [[1, 2, 3], [0, 1, 2], [0, 2, 3], [0, 3, 4], [3, 2, 1], [3, 1, 0]]
+        np.testing.assert_array_equal(mesh.faces, expected)
+        assert mesh.notes == ("2 polygons split into triangles",)
+
+    def test_lines_among_the_faces_are_left_out_and_noted(self, tmp_path: Path) -> None:
+        mesh = read_mesh(put(tmp_path, "m.off", f"OFF\n4 3 0\n{POINTS}2 0 1\n{TWO}"))
+        np.testing.assert_array_equal(mesh.faces, TRIANGLES)
+        assert mesh.notes == ("1 face with fewer than 3 vertices left out",)
+
+    def test_unknown_obj_lines_are_noted(self, tmp_path: Path) -> None:
+        mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nw 1 0 0\nv 1 1 0\n"))
+        assert mesh.n_vertices == 2
+        assert mesh.notes == ("1 line that OBJ does not know left out",)
+
+    def test_text_stl_with_two_solids(self, tmp_path: Path) -> None:
+        facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 {z}\nvertex 1 0 {z}\nvertex 0 1 0\n"
+        solid = "SOLID a\n" + facet + "endloop\nendfacet\nendsolid a\n"
+        mesh = read_mesh(put(tmp_path, "m.stl", solid.format(z=0) + solid.format(z=1)))
+        np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [3, 4, 2]])
+
+    def test_binary_stl_that_starts_like_text(self, tmp_path: Path) -> None:
+        write_mesh(tmp_path / "m.stl", (SQUARE, TRIANGLES))
+        data = (tmp_path / "m.stl").read_bytes()
+        mesh = read_mesh(put(tmp_path, "m.stl", b"solid facet " + data[12:]))
+        assert mesh.n_faces == 2
+
+    def test_xyz_with_commas_and_normals(self, tmp_path: Path) -> None:
+        mesh = read_mesh(put(tmp_path, "m.xyz", "# x,y,z\n0,0,0\n1, 2, 3\n4 5 6 0 0 1\n"))
+        np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 2, 3], [4, 5, 6]])
+        assert mesh.notes == ("columns after the third left out",)
+
+    def test_nan_rows_that_no_face_uses(self, tmp_path: Path) -> None:
+        vertices = np.vstack([SQUARE, [[np.nan] * 3]])
+        for suffix in (".off", ".obj", ".ply"):
+            write_mesh(tmp_path / f"m{suffix}", (vertices, TRIANGLES))
+            np.testing.assert_array_equal(read_mesh(tmp_path / f"m{suffix}").vertices, vertices)
+
+
+def ply_header(vertices: object, faces: object = 0, encoding: str = "binary_little_endian") -> str:
+    text = f"ply\nformat {encoding} 1.0\n{PLY_VERTEX}{PLY_FACE}end_header\n"
+    return text.replace("vertex 4", f"vertex {vertices}").replace("face 2", f"face {faces}")
+
+
+BAD_FILES = {
+    "empty.off": (b"", "is empty"),
+    "blank.obj": (b" \n\n", "is empty"),
+    "comments.off": (b"# nothing\n", "nothing but comments"),
+    "junk.off": (b"\x00\x01\x02\xff", "binary data"),
+    "junk.obj": (bytes(range(1, 250)), "no line of it starts with v"),
+    "junk.ply": (b"\x00\x01\x02\xff", "not a PLY file"),
+    "junk.stl": (b"\x00\x01\x02\xff", "not an STL file"),
+    "junk.npy": (b"\x00\x01\x02\xff", "not a NumPy array file"),
+    "junk.xyz": (b"\x01\x02\xff\xff", "point 0 has 1 numbers instead of 3"),
+    "utf16.off": ("OFF\n4 2 0\n".encode("utf-16"), "UTF-16"),
+    "latin1.off": (b"OFF\n1 0 0\n0 0 \xe9\n", "vertex 0 holds '\ufffd', not a number"),
+    "header.off": (b"OFF\n4\n", "lacks the line"),
+    "words.off": (b"OFF\nfour 2 0\n", "'four' is not a number of vertices"),
+    "minus.off": (b"OFF\n-4 2 0\n", "'-4' is not a number of vertices"),
+    "hostile.off": (b"OFF\n2000000000 2 0\n", "promises 2000000000 vertices"),
+    "binary.off": (b"OFF BINARY\n\0\0\0\4", "binary OFF"),
+    "four.off": (b"4OFF\n1 0 0\n0 0 0 1\n", "not three-dimensional"),
+    "cut.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n", "truncated"),
+    "short.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2\n", "face 1 promises 3 vertices"),
+    "word.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2 x\n", "face 1 holds 'x', not a vertex"),
+    "word_quad.off": (f"OFF\n4 2 0\n{POINTS}4 0 1 2 3\n3 0 2 1.5\n", "face 1 holds '1.5'"),
+    "size.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\nx 0 2 3\n", "face 1 holds 'x', not a number of"),
+    "flat.off": (b"OFF\n2 0 0\n0 0 0\n1 2\n", "vertex 1 has 2 numbers"),
+    "none.off": (b"OFF\n0 0 0\n", "holds no vertices"),
+    "huge_index.off": (f"OFF\n4 1 0\n{POINTS}3 0 1 {'9' * 30}\n", "face 0 holds '99999"),
+    "word.obj": (b"v 0 0 0\nf 1 a 1\n", "face 0 holds '1 a 1', not vertex indices"),
+    "flat.obj": (b"v 0 0 0\nv 1 2\n", "vertex 1 has 2 numbers"),
+    "hostile.ply": (ply_header(2_000_000_000), "promises 2000000000 vertex rows, but 0 bytes"),
+    "hostile_text.ply": (ply_header(2_000_000_000, 0, "ascii"), "but 0 lines"),
+    "hostile_faces.ply": (ply_header(1, 10**18) + "x" * 40, "promises 1000000000000000000 face"),
+    "astronomic.ply": (ply_header("9" * 5000), "is not a number of vertex rows"),
+    "negative.ply": (ply_header(-1), "'-1' is not a number of vertex rows"),
+    "headless.ply": (b"ply\nformat ascii 1.0\n", "no line end_header"),
+    "formatless.ply": (f"ply\n{PLY_VERTEX}end_header\n", "no format line"),
+    "type.ply": (ply_header(1).replace("float x", "quad x"), "header line that PLY does not know"),
+    "twice.ply": (ply_header(1).replace("float y", "float x"), "twice"),
+    "no_z.ply": (ply_header(0).replace("vertex 0", "vertex 1").replace("float z", "float w"),
+                 "without the properties x, y and z"),
+    "no_list.ply": (ply_header(1, 1).replace("vertex_indices", "corners"), "vertex_indices"),
+    "float_list.ply": (ply_header(1, 1).replace("uchar int", "uchar float"), "whole numbers"),
+    "strips.ply": (ply_header(1).replace("element face", "element tristrips"), "strips"),
+    "vertexless.ply": (ply_header(0), "holds no vertices"),
+    "cut_rows.ply": (binary_square("<", "f", True)[:-3], "truncated or damaged"),
+    "row.ply": (f"{ASCII}element vertex 1\nproperty int a\nproperty int x\nproperty int y\n"
+                "property int z\nend_header\n1 2 3\n", "vertex 0 has fewer numbers"),
+    "cut.stl": (b" " * 80 + struct.pack("<I", 9) + b"x" * 60, "promises 9 triangles, 534 bytes"),
+    "cut_text.stl": (b"solid\nfacet normal 0 0 0\nvertex 0 0 0\n", "last line is not endsolid"),
+    "corners.stl": (b"solid\nfacet\nvertex 0 0 0\nendfacet\nendsolid", "1 facet but 1 corners"),
+    "nothing.stl": (b"solid\nendsolid", "no triangles"),
+    "cut.npy": (b"", "is empty"),
+}  # fmt: skip
+
+
+class TestBadFiles:
+    @pytest.mark.parametrize("name", BAD_FILES)
+    def test_one_sentence_that_names_the_file(self, tmp_path: Path, name: str) -> None:
+        content, sentence = BAD_FILES[name]
+        with pytest.raises(FileError) as caught:
+            read_mesh(put(tmp_path, name, content))
+        assert sentence in str(caught.value)
+        assert name in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("name", "content", "sentence"),
+        [
+            ("a.off", f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2 4\n", "face 1 names vertex 4"),
+            ("a.off", f"OFF\n4 2 0\n{POINTS}4 0 1 2 3\n3 0 2 -1\n", "face 1 names vertex -1"),
+            ("a.off", f"OFF\n4 1 0\n{POINTS.replace('1 1', 'nan 1')}3 0 1 2\n", "vertex 2 is at"),
+            ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 0\n", "face 0 names vertex 0"),
+            ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 2\nf 1 2 3\n", "face 1 names vertex 3"),
+            ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 -3\n", "face 0 names vertex -3"),
+            ("a.xyz", "0 0 0\ninf 0 0\n", "vertex 1 is at (inf, 0, 0)"),
+        ],
+    )
+    def test_bad_meshes_name_the_place(
+        self, tmp_path: Path, name: str, content: str, sentence: str
+    ) -> None:
+        with pytest.raises(MeshError, match=r"^a\.\w+: ") as caught:
+            read_mesh(put(tmp_path, name, content))
+        assert sentence in str(caught.value)
+
+    def test_npy_of_the_wrong_kind(self, tmp_path: Path) -> None:
+        for array in (np.zeros((3, 2)), np.zeros(3), np.array([["a"] * 3]), np.zeros((1, 3)) * 1j):
+            np.save(tmp_path / "p.npy", array)
+            with pytest.raises(FileError, match="holds an array of shape"):
+                read_mesh(tmp_path / "p.npy")
+
+    def test_npy_that_promises_too_much(self, tmp_path: Path) -> None:
+        np.save(tmp_path / "p.npy", np.zeros((100, 3)))
+        data = (tmp_path / "p.npy").read_bytes()[:-10]
+        with pytest.raises(FileError, match="promises 100 rows, 2400 bytes, but 2390"):
+            read_mesh(put(tmp_path, "p.npy", data))
+
+
+def good_files() -> dict[str, bytes]:
+    contents = {k: v if isinstance(v, bytes) else v.encode() for k, v in SAME_SQUARE.items()}
+    contents["m.xyz"] = POINTS.encode()
+    contents["m.stl"] = b" " * 80 + struct.pack("<I", 1) + bytes(50)
+    contents["text.stl"] = (
+        b"solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\nendsolid"
+    )
+    header = b"\x93NUMPY\x01\x00\x46\x00{'descr': '<f8', 'fortran_order': False, 'shape': (1, 3), }"
+    contents["m.npy"] = header.ljust(79) + b"\n" + bytes(24)
+    return contents
+
+
+GOOD_FILES = good_files()
+
+
+@settings(QUICK, max_examples=250)
+@given(data=st.data())
+def test_damaged_files_never_break_anything_but_the_file(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    name = data.draw(st.sampled_from(sorted(GOOD_FILES)))
+    content = bytearray(GOOD_FILES[name])
+    for _ in range(data.draw(st.integers(0, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    del content[data.draw(st.integers(0, len(content))) or len(content) :]
+    sentence = ""
+    try:
+        assert isinstance(read_mesh(put(tmp_path, name, bytes(content))), Mesh)
+    except UnbendError as error:
+        sentence = str(error)
+    assert "\n" not in sentence
+
+
+@pytest.mark.parametrize("suffix", READ_SUFFIXES)
+@settings(QUICK)
+@given(content=st.binary(max_size=300))
+@example(content=b"\x93NUMPY\x01\x00\x10\x00{'descr': [[[[[[[")
+def test_junk_is_refused_or_read(tmp_path: Path, suffix: str, content: bytes) -> None:
+    with suppress(UnbendError):
+        read_mesh(put(tmp_path, f"m{suffix}", content))

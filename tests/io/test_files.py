@@ -1,0 +1,88 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from unbend.errors import FileError
+from unbend.io import atomic_write, check_writable
+
+
+def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:
+    with atomic_write(tmp_path / "a.txt") as file:
+        file.write(b"half")
+        assert not (tmp_path / "a.txt").exists()
+        file.write(b" and half")
+    assert (tmp_path / "a.txt").read_bytes() == b"half and half"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("problem", [ValueError, KeyboardInterrupt])
+def test_a_failure_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, problem: type[BaseException]
+) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(b"old")
+
+    def fail() -> None:
+        with atomic_write(path) as file:
+            file.write(b"new")
+            raise problem
+
+    with pytest.raises(problem):
+        fail()
+    assert path.read_bytes() == b"old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+    with (
+        pytest.raises(FileError, match=r"cannot write .*a\.txt: No space left"),
+        atomic_write(tmp_path / "a.txt"),
+    ):
+        raise OSError(28, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_permissions_follow_the_users_mask_and_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    mask = os.umask(0o027)
+    try:
+        with atomic_write(path):
+            pass
+    finally:
+        os.umask(mask)
+    assert path.stat().st_mode & 0o777 == 0o640
+    path.chmod(0o604)
+    with atomic_write(path):
+        pass
+    assert path.stat().st_mode & 0o777 == 0o604
+
+
+def test_a_link_keeps_pointing_where_it_did(tmp_path: Path) -> None:
+    (tmp_path / "link.txt").symlink_to(tmp_path / "target.txt")
+    (tmp_path / "target.txt").write_bytes(b"old")
+    with atomic_write(tmp_path / "link.txt") as file:
+        file.write(b"new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "target.txt").read_bytes() == b"new"
+
+
+def test_outputs_that_cannot_work_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert check_writable(tmp_path / "a.OFF", [".off"]) == tmp_path / "a.OFF"
+    with pytest.raises(FileError, match=r"no suffix; use \.off"):
+        check_writable(tmp_path / "a", [".off"])
+    with pytest.raises(FileError, match="it is a folder"):
+        check_writable(tmp_path, [])
+    with pytest.raises(FileError, match="there is no folder"):
+        check_writable(tmp_path / "missing" / "a.off", [".off"])
+    with pytest.raises(FileError, match="not a regular file"):
+        check_writable("/dev/null", [])
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileError, match="no permission"):
+        check_writable(tmp_path / "a.off", [".off"])

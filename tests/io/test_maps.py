@@ -1,0 +1,137 @@
+"""Maps keep every number through every format, and what a file cannot mean is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from unbend import Mesh
+from unbend.datasets import make_sphere
+from unbend.errors import FileError, InputError
+from unbend.io import MAP_SUFFIXES, invert_map, read_map, write_map
+
+images = arrays(np.int64, st.integers(1, 30), elements=st.integers(-1, 2**40))
+
+
+@given(images, st.sampled_from(MAP_SUFFIXES), st.sampled_from([None, 0, 1]))
+def test_round_trip(tmp_path_factory, point_map, suffix, base) -> None:
+    path = tmp_path_factory.mktemp("maps") / f"map{suffix}"
+    write_map(path, point_map, base=base)
+    np.testing.assert_array_equal(read_map(path, base=base), point_map)
+
+
+@pytest.mark.parametrize(("suffix", "base"), [(".npy", 0), (".txt", 0), (".csv", 0), (".vts", 1)])
+def test_each_format_has_its_base(tmp_path: Path, suffix: str, base: int) -> None:
+    path = tmp_path / f"map{suffix}"
+    write_map(path, [0, -1, 7])
+    np.testing.assert_array_equal(read_map(path, base=base), [0, -1, 7])
+    np.testing.assert_array_equal(read_map(path, base=0), [base, -1, 7 + base])
+
+
+def test_numbers_of_other_programs(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("# from elsewhere\r\n 3 \r\n\r\n1.0000e+00\r\n")
+    np.testing.assert_array_equal(read_map(tmp_path / "a.txt"), [3, 1])
+    (tmp_path / "a.csv").write_text('"vertex"\n3\n0\n')
+    np.testing.assert_array_equal(read_map(tmp_path / "a.csv"), [3, 0])
+    np.save(tmp_path / "a.npy", np.array([2.0, -1.0], np.float32))
+    np.testing.assert_array_equal(read_map(tmp_path / "a.npy"), [2, -1])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "sentence"),
+    [
+        ("a.txt", "", "a.txt is empty"),
+        ("a.txt", "# nothing\n", "holds no rows"),
+        ("a.csv", "target\n", "holds no rows"),
+        ("a.txt", "1\ntwo\n", "row 1 holds 'two'"),
+        ("a.txt", "1 2\n", "row 0 holds '1 2'; a map has one vertex number to a line"),
+        ("a.txt", "1\n1.5\n", "row 1 is 1.5, which is not a vertex number"),
+        ("a.txt", "nan\n", "row 0 is nan"),
+        ("a.txt", "0\n-2\n", "row 1 is -2, but counted from 0 vertices are 0 or more"),
+        ("a.vts", "1\n0\n", "row 1 is 0, but counted from 1 vertices are 1 or more"),
+        ("a.obj", "1\n", "unknown suffix"),
+        ("a.npy", "1\n", "not a NumPy array file"),
+    ],
+)
+def test_what_a_file_cannot_mean(tmp_path: Path, name: str, text: str, sentence: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FileError) as caught:
+        read_map(tmp_path / name)
+    assert sentence in str(caught.value)
+    assert name in str(caught.value)
+
+
+def test_lengths_and_ranges_are_those_of_the_shapes(tmp_path: Path) -> None:
+    path = tmp_path / "map.vts"
+    write_map(path, [0, 4, -1])
+    assert read_map(path, n_source=3, n_target=5).tolist() == [0, 4, -1]
+    with pytest.raises(FileError, match="holds 3 rows, but the source has 4 vertices"):
+        read_map(path, n_source=4)
+    with pytest.raises(FileError, match=r"row 1 is 5, but counted from 1 .* are 1 to 4 .*from 0\?"):
+        read_map(path, n_target=4)
+    with pytest.raises(FileError, match="there is no such file"):
+        read_map(tmp_path / "none.vts")
+
+
+@pytest.mark.parametrize("array", [np.zeros((2, 2), int), np.array(["1"]), np.array([], int)])
+def test_arrays_that_are_no_maps(tmp_path: Path, array: np.ndarray) -> None:
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(FileError, match=r"a.npy: holds"):
+        read_map(tmp_path / "a.npy")
+
+
+def test_only_maps_are_written(tmp_path: Path) -> None:
+    for wrong in ([], [[1]], [1.0], [-2], ["a"]):
+        with pytest.raises(InputError, match="list of whole numbers"):
+            write_map(tmp_path / "map.txt", wrong)
+    with pytest.raises(InputError, match="base must be 0 or 1"):
+        write_map(tmp_path / "map.txt", [1], base=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ground_truth_of_real_shapes(real_data: Path) -> None:
+    path = real_data / "tosca_remeshed" / "corres" / "cat0.vts"
+    found = read_map(path)
+    np.testing.assert_array_equal(found, np.loadtxt(path, dtype=int) - 1)
+    write_rows = [str(row + 1) for row in found]
+    assert path.read_text().split() == write_rows
+
+
+def test_a_map_turned_round_and_back_is_itself(blob: Mesh) -> None:
+    order = np.random.default_rng(0).permutation(blob.n_vertices)
+    inverse = invert_map(order, blob)
+    np.testing.assert_array_equal(inverse, np.argsort(order))
+
+
+def test_rounding_does_not_choose_between_neighbours() -> None:
+    ball = make_sphere(3)
+    noise = 1e-15 * np.random.default_rng(0).standard_normal(ball.vertices.shape)
+    found = [
+        invert_map([0, 1, 2, 50], Mesh(vertices, ball.faces))
+        for vertices in (ball.vertices, ball.vertices + noise)
+    ]
+    np.testing.assert_array_equal(*found)
+
+
+def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> None:
+    some = np.arange(0, blob.n_vertices, 7)
+    inverse = invert_map(some, blob)
+    np.testing.assert_array_equal(inverse[some], np.arange(len(some)))
+    # Each has an image that no other is nearer than, along edges.
+    i, j = blob.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
+    lengths = np.linalg.norm(blob.vertices[i] - blob.vertices[j], axis=1)
+    ways = np.where(some[:, None] == np.arange(blob.n_vertices), 0, np.inf)
+    for _ in range(100):  # relaxed until no edge shortens a way
+        np.minimum.at(ways.T, i, ways.T[j] + lengths[:, None])
+    mine = ways[inverse, np.arange(blob.n_vertices)]
+    np.testing.assert_allclose(mine, ways.min(axis=0), rtol=1e-6, atol=1e-6 * lengths.max())
+    assert (invert_map(np.full(4, -1), blob) == -1).all()
+    apart = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
+    assert invert_map([5, -1], apart).tolist() == [0] * blob.n_vertices + [-1]
+    with pytest.raises(InputError, match="names target vertex 642"):
+        invert_map([642], blob)
+    with pytest.raises(InputError, match="list of vertex numbers"):
+        invert_map([0.5], blob)

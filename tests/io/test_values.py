@@ -1,0 +1,85 @@
+"""Values come back as they were written; a table that does not fit is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from unbend import Mesh, read_mesh
+from unbend.errors import FileError, InputError
+from unbend.io import VALUE_SUFFIXES, read_values, write_values
+
+SHAPES = array_shapes(min_dims=1, max_dims=2, max_side=6)
+TABLES = st.one_of(
+    arrays(np.int64, SHAPES),
+    arrays(np.float64, SHAPES, elements=st.floats(allow_infinity=False)),
+    arrays("U4", st.integers(1, 6), elements=st.text("abc", min_size=1, max_size=4)),
+)
+
+
+@given(TABLES, st.sampled_from(VALUE_SUFFIXES))
+def test_round_trip(tmp_path_factory, table, suffix) -> None:
+    path = tmp_path_factory.mktemp("values") / f"values{suffix}"
+    write_values(path, table, Mesh(np.zeros((len(table), 3))))
+    back = read_values(path)
+    if suffix != ".npy" and table.ndim == 2 and table.shape[1] == 1:
+        table = table[:, 0]  # a text file cannot tell a column from a list
+    np.testing.assert_array_equal(back, table)
+    assert back.dtype.kind == table.dtype.kind
+
+
+def test_labels_without_a_header_keep_their_first(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("head\ntail\n")
+    assert read_values(tmp_path / "a.csv", n_vertices=2).tolist() == ["head", "tail"]
+    assert read_values(tmp_path / "a.csv", n_vertices=1).tolist() == ["tail"]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "a.csv is empty"),
+        ("part\n", "holds no rows"),
+        ("1,2\n3\n", "row 1 has 1 entries, but row 0 has 2"),
+        ("x,y\n1,2\n3,no\n", "row 1 holds '3 no', not numbers"),
+        ("1\n2\n3\n", "holds 3 rows, but there are 2 vertices"),
+    ],
+)
+def test_what_is_no_table(tmp_path: Path, text: str, sentence: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(FileError) as caught:
+        read_values(tmp_path / "a.csv", n_vertices=2 if "3" in text else None)
+    assert sentence in str(caught.value)
+
+
+def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> None:
+    bytes_of = {}
+    for name, values, kind in (
+        ("weights.ply", np.ones((642, 2)), "weights"),
+        ("label.ply", np.arange(642), "label"),
+        ("colors.ply", np.zeros((642, 4), np.uint8), "color"),
+        ("colors.obj", np.zeros((642, 3), np.uint8), "color"),
+        ("uv.ply", np.zeros((642, 2)), "uv"),
+        ("uv.obj", np.full((642, 2), np.nan), "uv"),
+    ):
+        write_values(tmp_path / name, values, blob, kind=kind)
+        np.testing.assert_array_equal(read_mesh(tmp_path / name).vertices, blob.vertices)
+        bytes_of[name] = (tmp_path / name).read_bytes()
+    assert b"double value_0\nproperty double value_1" in bytes_of["weights.ply"]
+    assert b"double label" in bytes_of["label.ply"]
+    assert b"uchar red" in bytes_of["colors.ply"]
+    assert b"vt 0.0 0.0" in bytes_of["uv.obj"]
+
+
+def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
+    for name, values, sentence in (
+        ("a.ply", ["a"] * 642, "cannot hold text"),
+        ("a.obj", np.zeros(642), "colours and texture coordinates only"),
+        ("a.csv", np.zeros((642, 2, 2)), "one or two dimensions"),
+        ("a.csv", np.zeros(3), "one row for each of 642"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            write_values(tmp_path / name, values, blob)
+    assert list(tmp_path.iterdir()) == []

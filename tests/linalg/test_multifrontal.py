@@ -1,0 +1,53 @@
+"""The multifrontal factor and its sweeps, on matrices that give each kind of supernode."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from tests.linalg.problems import laplacian, scattered
+from unbend.linalg.multifrontal import factor, solve
+
+pytestmark = pytest.mark.kernels
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 24, 25, 45, 61, 62, 63, 64, 65, 130])
+@pytest.mark.parametrize("columns", [1, 5, 16, 17])
+def test_dense_matrices_are_solved(size, columns):
+    """Supernodes of every kind of width, the last one included, after which nothing comes."""
+    rng = np.random.default_rng(size)
+    dense = rng.standard_normal((size, size))
+    dense += dense.T + 4 * size**0.5 * np.eye(size)
+    found = factor(sp.csc_matrix(dense))
+    rhs = rng.standard_normal((size, columns))
+    np.testing.assert_allclose(dense @ solve(found, rhs), rhs, rtol=0, atol=1e-12 * size)
+    assert (found.pivots > 0).all()
+
+
+def test_a_mesh_is_solved_and_its_negative_eigenvalues_are_counted():
+    stiffness, areas = laplacian(*scattered(400, 0))
+    matrix = sp.csc_matrix(stiffness - 30.0 * sp.diags_array(areas))
+    found = factor(matrix)
+    rhs = np.random.default_rng(0).standard_normal((400, 9))
+    np.testing.assert_allclose(matrix @ solve(found, rhs), rhs, rtol=0, atol=1e-10)
+    assert (found.pivots < 0).sum() == (np.linalg.eigvalsh(matrix.toarray()) < 0).sum()
+
+
+def test_what_cannot_be_factorised_is_refused():
+    with pytest.raises(ArithmeticError, match="pivot"):
+        factor(sp.csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]])))
+
+
+def test_entries_without_a_mirror_image_are_refused_or_left_alone():
+    """No memory but the factor's own is touched, whatever the pattern: uncompiled, NumPy minds."""
+    refused = 0
+    for seed in range(20):
+        crossed = sp.random_array((80, 80), density=0.03, rng=np.random.default_rng(seed))
+        try:
+            found = factor(sp.csc_matrix(crossed + sp.eye_array(80) * 9))
+        except ArithmeticError:
+            refused += 1
+        else:
+            assert np.isfinite(solve(found, np.ones((80, 3)))).all()
+    assert refused > 0

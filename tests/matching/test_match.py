@@ -1,0 +1,210 @@
+"""Matching: truths on shapes whose correspondence is known, and on real ones where given."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, read_mesh
+from unbend.correspondence import evaluate
+from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
+from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.matching import match, symmetry
+from unbend.matching._confidence import _best_rival, decide
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._solve import candidates
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def _share_right(point_map: np.ndarray, mesh: Mesh, truth: np.ndarray) -> float:
+    """Share of vertices that land within a tenth of the shape's size of their true image."""
+    size = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
+    return float(
+        (
+            np.linalg.norm(mesh.vertices[point_map] - mesh.vertices[truth], axis=1) < 0.1 * size
+        ).mean()
+    )
+
+
+def _rotation(seed: int) -> np.ndarray:
+    rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return rotation * np.sign(np.linalg.det(rotation))
+
+
+def test_itself_is_the_identity(blob: Mesh) -> None:
+    found = match(blob, blob, barycentric=True)
+    every = np.arange(blob.n_vertices)
+    assert (found.source_to_target == every).all()
+    assert (found.target_to_source == every).all()
+    assert found.orientation > 0.9
+    assert found.residual < 1e-3
+    assert found.confidence > 0.9
+    np.testing.assert_allclose(found.functional_map, np.eye(150), atol=1e-9)
+    np.testing.assert_allclose(found.weights.sum(axis=1), 1)
+    assert (found.weights >= 0).all()
+    positions = np.einsum("ij,ijk->ik", found.weights, blob.vertices[blob.faces[found.faces]])
+    assert np.abs(positions - blob.vertices).max() < 0.02
+
+
+def test_symmetric_shape_is_itself_not_its_mirror_image() -> None:
+    dog = make_quadruped("standing", n_vertices=1200)
+    found = match(dog.mesh, dog.mesh, mirrored=True)
+    assert (found.source_to_target == np.arange(1200)).all()
+    assert _share_right(found.mirrored, dog.mesh, dog.mirror) > 0.99
+
+
+@pytest.mark.parametrize("make", [make_quadruped, make_biped])
+def test_another_pose_and_meshing(make) -> None:
+    source = make("standing", n_vertices=1500)
+    target = make("walking", n_vertices=1200, meshing=1)
+    found = match(source.mesh, target.mesh)
+    truth = rest_map(source, target)
+    assert _share_right(found.source_to_target, target.mesh, truth) > 0.99
+    assert _share_right(found.target_to_source, source.mesh, rest_map(target, source)) > 0.99
+    result = evaluate(found.source_to_target, target.mesh, np.arange(1500), truth)
+    assert result.mean() < 0.03
+    assert found.confidence > 0.5
+
+
+def test_polished_maps_decide_between_rivals() -> None:
+    # Put a person's rival, back to front say, a little before the right map: the better fit wins.
+    source = make_biped("standing", n_vertices=1500)
+    target = make_biped("walking", n_vertices=1200, meshing=1)
+    left, right = (prepare_shape(one.mesh, 150, True, None)[1] for one in (source, target))
+    ranked, _ = candidates(left, right)
+    rival = _best_rival(left, right, ranked[0], ranked[1:])
+    assert rival is not None
+    misled = [replace(rival, rigidity=ranked[0].rigidity - 0.1), ranked[0]]
+    found = decide(left, right, misled, polish=True)
+    truth = rest_map(source, target)
+    assert found.ranked[0] is ranked[0]
+    assert _share_right(found.solution.source_to_target, target.mesh, truth) > 0.99
+    assert 0.5 < found.confidence <= 1
+    unpolished = decide(left, right, misled, polish=False)
+    assert unpolished.ranked == misled
+    assert _share_right(unpolished.solution.source_to_target, target.mesh, truth) < 0.5
+
+
+def test_vertex_order_motion_and_unit_do_not_matter(blob: Mesh) -> None:
+    n = blob.n_vertices
+    order = np.random.default_rng(0).permutation(n)
+    inverse = np.argsort(order)
+    moved = Mesh(100 * blob.vertices[order] @ _rotation(1).T + 7, inverse[blob.faces])
+    assert (match(blob, moved).source_to_target == inverse).all()
+
+
+def test_mirror_image_keeps_the_side_that_faces_name(blob: Mesh) -> None:
+    # Without a symmetry of its own the shape and its mirror image have one isometry. Reflected
+    # and re-wound, that isometry turns the surface inside out; left as wound, it does not.
+    reflected = Mesh(blob.vertices * MIRROR, blob.faces)
+    rewound = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
+    every = np.arange(blob.n_vertices)
+    assert (match(blob, reflected).source_to_target == every).all()
+    kept = match(blob, rewound, refine=False)
+    assert kept.orientation > 0 or kept.confidence < 0.5
+    allowed = match(blob, rewound, allow_mirror=True)
+    assert (allowed.source_to_target == every).all()
+    assert allowed.orientation < -0.9
+
+
+def test_symmetric_shape_and_its_mirror_image() -> None:
+    dog = make_quadruped("standing", n_vertices=1000)
+    image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
+    assert _share_right(match(dog.mesh, image).source_to_target, image, dog.mirror) > 0.99
+
+
+def test_symmetry_swaps_left_and_right() -> None:
+    dog = make_quadruped("walking", n_vertices=1500)
+    found = symmetry(dog.mesh)
+    assert _share_right(found.source_to_target, dog.mesh, dog.mirror) > 0.98
+    assert found.orientation < -0.5
+    assert found.confidence > 0.5
+
+
+def test_open_surface_and_small_mesh() -> None:
+    sphere = make_sphere(2)
+    points = sphere.vertices * [1.5, 1, 0.7] + 0.3 * np.roll(sphere.vertices, 1, axis=1) ** 2
+    cut = sphere.faces[(sphere.vertices[sphere.faces][:, :, 0] < 0.8).all(axis=1)]
+    sheet = Mesh(points, cut)  # the cut leaves vertices that no face uses
+    with pytest.warns(UnbendWarning, match="unreferenced"):
+        found = match(sheet, sheet)
+    used = np.unique(cut)
+    assert (found.source_to_target[used] == used).all()
+    unused = np.setdiff1d(np.arange(sphere.n_vertices), used)
+    assert len(unused)
+    assert (found.source_to_target[unused] == -1).all()
+    assert len(found.functional_map) <= len(used) // 2
+
+
+def test_quick_and_icp_variants(blob: Mesh) -> None:
+    every = np.arange(blob.n_vertices)
+    assert _share_right(match(blob, blob, refine=False).source_to_target, blob, every) == 1
+    assert _share_right(match(blob, blob, method="icp").source_to_target, blob, every) > 0.95
+
+
+def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
+    other = make_quadruped("walking", n_vertices=600).mesh
+    told: list[tuple[str, float]] = []
+    one = match(blob, other, refine=False, progress=lambda *stage: told.append(stage))
+    two = match(blob, other, refine=False)
+    assert (one.source_to_target == two.source_to_target).all()
+    assert (one.functional_map == two.functional_map).all()
+    assert one.hypotheses == two.hypotheses
+    assert one.confidence < 0.5
+    assert {stage for stage, _ in told} == {"spectrum", "search", "refine"}
+    assert told[-1] == ("refine", 1.0)
+
+
+def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
+    faces = blob.faces.copy()
+    some = np.random.default_rng(0).random(len(faces)) < 0.2
+    faces[some] = faces[some][:, ::-1]
+    found = match(Mesh(blob.vertices, faces), blob)
+    assert (found.source_to_target == np.arange(blob.n_vertices)).all()
+    assert found.orientation > 0.9
+
+
+def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
+    first, second = blob.faces[10, :2]
+    tip = 1.02 * blob.vertices[[first, second]].mean(axis=0)
+    fin = Mesh(
+        np.concatenate([blob.vertices, [tip]]),
+        np.concatenate([blob.faces, [[first, second, blob.n_vertices]]]),
+    )
+    with pytest.warns(UnbendWarning, match="non-manifold edge"):
+        found = match(fin, blob)
+    every = np.arange(blob.n_vertices)
+    assert _share_right(found.source_to_target[:-1], blob, every) == 1
+
+
+def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:
+    with pytest.raises(MeshError, match="only one side"):
+        match(moebius_strip, blob)
+    with pytest.raises(InputError, match="needs faces"):
+        match(blob.vertices, blob)
+    with pytest.raises(InputError, match="method"):
+        match(blob, blob, method="magic")
+    with pytest.raises(InputError, match="n_eigenpairs"):
+        match(blob, blob, n_eigenpairs=2)
+    two = Mesh(
+        np.concatenate([blob.vertices, blob.vertices + 9]),
+        np.concatenate([blob.faces, blob.faces + blob.n_vertices]),
+    )
+    with pytest.raises(MeshError, match="components"):
+        match(two, blob)
+
+
+@pytest.mark.parametrize(("source", "target"), [("cat0", "cat1"), ("david0", "david1")])
+def test_real_shapes(real_data: Path, source: str, target: str) -> None:
+    folder = real_data / "tosca_remeshed"
+    shapes = [read_mesh(folder / f"{name}.off") for name in (source, target)]
+    truth = [
+        np.loadtxt(folder / "corres" / f"{name}.vts", dtype=int) - 1 for name in (source, target)
+    ]
+    some = np.arange(0, 5000, 25)
+    found = match(*shapes)
+    result = evaluate(found.source_to_target, shapes[1], truth[0][some], truth[1][some])
+    assert result.mean() < 0.03
+    assert found.confidence > 0.5

@@ -1,0 +1,120 @@
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, as_mesh, write_mesh
+from unbend.datasets import make_sphere
+from unbend.errors import FileError, InputError, MeshError
+from unbend.mesh import vertex_areas, vertex_normals
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def same(mesh):
+    return np.array_equal(mesh.vertices, VERTICES) and np.array_equal(mesh.faces, FACES)
+
+
+def test_is_frozen_and_keeps_its_own_copy():
+    vertices = VERTICES.copy()
+    mesh = Mesh(vertices, FACES.astype(np.int32), name="tetrahedron")
+    vertices[0] = 9
+    assert same(mesh)
+    assert mesh.vertices.dtype == np.float64
+    assert mesh.faces.dtype == np.int64
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.vertices[0, 0] = 1
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        mesh.name = "other"
+
+
+def test_a_mesh_a_path_a_pair_and_an_array_are_meshes(tmp_path):
+    mesh = Mesh(VERTICES, FACES)
+    write_mesh(tmp_path / "mesh.ply", mesh)
+    assert as_mesh(mesh) is mesh
+    assert same(as_mesh(tmp_path / "mesh.ply"))
+    assert same(as_mesh(str(tmp_path / "mesh.ply")))
+    assert same(as_mesh((VERTICES, FACES)))
+    assert same(as_mesh([VERTICES.tolist(), FACES.tolist()]))
+    assert as_mesh(VERTICES).is_point_cloud
+
+
+def test_a_trimesh_is_a_mesh():
+    trimesh = pytest.importorskip("trimesh")
+    assert same(as_mesh(trimesh.Trimesh(VERTICES, FACES, process=False)))
+
+
+def polydata(*, triangles):
+    """What PyVista's PolyData offers, as far as it is used."""
+    whole = SimpleNamespace(points=VERTICES, regular_faces=FACES, n_cells=4, is_all_triangles=True)
+    if triangles:
+        return whole
+    return SimpleNamespace(
+        points=VERTICES,
+        regular_faces=None,
+        n_cells=3,
+        is_all_triangles=False,
+        triangulate=lambda: whole,
+    )
+
+
+def test_a_pyvista_surface_is_a_mesh_its_polygons_split():
+    assert same(as_mesh(polydata(triangles=True)))
+    split = as_mesh(polydata(triangles=False))
+    assert same(split)
+    assert split.notes == ("polygons split into triangles",)
+
+
+def test_says_what_it_is():
+    assert repr(Mesh(VERTICES, FACES)) == "Mesh(4 vertices, 4 faces)"
+    assert repr(Mesh(VERTICES)) == "Mesh(4 points)"
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (VERTICES[:, :2], FACES, r"shape \(n, 3\), not \(4, 2\)"),
+        ("abc", FACES, "not an array of numbers"),
+        (VERTICES * 1j, FACES, "complex"),
+        (VERTICES, FACES[:, :2], r"shape \(m, 3\), not \(4, 2\)"),
+        (VERTICES, FACES * 1.0, "whole numbers"),
+        (VERTICES, FACES + 1, "face 1 names vertex 4, but the vertices are numbered 0 to 3"),
+        (VERTICES, FACES - 1, "face 0 names vertex -1"),
+        (VERTICES * [[1], [1], [np.nan], [1]], FACES, "vertex 2 is at"),
+        (np.where(VERTICES == 1, np.inf, VERTICES), None, "vertex 1 is at"),
+    ],
+)
+def test_broken_arrays_are_refused_by_vertex_or_face(vertices, faces, message):
+    with pytest.raises(MeshError, match=message) as error:
+        Mesh(vertices, faces, name="broken.off")
+    assert str(error.value).startswith("broken.off: ")
+
+
+def test_a_vertex_that_no_face_uses_may_be_nan():
+    extended = np.vstack([VERTICES, [[np.nan] * 3]])
+    assert Mesh(extended, FACES).n_vertices == 5
+
+
+@pytest.mark.parametrize("thing", [5, None, {"vertices": 1}, (1, 2, 3)])
+def test_anything_else_is_refused(thing):
+    with pytest.raises(InputError, match="is not a mesh"):
+        as_mesh(thing)
+
+
+def test_a_missing_file_is_refused():
+    with pytest.raises(FileError, match="there is no such file"):
+        as_mesh("nowhere.off")
+
+
+def test_points_have_equal_areas():
+    assert vertex_areas(Mesh(np.zeros((5, 3)))).tolist() == [1] * 5
+
+
+def test_normals_of_a_sphere_point_outwards():
+    sphere = make_sphere(4)
+    found = vertex_normals(sphere.vertices, sphere.faces)
+    np.testing.assert_allclose(found, sphere.vertices, atol=0.02)
+    extended = np.vstack([sphere.vertices, [[9.0, 9, 9]]])
+    np.testing.assert_array_equal(vertex_normals(extended, sphere.faces)[-1], 0)

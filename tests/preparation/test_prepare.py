@@ -1,0 +1,127 @@
+"""What computations run on: vertices in use, in order, and a clear refusal otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.errors import InputError, MeshError
+from unbend.preparation import prepare
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+TETRAHEDRON = Mesh(VERTICES, FACES)
+# A triangle and, after it, a tetrahedron with one vertex that no face uses inside its numbering.
+TWO = Mesh(
+    np.vstack([VERTICES[:3], VERTICES[:2], [[np.nan] * 3], VERTICES[2:]]),
+    np.vstack([[[0, 1, 2]], np.array([3, 4, 6, 7])[FACES]]),
+    name="two.off",
+)
+
+
+def test_a_clean_mesh_is_passed_on_as_it_is() -> None:
+    prepared = prepare(TETRAHEDRON)
+    assert prepared.mesh is TETRAHEDRON
+    assert prepared.kept.tolist() == [0, 1, 2, 3]
+    assert (prepared.notes, prepared.robust_needed, prepared.n_original) == ((), False, 4)
+    values = np.arange(8.0).reshape(4, 2)
+    assert prepared.expand(values) is values
+
+
+def test_unreferenced_vertices_become_nan() -> None:
+    mesh = Mesh(np.vstack([[[9, 9, 9]], VERTICES, [[np.nan] * 3]]), FACES + 1)
+    prepared = prepare(mesh)
+    np.testing.assert_array_equal(prepared.mesh.vertices, VERTICES)
+    np.testing.assert_array_equal(prepared.mesh.faces, FACES)
+    assert prepared.kept.tolist() == [1, 2, 3, 4]
+    assert prepared.notes == ("2 unreferenced vertices are NaN in the result",)
+    expanded = prepared.expand(VERTICES)
+    np.testing.assert_array_equal(expanded[1:5], VERTICES)
+    assert np.isnan(expanded[[0, 5]]).all()
+
+
+def test_several_components_are_refused_with_a_remedy() -> None:
+    with pytest.raises(MeshError) as caught:
+        prepare(TWO)
+    assert str(caught.value) == (
+        "two.off: the mesh has 2 separate components (with 4 and 3 vertices); keep one with "
+        '--component largest (in Python: component="largest")'
+    )
+
+
+@pytest.mark.parametrize("component", ["largest", 0, np.int64(0)])
+def test_the_largest_component(component: str | int) -> None:
+    prepared = prepare(TWO, component=component)
+    assert prepared.kept.tolist() == [3, 4, 6, 7]
+    np.testing.assert_array_equal(prepared.mesh.vertices, VERTICES)
+    np.testing.assert_array_equal(prepared.mesh.faces, FACES)
+    assert prepared.mesh.name == "two.off"
+    assert prepared.notes == (
+        "1 unreferenced vertex is NaN in the result",
+        "component 0 of 2 was kept, 4 of 8 vertices; the others are NaN in the result",
+    )
+    np.testing.assert_array_equal(prepared.expand([1, 2, 3, 4])[[3, 4, 6, 7]], [1, 2, 3, 4])
+
+
+def test_several_components_where_they_are_fine() -> None:
+    assert prepare(TWO, connected=False).kept.tolist() == [0, 1, 2, 3, 4, 6, 7]
+
+
+def test_a_component_that_is_too_small() -> None:
+    with pytest.raises(MeshError, match="faces use only 3 vertices"):
+        prepare(TWO, component=1)
+
+
+@pytest.mark.parametrize("component", [2, -1])
+def test_a_component_that_does_not_exist(component: int) -> None:
+    with pytest.raises(InputError, match="numbered 0 to 1"):
+        prepare(TWO, component=component)
+
+
+@pytest.mark.parametrize("component", ["biggest", "0", True, 1.5])
+def test_a_component_that_is_no_number(component: object) -> None:
+    with pytest.raises(InputError, match="'largest' or a whole number"):
+        prepare(TWO, component=component)  # type: ignore[arg-type]
+
+
+def test_choosing_the_only_component_changes_nothing() -> None:
+    assert prepare(TETRAHEDRON, component="largest").mesh is TETRAHEDRON
+
+
+def test_many_components_are_summarised() -> None:
+    faces = np.arange(24).reshape(8, 3)
+    with pytest.raises(MeshError, match="8 separate components"):
+        prepare(Mesh(np.random.default_rng(0).normal(size=(24, 3)), faces))
+
+
+def test_faces_without_area_are_refused() -> None:
+    line = np.arange(5)[:, None] * np.ones(3)
+    with pytest.raises(MeshError, match="every face is degenerate"):
+        prepare(Mesh(line, [[0, 1, 2], [1, 2, 3], [2, 3, 4]]))
+
+
+def test_degenerate_and_doubled_faces_stay_and_call_for_the_robust_laplacian() -> None:
+    mesh = Mesh(VERTICES, np.vstack([FACES, FACES[:1], [[1, 1, 1]]]))
+    prepared = prepare(mesh)
+    assert prepared.mesh is mesh
+    assert prepared.robust_needed
+    assert prepared.notes == (
+        "1 degenerate face and 3 non-manifold edges call for the robust Laplacian",
+    )
+
+
+def test_points() -> None:
+    cloud = Mesh(np.vstack([VERTICES, VERTICES[:1]]))
+    prepared = prepare(cloud, component="largest")
+    assert prepared.mesh is cloud
+    assert prepared.notes == ("1 point repeats the position of another",)
+    assert not prepared.robust_needed
+    with pytest.raises(MeshError, match="only 3 points; a shape needs at least 4"):
+        prepare(Mesh(VERTICES[:3]))
+
+
+def test_expand_wants_one_row_per_kept_vertex() -> None:
+    for values in (np.zeros(3), 1.0):
+        with pytest.raises(InputError, match="one row for each of the 4 kept vertices"):
+            prepare(TETRAHEDRON).expand(values)

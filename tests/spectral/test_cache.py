@@ -1,0 +1,232 @@
+import os
+import random
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from unbend import (
+    Mesh,
+    canonical_form,
+    distance,
+    farthest_point_sampling,
+    spectra,
+    spectrum,
+)
+from unbend.datasets import make_sphere
+from unbend.spectral import _cache as cache
+from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface
+from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
+
+VALUES, FUNCTIONS = np.arange(4.0), np.arange(40.0).reshape(10, 4)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_what_was_stored_comes_back(folder):
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    values, functions = load_eigenpairs("key")
+    np.testing.assert_array_equal(values, VALUES)
+    np.testing.assert_array_equal(functions, FUNCTIONS)
+
+
+def test_spectra_are_computed_once(blob, monkeypatch):
+    first = spectrum(blob, 18)
+    # may not be called again
+    monkeypatch.setattr("unbend.spectral._spectrum.smallest_eigenpairs", None)
+    np.testing.assert_array_equal(spectrum(blob, 18).eigenfunctions, first.eigenfunctions)
+    np.testing.assert_array_equal(spectrum(blob, 12).eigenfunctions, first.eigenfunctions[:, :12])
+    with pytest.raises(TypeError):
+        spectrum(blob, 12, cache=False)
+
+
+def test_what_the_cache_holds_changes_nothing():
+    """On a sphere most numbers of eigenpairs cut through the space of a multiple eigenvalue."""
+    ball = make_sphere(3)
+    plain = {k: spectrum(ball, k, cache=False) for k in (2, 3, 4, 6, 10, 25)}
+    for order in ((2, 3, 4, 6, 10, 25), (25, 10, 6, 4, 3, 2), (25, 3, 3, 25)):
+        clear_cache()
+        for k in order:
+            found = spectrum(ball, k)
+            np.testing.assert_array_equal(found.eigenvalues, plain[k].eigenvalues)
+            np.testing.assert_array_equal(found.eigenfunctions, plain[k].eigenfunctions)
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda mesh, cache: distance(mesh, 0, kind="diffusion", time=0.5, cache=cache),
+        lambda mesh, cache: distance(mesh, 0, n_eigenpairs=9, cache=cache),
+        lambda mesh, cache: farthest_point_sampling(mesh, 3, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, distance="diffusion", time=0.5, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, method="sampled", n_eigenpairs=9, cache=cache),
+        lambda mesh, cache: canonical_form(mesh, weighting="area", cache=cache),
+    ],
+)
+def test_whether_spectra_are_kept_is_the_callers_choice(blob, compute):
+    compute(blob, False)
+    assert cache_info().n_files == 0
+    compute(blob, True)
+    assert cache_info().n_files > 0
+
+
+def test_everything_that_matters_is_in_the_key(blob):
+    moved = blob.vertices.copy()
+    moved[3, 1] = np.nextafter(moved[3, 1], 9)
+    keys = [
+        cache_key(blob, 1, "cotangent", 1e-8),
+        cache_key(blob, 2, "cotangent", 1e-8),
+        cache_key(blob, 1, "robust", 1e-8),
+        cache_key(blob, 1, "cotangent", 1e-6),
+        cache_key(Mesh(moved, blob.faces), 1, "cotangent", 1e-8),
+        cache_key(Mesh(blob.vertices, blob.faces[1:]), 1, "cotangent", 1e-8),
+    ]
+    assert len(set(keys)) == len(keys)
+    assert cache_key(Mesh(blob.vertices, blob.faces), 1, "cotangent", 1e-8) == keys[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda patch: patch.setattr("unbend.spectral._spectrum._VERSION", -1),
+        lambda patch: patch.setattr("unbend.spectral._spectrum._RESIDUAL", 1e-7),
+    ],
+)
+def test_what_another_solver_computed_is_not_used(blob, monkeypatch, change):
+    surface = make_surface(blob)
+    eigenpairs(surface, 5, tol=spectra._RESIDUAL)
+    change(monkeypatch)
+    monkeypatch.setattr("unbend.spectral._spectrum.smallest_eigenpairs", None)
+    with pytest.raises(TypeError):
+        eigenpairs(surface, 5, tol=spectra._RESIDUAL)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 100, 700, -1])
+def test_a_truncated_file_is_not_trusted(folder, keep):
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    path = folder / "key.npz"
+    path.write_bytes(path.read_bytes()[:keep])
+    assert load_eigenpairs("key") is None
+
+
+def test_no_changed_byte_leads_to_a_wrong_number(folder):
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    path, chance = folder / "key.npz", random.Random(0)
+    whole = path.read_bytes()
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[chance.randrange(len(whole))] ^= 1 << chance.randrange(8)
+        path.write_bytes(damaged)
+        found = load_eigenpairs("key")
+        if found is not None:  # the byte was padding or a date
+            np.testing.assert_array_equal(found[1], FUNCTIONS)
+
+
+def test_a_foreign_file_is_not_trusted(folder):
+    store_eigenpairs("other", VALUES + 1, FUNCTIONS)
+    (folder / "other.npz").rename(folder / "key.npz")
+    assert load_eigenpairs("key") is None
+
+
+def test_pickles_are_not_opened(folder):
+    folder.mkdir()
+    np.savez(folder / "key.npz", eigenvalues=np.array([print], dtype=object))
+    assert load_eigenpairs("key") is None
+
+
+def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatch):
+    size = 5000
+    monkeypatch.setattr(cache, "_MOST_BYTES", 5 * size)
+    for number, name in enumerate("abcd"):
+        store_eigenpairs(name, np.arange(4.0), np.zeros((110, 4)))
+        os.utime(folder / f"{name}.npz", (number, number))
+    load_eigenpairs("a")  # now the most recent
+    store_eigenpairs("e", np.arange(4.0), np.zeros((110, 4)))
+    store_eigenpairs("f", np.arange(4.0), np.zeros((110, 4)))
+    assert cache_info().n_bytes <= 5 * size
+    assert load_eigenpairs("a") is not None
+    assert load_eigenpairs("b") is None
+
+
+def test_a_spectrum_too_large_for_the_cache_is_left_out(monkeypatch):
+    monkeypatch.setattr(cache, "_MOST_BYTES", 100)
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    assert cache_info().n_files == 0
+
+
+def test_what_a_killed_process_left_behind_is_removed(folder):
+    folder.mkdir()
+    old, new = folder / ".x.npz.1.part", folder / ".x.npz.2.part"
+    for path in (old, new):
+        path.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    store_eigenpairs("key", VALUES, FUNCTIONS)
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_info_and_clear():
+    assert cache_info().n_files == 0
+    store_eigenpairs("a", VALUES, FUNCTIONS)
+    store_eigenpairs("b", VALUES, FUNCTIONS)
+    assert cache_info().n_files == 2
+    assert clear_cache() == 2
+    assert cache_info().n_bytes == 0
+
+
+def test_a_folder_that_cannot_be_used_breaks_nothing(tmp_path, monkeypatch, blob):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path / "file"))
+    assert spectrum(blob, 3).eigenvalues[0] == 0
+    assert cache_info().n_files == 0
+
+
+HAMMER = """
+import os, random, signal, sys, time
+import numpy as np
+from unbend.spectral._cache import cache_info, load_eigenpairs, store_eigenpairs
+
+def hammer(turn):
+    while True:
+        key, k = str(turn % 3), 2 + turn % 5
+        found = load_eigenpairs(key)
+        if found is not None:
+            k = len(found[0])
+        functions = np.full((3000, k), float(key)) + np.arange(k)
+        if found is None or turn % 7 == 0:
+            store_eigenpairs(key, np.arange(float(k)), functions)
+        elif not (np.array_equal(found[0], np.arange(k)) and np.array_equal(found[1], functions)):
+            os._exit(1)
+        turn += 1
+
+running = []
+for start in range(50):
+    running.append(os.fork())
+    if not running[-1]:
+        hammer(start)
+while not cache_info().n_files:  # however slow the machine: nobody dies before there is a file
+    time.sleep(0.01)
+chance = random.Random(1)
+chance.shuffle(running)
+for process in running:
+    time.sleep(chance.random() * 0.05)
+    os.kill(process, signal.SIGKILL)
+ends = [os.waitpid(process, 0)[1] for process in running]
+sys.exit(any(end != signal.SIGKILL for end in ends))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
+def test_fifty_processes_killed_at_random_never_see_a_wrong_number():
+    subprocess.run([sys.executable, "-c", HAMMER], check=True)
+    assert cache_info().n_files > 0
+    for key in "012":
+        found = load_eigenpairs(key)
+        if found is not None:
+            functions = np.full((3000, len(found[0])), float(key)) + np.arange(len(found[0]))
+            np.testing.assert_array_equal(found[1], functions)

@@ -1,0 +1,219 @@
+import numpy as np
+import pytest
+import scipy.spatial.transform
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dense import eigenpairs as dense_eigenpairs
+from unbend import Mesh, laplacian, spectrum
+from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import InputError, UnbendWarning
+from unbend.linalg.signs import fix_basis, fix_signs
+from unbend.spectral import Laplacian
+from unbend.spectral._laplacian import _stiffness
+from unbend.spectral._spectrum import whole_eigenpairs
+
+
+def test_sphere_has_l_times_l_plus_one():
+    values = spectrum(make_sphere(5), 36).eigenvalues
+    expected = np.concatenate([np.full(2 * order + 1, order * (order + 1)) for order in range(6)])
+    assert values[0] == 0
+    np.testing.assert_allclose(values[1:], expected[1:], rtol=3e-3)
+
+
+def test_flat_torus_has_its_lattice():
+    """Edges of length 1/side on a periodic grid: right triangles, cotangents 1, 1 and 0."""
+    side = 64
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(side), np.arange(side), indexing="ij"))
+
+    def vertex(a, b):
+        return (i + a) % side * side + (j + b) % side
+
+    lower = np.stack([vertex(1, 0), vertex(1, 1), vertex(0, 0)], axis=1)
+    upper = np.stack([vertex(0, 1), vertex(0, 0), vertex(1, 1)], axis=1)
+    faces = np.concatenate([lower, upper])
+    half_cotangents = np.tile([0.0, 0.5, 0.5], (len(faces), 1))
+    torus = Laplacian(
+        _stiffness(faces, half_cotangents, side**2), np.full(side**2, side**-2.0), "cotangent"
+    )
+    k = 21
+    wave = np.fft.fftfreq(side, 1 / side)
+    lattice = np.sort((4 * np.pi**2 * (wave[:, None] ** 2 + wave**2)).ravel())[:k]
+    found = whole_eigenpairs(torus, k + 1, 1e-8)[0]  # the last of them is the first of four
+    np.testing.assert_allclose(found, lattice, rtol=7e-3, atol=1e-12)
+
+
+def test_agrees_with_a_dense_solver(blob):
+    operator = laplacian(blob)
+    values, functions = dense_eigenpairs(operator)
+    found = spectrum(blob, 40)
+    np.testing.assert_allclose(found.eigenvalues, values[:40], rtol=1e-9, atol=1e-12)
+    overlap = functions[:, :40].T @ (operator.areas[:, None] * found.eigenfunctions)
+    np.testing.assert_allclose(abs(overlap), np.eye(40), atol=1e-6)
+
+
+def test_is_area_orthonormal_and_starts_with_the_constant(blob):
+    found = spectrum(blob, 30)
+    gram = found.eigenfunctions.T @ (found.areas[:, None] * found.eigenfunctions)
+    np.testing.assert_allclose(gram, np.eye(30), atol=1e-9)
+    np.testing.assert_allclose(found.eigenfunctions[:, 0], found.areas.sum() ** -0.5, rtol=1e-12)
+    assert (np.diff(found.eigenvalues) > -1e-9).all()
+
+
+@given(
+    rotation=st.integers(0, 2**32 - 1),
+    shift=st.floats(-100, 100),
+    scale=st.floats(1e-3, 1e3),
+)
+def test_rigid_motion_and_scale_change_nothing_but_units(blob, rotation, shift, scale):
+    turn = scipy.spatial.transform.Rotation.random(rng=rotation).as_matrix()
+    moved = Mesh(scale * (blob.vertices @ turn.T) + scale * shift, blob.faces)
+    before, after = spectrum(blob, 8), spectrum(moved, 8)
+    np.testing.assert_allclose(
+        after.eigenvalues * scale**2, before.eigenvalues, rtol=1e-7, atol=1e-9
+    )
+    np.testing.assert_allclose(after.eigenfunctions * scale, before.eigenfunctions, atol=1e-5)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_permuting_vertices_permutes_eigenfunctions(blob, seed):
+    order = np.random.default_rng(seed).permutation(blob.n_vertices)
+    permuted = Mesh(blob.vertices[order], np.argsort(order)[blob.faces])
+    before, after = spectrum(blob, 8), spectrum(permuted, 8)
+    np.testing.assert_allclose(after.eigenvalues, before.eigenvalues, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(after.eigenfunctions, before.eigenfunctions[order], atol=1e-6)
+
+
+def test_every_eigenpair_of_a_tiny_mesh():
+    tetrahedron = Mesh(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    )
+    found = spectrum(tetrahedron, 4)
+    np.testing.assert_allclose(
+        found.eigenvalues, dense_eigenpairs(laplacian(tetrahedron))[0], atol=1e-12
+    )
+
+
+def test_two_components_have_two_zeros(blob):
+    both = Mesh(
+        np.vstack([blob.vertices, blob.vertices + 10]),
+        np.vstack([blob.faces, blob.faces + blob.n_vertices]),
+    )
+    found, one = spectrum(both, 8), spectrum(blob, 4)
+    np.testing.assert_array_equal(found.eigenvalues[:2], 0)
+    np.testing.assert_allclose(found.eigenvalues[2::2], one.eigenvalues[1:4], rtol=1e-8)
+    assert np.ptp(found.eigenfunctions[:, 0]) < 1e-12
+    assert np.ptp(found.eigenfunctions[: blob.n_vertices, 1]) < 1e-12
+
+
+def test_unreferenced_vertices_do_not_bend_the_spectrum(blob):
+    extended = Mesh(np.vstack([blob.vertices, [[50, 0, 0]]]), blob.faces)
+    with pytest.warns(UnbendWarning, match="1 unreferenced vertex"):
+        found = spectrum(extended, 6)
+    plain = spectrum(blob, 6)
+    np.testing.assert_array_equal(found.eigenvalues, plain.eigenvalues)
+    assert np.isnan(found.eigenfunctions[-1]).all()
+    assert found.areas[-1] == 0
+    assert "unreferenced" in found.notes[0]
+
+
+def test_open_square_has_the_spectrum_of_a_drum():
+    """Free boundary: pi^2 (a^2 + b^2) on the unit square."""
+    side = 41
+    x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing="ij")
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + side, corner + side + 1], axis=1),
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+        ]
+    )
+    square = Mesh(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), faces)
+    modes = np.arange(9) ** 2
+    drum = np.sort(np.pi**2 * (modes[:, None] + modes).ravel())[:10]
+    np.testing.assert_allclose(spectrum(square, 10).eigenvalues, drum, rtol=1e-2, atol=1e-9)
+
+
+def test_the_number_asked_for_changes_no_eigenfunction():
+    """A multiple eigenvalue has any basis of its space for eigenfunctions; one rule names it."""
+    ball = make_sphere(3)
+    whole = spectrum(ball, 60, cache=False)
+    for k in (2, 3, 7, 12, 16, 40):
+        found = spectrum(ball, k, cache=False)
+        np.testing.assert_allclose(found.eigenvalues, whole.eigenvalues[:k], rtol=1e-10, atol=1e-9)
+        np.testing.assert_allclose(found.eigenfunctions, whole.eigenfunctions[:, :k], atol=1e-8)
+
+
+def test_turning_a_sphere_turns_nothing_in_its_multiple_eigenspaces():
+    ball = make_sphere(3)
+    turn = scipy.spatial.transform.Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
+    before = spectrum(ball, 12, cache=False).eigenfunctions
+    after = spectrum((ball.vertices @ turn.T, ball.faces), 12, cache=False).eigenfunctions
+    np.testing.assert_allclose(after, before, atol=1e-8)
+
+
+def test_more_components_than_eigenpairs():
+    n = 12
+    ball = make_sphere(1)
+    many = Mesh(
+        np.vstack([ball.vertices + 3 * i for i in range(n)]),
+        np.vstack([ball.faces + ball.n_vertices * i for i in range(n)]),
+    )
+    few, all_zeros, more = (spectrum(many, k, cache=False) for k in (5, n, n + 5))
+    np.testing.assert_array_equal(all_zeros.eigenvalues, 0)
+    np.testing.assert_array_equal(few.eigenfunctions, all_zeros.eigenfunctions[:, :5])
+    np.testing.assert_array_equal(more.eigenfunctions[:, :n], all_zeros.eigenfunctions)
+    np.testing.assert_allclose(
+        more.eigenvalues[n:], spectrum(ball, 2, cache=False).eigenvalues[1], rtol=1e-8
+    )
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 5])
+def test_basis_rule_does_not_depend_on_the_basis_given(m):
+    chance = np.random.default_rng(m)
+    vectors = np.linalg.qr(chance.standard_normal((40, m + 2)))[0]
+    vectors = np.vstack([vectors[:20], vectors[:20]])  # every peak is a tie of two
+    vectors = np.linalg.qr(vectors)[0]
+    values = np.array([0.5, *np.full(m, 2.0), 3.0])
+    turn = np.eye(m + 2)
+    turn[1:-1, 1:-1] = np.linalg.qr(chance.standard_normal((m, m)))[0]
+    found = fix_basis(vectors, values, 1e-9)
+    np.testing.assert_allclose(
+        fix_signs(fix_basis(vectors @ turn, values, 1e-9), np.ones(40)),
+        fix_signs(found, np.ones(40)),
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(found[:, [0, -1]], vectors[:, [0, -1]])
+    np.testing.assert_allclose(found @ found.T, vectors @ vectors.T, atol=1e-12)
+
+
+def test_sign_rule_does_not_depend_on_the_sign_given():
+    chance = np.random.default_rng(3)
+    vectors, weights = chance.standard_normal((50, 4)), chance.random(50)
+    odd = np.linspace(-1, 1, 50)[:, None]  # its third moment vanishes
+    np.testing.assert_array_equal(fix_signs(vectors, weights), fix_signs(-vectors, weights))
+    np.testing.assert_array_equal(fix_signs(odd, np.ones(50)), fix_signs(-odd, np.ones(50)))
+
+
+@pytest.mark.parametrize("k", [0, 643, 2.5, True])
+def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
+    with pytest.raises(InputError, match="has 1 to 642"):
+        spectrum(blob, k)
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-9])
+def test_residuals_are_as_small_as_asked(tol):
+    dog = make_quadruped("sitting", n_vertices=1500).mesh
+    operator = laplacian(dog)
+    found = spectrum(dog, 30, tol=tol)
+    areas = operator.areas[:, None]
+    residual = operator.stiffness @ found.eigenfunctions
+    residual -= areas * found.eigenfunctions * found.eigenvalues
+    size = np.sqrt((residual**2 / areas).sum(axis=0))
+    assert (size[1:] <= tol * found.eigenvalues[1:] + 1e-13 * found.eigenvalues[-1]).all()
+
+
+def test_spectrum_itself_warns_of_nothing(blob, recwarn):
+    spectrum(blob, 3)
+    assert not [warning for warning in recwarn if warning.category is UnbendWarning]

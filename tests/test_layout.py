@@ -1,0 +1,78 @@
+"""The table of CONTRIBUTING.md is the layout: imports run down it, and nothing is left out."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "unbend"
+MODULES = {
+    path.relative_to(SOURCE).with_suffix("").as_posix().replace("/", "."): path
+    for path in SOURCE.rglob("*.py")
+}
+
+
+def rows():
+    """Folders and top-level modules by row of the table, the top row first."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    table = re.findall(r"^\| (`[^|]*`) \| .* \|$", text, re.MULTILINE)
+    return [re.findall(r"`([^`]+?)(?:/|\.py)`", row) for row in table]
+
+
+ROW = {name: i for i, names in enumerate(rows()) for name in names}
+
+
+def imports(name):
+    """Modules of ours that a module imports, wherever in it, and whether by a private path."""
+    for node in ast.walk(ast.parse(MODULES[name].read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "unbend":
+            found = ".".join(node.module.split(".")[1:])
+            for alias in node.names:
+                below = f"{found}.{alias.name}".removeprefix(".")
+                yield next(
+                    one
+                    for one in (below, f"{below}.__init__", found, f"{found}.__init__", "__init__")
+                    if one in MODULES
+                )
+        if isinstance(node, ast.Import):
+            assert not any(alias.name.startswith("unbend.") for alias in node.names), name
+
+
+ARROWS = {name: set(imports(name)) for name in MODULES}
+
+
+def test_the_table_names_every_folder_and_module():
+    found = {name.split(".")[0] for name in MODULES if name.split(".")[-1] != "__init__"}
+    assert found | {"__init__"} == set(ROW)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_run_down(name):
+    room = name.split(".")[0]
+    for other in ARROWS[name]:
+        theirs = other.split(".")[0]
+        if theirs != room:
+            assert ROW[theirs] >= ROW[room], f"{name} imports {other}, which stands above it"
+            private = other.split(".")[-1].startswith("_") and not other.endswith("__init__")
+            assert not (private and "." in other), f"{name} reaches into {other}"
+
+
+def test_there_is_no_circle():
+    # A package's __init__ only gathers: who imports a sibling of it does not wait for it.
+    left = {name: others - {name} for name, others in ARROWS.items()}
+    while free := [name for name, others in left.items() if not others]:
+        for name in free:
+            del left[name]
+        for others in left.values():
+            others.difference_update(free)
+    assert not left, f"circular imports among {sorted(left)}"
+
+
+def test_the_tests_mirror_the_modules():
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        folder = path.relative_to(ROOT / "tests").parent
+        assert folder == Path() or (SOURCE / folder).is_dir(), path
