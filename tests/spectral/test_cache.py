@@ -11,11 +11,11 @@ from unbend import (
     canonical_form,
     distance,
     farthest_point_sampling,
-    spectra,
     spectrum,
 )
 from unbend.datasets import make_sphere
 from unbend.spectral import _cache as cache
+from unbend.spectral import _spectrum as spectra
 from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 
