@@ -51,3 +51,16 @@ def test_starts_where_it_is_told(blob):
 def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
     with pytest.raises(InputError, match="642 vertices"):
         farthest_point_sampling(blob, n_samples)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"time": 0.1}, "time is for diffusion distances, not geodesic"),
+        ({"kind": "biharmonic", "time": 0.1}, "time is for diffusion distances, not biharmonic"),
+        ({"start": 3, "laplacian": "robust"}, "laplacian is for spectral distances"),
+    ],
+)
+def test_options_that_a_distance_cannot_use_are_refused(blob, options, message):
+    with pytest.raises(InputError, match=message):
+        farthest_point_sampling(blob, 3, **options)

@@ -37,7 +37,7 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
 
 
 def test_prints_the_farthest_vertex(mesh, blob):
-    field = distance(blob, 7, kind="geodesic", laplacian="robust")[0]
+    field = distance(blob, 7, kind="geodesic")[0]
     arguments = ["distance", mesh, "--from", "7", "--kind", "geodesic"]
     done = runner.invoke(app, arguments)
     assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout

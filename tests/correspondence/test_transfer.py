@@ -159,8 +159,15 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
     small = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     every = np.zeros(blob.n_vertices)
     for pair in ({"source": small, "target": blob}, {"source": blob, "target": small}):
-        with pytest.raises(InputError, match="the match has 642"):
+        with pytest.raises(InputError, match="the map has 642"):
             transfer(every, _identity(blob), **pair)
+        with pytest.raises(InputError, match="the map has 642"):  # within faces or not
+            transfer(every, _match(np.arange(642), np.arange(642)), **pair)
+    with pytest.raises(InputError, match="the map has 642 target vertices, but mesh has 3"):
+        transfer(every, np.arange(642), target=small)
+    for one in ({"source": blob}, {"target": blob}):
+        with pytest.raises(InputError, match="both the source and the target"):
+            transfer(every, _identity(blob), **one)
     with pytest.raises(InputError, match="names target vertex 641"):
         positions_on_target(np.arange(642), small)
     lying = _match([0, 1, 2], [0, 1, 2], np.array([5, 5, 5]), np.eye(3))

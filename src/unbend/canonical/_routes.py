@@ -25,7 +25,6 @@ from unbend.distances import (
     spectral_filter,
     truncated_metric,
 )
-from unbend.errors import InputError
 from unbend.linalg.two_level import two_levels
 from unbend.mesh import aggregate_vertices
 from unbend.spectral import Surface, eigenpairs
@@ -107,11 +106,6 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
 
 def two_level(surface: Surface, options: Options, steps: Steps) -> Scaled:
     """Do the same without a factor of the whole: a coarse mesh starts and preconditions."""
-    if options.distance not in ("biharmonic", "commute-time") or options.weighting != "uniform":
-        raise InputError(
-            "max_vertices is for exact biharmonic and commute-time forms with uniform weights; "
-            "reduce the mesh for others"
-        )
     n_coarse = options.max_vertices
     assert n_coarse is not None  # or this way would not be taken
     check_memory(surface.mesh.name, surface.n_vertices, _COLUMNS, n_coarse=n_coarse)

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from unbend._arrays import first_largest, is_whole
+from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
-from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.distances import make_metric
+from unbend.choices import DistanceKind, LaplacianKind
+from unbend.distances import GEODESIC, check_kind, diffusion_time, make_metric
 from unbend.errors import InputError
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
 
@@ -22,7 +23,7 @@ def farthest_point_sampling(
     *,
     kind: DistanceKind = "geodesic",
     start: int | None = None,
-    time: float = DIFFUSION_TIME,
+    time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
     cache: bool = True,
@@ -40,10 +41,10 @@ def farthest_point_sampling(
     start : int, optional
         First sample; default: an end of the shape, where the first non-constant eigenfunction
         is largest, so that neither pose nor vertex order matters.
-    time : float, default=0.1
-        Diffusion time, in units of the area.
-    laplacian, component, cache
+    time, component, cache
         See :func:`unbend.distance`.
+    laplacian : {"auto", "cotangent", "robust"}, default="auto"
+        Of spectral distances and of the default for `start`; see :func:`unbend.laplacian`.
 
     Returns
     -------
@@ -54,7 +55,8 @@ def farthest_point_sampling(
     Raises
     ------
     InputError
-        If `n_samples` or `start` is out of range.
+        If `n_samples` or `start` is out of range, or an option is given that the distance cannot
+        use.
     MeshError
         If the mesh cannot be used.
 
@@ -69,8 +71,15 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
+    check_kind(kind)
+    diffused = diffusion_time(kind, time)
+    if kind in GEODESIC and start is not None:
+        refuse_given(
+            f"is for spectral distances, not {kind} ones; leave it out",
+            laplacian=None if laplacian == "auto" else laplacian,
+        )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(kind, surface, time=time, cache=cache)
+    metric = make_metric(kind, surface, time=diffused, cache=cache)
     if start is None:
         first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:

@@ -57,7 +57,8 @@ LaplacianOption = Annotated[
     typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
 ]
 TimeOption = Annotated[
-    float, typer.Option("--time", help="Diffusion time, in units of the mesh's area.")
+    float | None,
+    typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of whatever is left to chance.")]
 CacheOption = Annotated[

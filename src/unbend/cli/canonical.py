@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DIFFUSION_TIME, DistanceKind, Interpolation, Method, Weighting
+from unbend.choices import DistanceKind, Interpolation, Method, Weighting
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -55,19 +55,24 @@ def canonical(
         Weighting, typer.Option("--weighting", help="Count vertices alike, or by their area.")
     ] = "uniform",
     eigenpairs: Annotated[
-        int, typer.Option("--eigenpairs", help="Eigenfunctions, in the sampled method.")
-    ] = 100,
+        int | None,
+        typer.Option("--eigenpairs", help="Eigenfunctions of the sampled method, by default 100."),
+    ] = None,
     samples: Annotated[
-        int, typer.Option("--samples", help="Sampled vertices, in the sampled method.")
-    ] = 200,
+        int | None,
+        typer.Option("--samples", help="Sampled vertices, likewise; by default 200."),
+    ] = None,
     mu: Annotated[
-        float, typer.Option("--mu", help="Weight of samples over smoothness, likewise.")
-    ] = 1e4,
+        float | None,
+        typer.Option("--mu", help="Weight of samples over smoothness, likewise; by default 1e4."),
+    ] = None,
     interpolation: Annotated[
-        Interpolation,
-        typer.Option("--interpolation", help="The paper's Eq. 15 or Eq. 14, likewise."),
-    ] = "projection",
-    time: TimeOption = DIFFUSION_TIME,
+        Interpolation | None,
+        typer.Option(
+            "--interpolation", help="The paper's Eq. 15 (by default) or Eq. 14, likewise."
+        ),
+    ] = None,
+    time: TimeOption = None,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
     keep_scale: Annotated[

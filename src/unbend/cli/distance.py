@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DIFFUSION_TIME, DistanceKind
+from unbend.choices import DistanceKind
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -50,7 +50,7 @@ def distance(
         int | None,
         typer.Option("--eigenpairs", help="Truncate to so many; by default nothing is left out."),
     ] = None,
-    time: TimeOption = DIFFUSION_TIME,
+    time: TimeOption = None,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
     cache: CacheOption = True,

@@ -43,14 +43,18 @@ def match(
         typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
     ] = "progressive",
     eigenpairs: Annotated[
-        int, typer.Option("--eigenpairs", help="Eigenfunctions of each shape.")
-    ] = 150,
+        int | None,
+        typer.Option("--eigenpairs", help="Eigenfunctions of each shape, by default 150."),
+    ] = None,
     allow_mirror: Annotated[
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map to the last vertex.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine", help="Refine the map to the last vertex, as by default."
+        ),
+    ] = None,
     component: ComponentOption = None,
     figure: Annotated[
         str | None,

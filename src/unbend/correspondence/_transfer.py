@@ -45,7 +45,8 @@ def transfer(
         texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
         or four columns, label for everything else.
     source, target : mesh-like, optional
-        Anything :func:`unbend.as_mesh` accepts; used with ``match(..., barycentric=True)``.
+        Anything :func:`unbend.as_mesh` accepts. Needed, both of them, to average within faces;
+        else only their numbers of vertices are used, to check the map.
 
     Returns
     -------
@@ -75,6 +76,8 @@ def transfer(
     >>> transfer(["head", "tail"], [1, 1, 0])
     array(['tail', 'tail', 'head'], dtype='<U4')
     """
+    source = None if source is None else as_mesh(source)
+    target = None if target is None else as_mesh(target)
     array = np.asarray(values)
     corners, shares = _preimages(mapping, source, target)
     n_source = _source_size(mapping, source)
@@ -140,25 +143,24 @@ def positions_on_target(mapping: Any, target: Mesh) -> FloatArray:
     return positions
 
 
-def _preimages(mapping: Any, source: Any, target: Any) -> tuple[IntArray, FloatArray]:
+def _check_size(side: str, n: int, mesh: Mesh | None) -> None:
+    if mesh is not None and mesh.n_vertices != n:
+        raise InputError(f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}")
+
+
+def _preimages(
+    mapping: Any, source: Mesh | None, target: Mesh | None
+) -> tuple[IntArray, FloatArray]:
     """Source vertices (n_target, 1 or 3) of each target vertex, -1 for none, and their shares."""
+    vertices = mapping.target_to_source if isinstance(mapping, Match) else _vertex_map(mapping)
+    _check_size("target", len(vertices), target)
     if not isinstance(mapping, Match):
-        vertices = _vertex_map(mapping)
         return vertices[:, None], np.ones((len(vertices), 1))
-    vertices = mapping.target_to_source
+    _check_size("source", len(mapping.source_to_target), source)
+    if mapping.faces is not None and (source is None) != (target is None):
+        raise InputError("to average within faces, give both the source and the target, or neither")
     if mapping.faces is None or source is None or target is None:
         return vertices[:, None], np.ones((len(vertices), 1))
-    source, target = as_mesh(source), as_mesh(target)
-    if target.n_vertices != len(vertices):
-        raise InputError(
-            f"the match has {len(vertices)} target vertices, but {target.name} has "
-            f"{target.n_vertices}"
-        )
-    if source.n_vertices != len(mapping.source_to_target):
-        raise InputError(
-            f"the match has {len(mapping.source_to_target)} source vertices, but {source.name} "
-            f"has {source.n_vertices}"
-        )
     laid = positions_on_target(mapping, target)
     there = np.flatnonzero(vertices >= 0)
     faces, weights = closest_faces(target.vertices[there], laid, source.faces, vertices[there])
@@ -179,10 +181,10 @@ def _vertex_map(mapping: Any) -> IntArray:
     return array.astype(np.int64)
 
 
-def _source_size(mapping: Any, source: Any) -> int | None:
+def _source_size(mapping: Any, source: Mesh | None) -> int | None:
     if isinstance(mapping, Match):
         return len(mapping.source_to_target)
-    return None if source is None else as_mesh(source).n_vertices
+    return None if source is None else source.n_vertices
 
 
 def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:

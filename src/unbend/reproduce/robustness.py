@@ -146,12 +146,13 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Perturbed) -> Arrays:
 
 
 def _form(mesh: Mesh, distance: DistanceKind, method: Method) -> np.ndarray:
+    exact = method == "exact"
     return canonical_form(
         mesh,
         distance=distance,
         method=method,
-        n_eigenpairs=N_EIGENPAIRS,
-        n_samples=N_SAMPLES,
+        n_eigenpairs=None if exact else N_EIGENPAIRS,
+        n_samples=None if exact else N_SAMPLES,
         cache=False,
     ).points
 
