@@ -13,13 +13,7 @@ from unbend._arrays import is_whole
 from unbend._options import refuse_given
 from unbend._types import FloatArray
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
-from unbend.choices import (
-    DistanceKind,
-    Interpolation,
-    LaplacianKind,
-    Method,
-    Weighting,
-)
+from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, UnbendWarning
 from unbend.spectral import Surface, make_surface
