@@ -169,7 +169,7 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
 
 
 def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
-    done = right("similarity", folder / "a.ply", folder / "b.ply", "--dim", 8, "--json")
+    done = right("similarity", folder / "a.ply", folder / "b.ply", "--n-components", 8, "--json")
     (pair,) = json.loads(done.stdout)["pairs"]
     assert pair["similarity"] > 0.97
     assert pair["confidence"] > 0.5

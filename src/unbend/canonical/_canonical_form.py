@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from unbend._arrays import is_whole
 from unbend._options import refuse_given
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, UnbendWarning
+from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
-# Stress is taken over all pairs of this many random vertices; of a quarter with max_vertices.
+# Stress is taken over all pairs of this many random vertices; of a quarter with n_coarse.
 _STRESS_VERTICES = 32
 _FEWEST_COARSE = 100  # fewer do not know the shape
 # Of the sampled method, unless others are asked for.
@@ -40,7 +39,7 @@ class CanonicalForm:
         belongs to a column of zeros.
     stress : float
         ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices (8
-        with `max_vertices`), d being the exact distance: 0 for a perfect embedding.
+        with `n_coarse`), d being the exact distance: 0 for a perfect embedding.
     distance, method, weighting, laplacian : str
         What was used; never ``"auto"``.
     area : float
@@ -50,7 +49,7 @@ class CanonicalForm:
     seconds : dict of str to float
         Wall time of each step.
     residual : float or None
-        What `max_vertices` leaves: the largest residual of the form's eigenpairs on all vertices,
+        What `n_coarse` leaves: the largest residual of the form's eigenpairs on all vertices,
         relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
     """
 
@@ -68,7 +67,7 @@ class CanonicalForm:
 
 
 def canonical_form(
-    mesh: Any,
+    mesh: MeshLike,
     *,
     n_components: int = 3,
     distance: DistanceKind = "biharmonic",
@@ -84,8 +83,8 @@ def canonical_form(
     keep_scale: bool = False,
     random_state: int = 0,
     cache: bool = True,
-    max_vertices: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    n_coarse: int | None = None,
+    progress: Progress | None = None,
 ) -> CanonicalForm:
     """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
 
@@ -126,13 +125,13 @@ def canonical_form(
         Seed of the vertices that the stress is taken over, and of the solver's first vectors.
     cache : bool, default=True
         Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
-    max_vertices : int, optional
+    n_coarse : int, optional
         For meshes too large to factorise: where there are more vertices, one with about so many
         is factorised in place of the mesh, and its form refined on all vertices to a residual
         of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
         and commute-time forms with uniform weights.
     progress : callable, optional
-        Called with the name of each step as it begins.
+        Called with a step's name and the share of it that is done, 0 to 1.
 
     Returns
     -------
@@ -182,10 +181,10 @@ def canonical_form(
         refuse_given(
             "is for exact biharmonic and commute-time forms with uniform weights; reduce the mesh "
             "for others",
-            max_vertices=max_vertices,
+            n_coarse=n_coarse,
         )
-    if max_vertices is not None and max_vertices < _FEWEST_COARSE:
-        raise InputError(f"max_vertices must be at least {_FEWEST_COARSE}, not {max_vertices}")
+    if n_coarse is not None and n_coarse < _FEWEST_COARSE:
+        raise InputError(f"n_coarse must be at least {_FEWEST_COARSE}, not {n_coarse}")
     options = Options(
         distance,
         n_components,
@@ -197,13 +196,13 @@ def canonical_form(
         diffusion_time(distance, time),
         random_state,
         cache,
-        max_vertices,
+        n_coarse,
     )
     steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
     _check_dimension(n_components, surface, chosen, options.n_eigenpairs)
-    large = max_vertices is not None and surface.n_vertices > max_vertices
+    large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
     points, eigenvalues, metric, residual = route(surface, options, steps)
     with steps("stress"):

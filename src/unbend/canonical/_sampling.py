@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,14 +13,15 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
 from unbend.distances import GEODESIC, check_kind, diffusion_time, make_metric
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
 
 
 def farthest_point_sampling(
-    mesh: Any,
+    mesh: MeshLike,
     n_samples: int,
     *,
-    kind: DistanceKind = "geodesic",
+    distance: DistanceKind = "geodesic",
     start: int | None = None,
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
@@ -36,7 +36,7 @@ def farthest_point_sampling(
         Anything :func:`unbend.as_mesh` accepts.
     n_samples : int
         How many, at most the number of vertices in use.
-    kind : str, default="geodesic"
+    distance : str, default="geodesic"
         In which distance; see :func:`unbend.distance`.
     start : int, optional
         First sample; default: an end of the shape, where the first non-constant eigenfunction
@@ -71,15 +71,15 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
-    check_kind(kind)
-    diffused = diffusion_time(kind, time)
-    if kind in GEODESIC and start is not None:
+    check_kind(distance)
+    diffused = diffusion_time(distance, time)
+    if distance in GEODESIC and start is not None:
         refuse_given(
-            f"is for spectral distances, not {kind} ones; leave it out",
+            f"is for spectral distances, not {distance} ones; leave it out",
             laplacian=None if laplacian == "auto" else laplacian,
         )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(kind, surface, time=diffused, cache=cache)
+    metric = make_metric(distance, surface, time=diffused, cache=cache)
     if start is None:
         first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:

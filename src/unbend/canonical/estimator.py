@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.canonical._canonical_form import canonical_form
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.errors import MissingExtraError
@@ -28,7 +27,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     Parameters
     ----------
     n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
-    laplacian, component, keep_scale, random_state, cache, max_vertices, progress
+    laplacian, component, keep_scale, random_state, cache, n_coarse, progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -77,8 +76,8 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         keep_scale: bool = False,
         random_state: int = 0,
         cache: bool = True,
-        max_vertices: int | None = None,
-        progress: Callable[[str], None] | None = None,
+        n_coarse: int | None = None,
+        progress: Progress | None = None,
     ) -> None:
         self.n_components = n_components
         self.distance = distance
@@ -94,7 +93,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.keep_scale = keep_scale
         self.random_state = random_state
         self.cache = cache
-        self.max_vertices = max_vertices
+        self.n_coarse = n_coarse
         self.progress = progress
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:

@@ -11,6 +11,7 @@ from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
 from unbend.distances._metric import GEODESIC, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.spectral import Surface, local_ids, make_surface
 
 
@@ -35,10 +36,10 @@ def make_metric(
 
 
 def distance(
-    mesh: Any,
+    mesh: MeshLike,
     sources: Any,
     *,
-    kind: DistanceKind = "biharmonic",
+    distance: DistanceKind = "biharmonic",
     n_eigenpairs: int | None = None,
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
@@ -53,7 +54,7 @@ def distance(
         Anything :func:`unbend.as_mesh` accepts.
     sources : int or (s,) array_like of int
         0-based vertex ids.
-    kind : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
+    distance : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
         Biharmonic, commute-time and diffusion distances are exact: no eigenpair is left out.
         ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs the extra
         ``unbend[exact]``.
@@ -100,23 +101,25 @@ def distance(
     >>> distance(make_sphere(2), 0).shape
     (1, 162)
     """
-    check_kind(kind)
-    diffused = diffusion_time(kind, time)
-    if kind in GEODESIC:
+    check_kind(distance)
+    diffused = diffusion_time(distance, time)
+    if distance in GEODESIC:
         refuse_given(
-            f"is for spectral distances, not {kind} ones; leave it out",
+            f"is for spectral distances, not {distance} ones; leave it out",
             n_eigenpairs=n_eigenpairs,
             laplacian=None if laplacian == "auto" else laplacian,
         )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
-        metric = make_metric(kind, surface, time=diffused, cache=cache)
+        metric = make_metric(distance, surface, time=diffused, cache=cache)
     else:
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs
 
-        metric = truncated_metric(kind, eigenpairs(surface, n_eigenpairs, cache=cache), diffused)
-    found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(kind)
+        metric = truncated_metric(
+            distance, eigenpairs(surface, n_eigenpairs, cache=cache), diffused
+        )
+    found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)
     spread: FloatArray = surface.prepared.expand(found.T).T
     return spread

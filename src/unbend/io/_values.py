@@ -13,7 +13,7 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
-from unbend.io._meshes import as_mesh, write_mesh
+from unbend.io._meshes import MeshLike, as_mesh, write_mesh
 from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
@@ -71,7 +71,7 @@ def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) 
 
 
 def write_values(
-    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: Any, *, kind: str = "scalar"
+    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: MeshLike, *, kind: str = "scalar"
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from unbend._options import refuse_given
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.matching import _solve
 from unbend.matching._confidence import decide
-from unbend.matching._inputs import Progress, expand, expand_rows, prepare_shape
+from unbend.matching._inputs import expand, expand_rows, prepare_shape
 from unbend.matching._projection import closest_faces
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._rigidity import orientation_score
@@ -25,8 +26,8 @@ _POINTS_FOR_ICP = 1500
 
 
 def match(
-    source: Any,
-    target: Any,
+    source: MeshLike,
+    target: MeshLike,
     *,
     method: Literal["progressive", "icp"] = "progressive",
     n_eigenpairs: int | None = None,
@@ -151,7 +152,7 @@ def match(
 
 
 def symmetry(
-    mesh: Any,
+    mesh: MeshLike,
     *,
     n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from unbend._arrays import count_repeats
 from unbend._types import FloatArray
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     Edges,
     count_non_manifold_vertices,
@@ -96,7 +95,7 @@ class Diagnosis:
         return bool(self.degenerate_faces or self.non_manifold_edges or self.non_manifold_vertices)
 
 
-def diagnose(mesh: Any) -> Diagnosis:
+def diagnose(mesh: MeshLike) -> Diagnosis:
     """Examine a mesh; nothing is changed.
 
     Parameters
