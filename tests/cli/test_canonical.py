@@ -63,9 +63,9 @@ def test_prints_one_json_object(mesh, blob):
 def test_every_option_reaches_the_library(mesh, blob, tmp_path):
     out = tmp_path / "form.npy"
     options = (
-        "--dim 2 --distance diffusion --method sampled --weighting area --eigenpairs 40 "
-        "--samples 70 --mu 100 --interpolation least-squares --time 0.3 --laplacian robust "
-        "--keep-scale --seed 3 --no-cache"
+        "--n-components 2 --distance diffusion --method sampled --weighting area --n-eigenpairs 40 "
+        "--n-samples 70 --mu 100 --interpolation least-squares --time 0.3 --laplacian robust "
+        "--keep-scale --random-state 3 --no-cache"
     )
     assert run(mesh, "-o", out, *options.split()).exit_code == 0
     form = canonical_form(
