@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import scipy.spatial.transform
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dense
@@ -20,6 +20,7 @@ METHODS = [
 
 
 @pytest.mark.parametrize("options", METHODS)
+@settings(max_examples=8)
 @given(rotation=st.integers(0, 2**32 - 1), scale=st.floats(1e-3, 1e3))
 def test_rigid_motion_and_scale_leave_the_form_alone(blob, options, rotation, scale):
     turn = scipy.spatial.transform.Rotation.random(rng=rotation).as_matrix()
