@@ -5,8 +5,10 @@ import pytest
 
 from unbend import diagnose
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets._measures import along_edges, mean_edge
+from unbend.datasets.welding import touching
 from unbend.errors import InputError, MissingExtraError
-from unbend.reproduce.perturbations import along_edges, mean_edge, perturb, touching
+from unbend.reproduce.perturbations import perturb
 
 BALL = make_sphere(3)
 DOG = make_quadruped("sitting", n_vertices=800).mesh
