@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from unbend._topology import find_edges
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.datasets._measures import along_edges, area
 from unbend.errors import InputError
@@ -103,11 +104,26 @@ def keep(mesh: Mesh, wanted: BoolArray) -> Damaged:
 
 
 def keep_faces(mesh: Mesh, kept: BoolArray) -> Damaged:
-    """Keep the largest connected piece of the chosen faces (m,)."""
-    left = prepare(Mesh(mesh.vertices, mesh.faces[kept], name=mesh.name), component="largest")
+    """Keep the largest connected piece of the chosen faces (m,), rims that touch themselves apart.
+
+    A surface with two rims, or two stretches of one, that touch in a vertex is no manifold there:
+    the faces around such vertices are left out.
+    """
+    faces = mesh.faces[kept]
+    while (pinched := _pinched(faces, mesh.n_vertices)).any():
+        faces = faces[~pinched[faces].any(axis=1)]
+    left = prepare(Mesh(mesh.vertices, faces, name=mesh.name), component="largest")
     image = np.full(mesh.n_vertices, -1)
     image[left.kept] = np.arange(len(left.kept))
     return Damaged(left.mesh, left.kept, image)
+
+
+def _pinched(faces: IntArray, n_vertices: int) -> BoolArray:
+    """Vertices whose faces, some of those around it in a manifold, form more than one fan."""
+    edges = find_edges(faces, n_vertices)
+    inner = np.bincount(edges.ends[edges.n_faces == 2].ravel(), minlength=n_vertices)
+    around = np.bincount(faces.ravel(), minlength=n_vertices)
+    return np.asarray(around - inner > 1)
 
 
 def cut(mesh: Mesh, height: FloatArray, share: float) -> Damaged:
@@ -142,7 +158,7 @@ def cut(mesh: Mesh, height: FloatArray, share: float) -> Damaged:
     """
     if not 0 <= share < 1:
         raise InputError(f"the share to cut away must be from 0 to less than 1, not {share}")
-    whole = area(mesh)
+    goal = (1 - share) * area(mesh)
     lowest = np.asarray(height)[mesh.faces].min(axis=1)
     order = np.argsort(lowest, kind="stable")
 
@@ -154,9 +170,10 @@ def cut(mesh: Mesh, height: FloatArray, share: float) -> Damaged:
     few, many = 0, mesh.n_faces - 1
     while many - few > 1:
         middle = (few + many) // 2
-        enough = area(without(middle).mesh) >= (1 - share) * whole
+        enough = area(without(middle).mesh) >= goal
         few, many = (middle, many) if enough else (few, middle)
-    return without(few)
+    # Between the two lies a face, or what falls off with it.
+    return min(without(few), without(many), key=lambda one: abs(area(one.mesh) - goal))
 
 
 def cut_discs(
