@@ -54,10 +54,9 @@ def _visible(mesh: Mesh, direction: FloatArray) -> BoolArray:
     origin, u, v = flat[before, 0], *(flat[before, i] - flat[before, 0] for i in (1, 2))
     offset = middle[behind] - origin
     twice = _cross(u, v)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # faces seen edge-on hide nothing
         b, c = _cross(offset, v) / twice, _cross(u, offset) / twice
-    a = 1 - b - c
-    with np.errstate(invalid="ignore"):
+        a = 1 - b - c
         height = a * depth[before, 0] + b * depth[before, 1] + c * depth[before, 2]
         hides = (a > 0) & (b > 0) & (c > 0) & (height > depth[behind].mean(axis=1))
     facing[behind[hides]] = False
