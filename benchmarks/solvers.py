@@ -139,7 +139,7 @@ def prepare(n: int, folder: Path) -> int:
     from shapes import quadruped, subdivide
 
     from unbend.linalg.pseudoinverse import pinned
-    from unbend.surface import make_surface
+    from unbend.spectral import make_surface
 
     times = 2 if n > 500_000 else 1
     mesh = quadruped(round(n / 4**times))
