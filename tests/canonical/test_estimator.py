@@ -76,9 +76,8 @@ def test_takes_all_that_canonical_form_takes():
     del theirs["mesh"]
     assert ours == theirs
     told = []
-    SpectralMDS(distance="diffusion", time=0.5, cache=False, progress=told.append).fit(
-        make_sphere(2)
-    )
+    options = {"distance": "diffusion", "time": 0.5, "cache": False}
+    SpectralMDS(**options, progress=lambda stage, share: told.append(stage)).fit(make_sphere(2))
     assert "scaling" in told
 
 

@@ -57,7 +57,10 @@ def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
     ("options", "message"),
     [
         ({"time": 0.1}, "time is for diffusion distances, not geodesic"),
-        ({"kind": "biharmonic", "time": 0.1}, "time is for diffusion distances, not biharmonic"),
+        (
+            {"distance": "biharmonic", "time": 0.1},
+            "time is for diffusion distances, not biharmonic",
+        ),
         ({"start": 3, "laplacian": "robust"}, "laplacian is for spectral distances"),
     ],
 )

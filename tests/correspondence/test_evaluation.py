@@ -89,9 +89,9 @@ def test_coverage_of_a_constant_map() -> None:
     ("arguments", "message"),
     [
         ((EVERY, BALL, EVERY, EVERY[:3]), "source and"),
-        ((EVERY + 1, BALL, EVERY, EVERY), "point_map: row"),
+        ((EVERY + 1, BALL, EVERY, EVERY), "match: row 641 is 642"),
         ((EVERY, BALL, [-1], [0]), "source_points: row 0 is -1"),
-        ((EVERY * 1.0, BALL, EVERY, EVERY), "whole numbers"),
+        ((EVERY * 1.0, BALL, EVERY, EVERY), "list of vertex numbers"),
         ((np.full_like(EVERY, -1), BALL, EVERY, EVERY), "no row"),
     ],
 )

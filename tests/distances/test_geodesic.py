@@ -91,11 +91,14 @@ def test_unknown_distances_and_times_are_refused():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "geodesic", "laplacian": "cotangent"}, "laplacian is for spectral distances"),
-        ({"kind": "geodesic-exact", "laplacian": "robust"}, "laplacian is for spectral distances"),
-        ({"kind": "geodesic", "n_eigenpairs": 9}, "n_eigenpairs is for spectral distances"),
-        ({"kind": "geodesic", "time": 0.1}, "time is for diffusion distances, not geodesic"),
-        ({"kind": "commute-time", "time": 0.1}, "time is for diffusion distances"),
+        ({"distance": "geodesic", "laplacian": "cotangent"}, "laplacian is for spectral distances"),
+        (
+            {"distance": "geodesic-exact", "laplacian": "robust"},
+            "laplacian is for spectral distances",
+        ),
+        ({"distance": "geodesic", "n_eigenpairs": 9}, "n_eigenpairs is for spectral distances"),
+        ({"distance": "geodesic", "time": 0.1}, "time is for diffusion distances, not geodesic"),
+        ({"distance": "commute-time", "time": 0.1}, "time is for diffusion distances"),
     ],
 )
 def test_options_that_a_distance_cannot_use_are_refused(options, message):

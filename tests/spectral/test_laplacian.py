@@ -95,10 +95,12 @@ def test_point_cloud_has_areas_close_to_the_surface():
 def test_unreferenced_vertices_have_no_area(blob):
     extended = Mesh(np.vstack([[[9, 9, 9]], blob.vertices]), blob.faces + 1)
     for kind in ("cotangent", "robust"):
-        found = laplacian(extended, kind)
+        found = laplacian(extended, laplacian=kind)
         assert found.areas[0] == 0
         assert found.stiffness[[0]].count_nonzero() == 0
-        np.testing.assert_allclose(found.areas[1:], laplacian(blob, kind).areas, rtol=1e-9)
+        np.testing.assert_allclose(
+            found.areas[1:], laplacian(blob, laplacian=kind).areas, rtol=1e-9
+        )
 
 
 def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
@@ -109,8 +111,8 @@ def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
 
 def test_unknown_names_are_refused(blob):
     with pytest.raises(InputError, match="uniform"):
-        laplacian(blob, "uniform")
-    with pytest.raises(InputError, match="areas"):
+        laplacian(blob, laplacian="uniform")
+    with pytest.raises(InputError, match="area_kind must be"):
         laplacian(blob, area_kind="full")
     with pytest.raises(MeshError, match="point cloud"):
         laplacian(blob.vertices, laplacian="cotangent")
