@@ -20,6 +20,7 @@ from unbend.datasets import (
     cut,
     cut_discs,
     damaged_truth,
+    fuse,
     keep,
     make_body,
     rest_map,
@@ -181,7 +182,13 @@ HARM: dict[str, dict[str, Harm]] = {
     "scans": {"clean": _scan(0.0), "noise 0.2": _scan(0.2)},
     "welds": {
         f"{n} tubes": lambda chance, mesh, n=n: weld(mesh, n, random_state=_seed(chance))
-        for n in (1, 4, 16)
+        for n in (1, 4)
+    }
+    | {
+        f"{share:.0%} fused": lambda chance, mesh, share=share: fuse(
+            mesh, share, random_state=_seed(chance)
+        )
+        for share in (0.01, 0.03)
     },
     "noise": {
         f"{noise}": lambda chance, mesh, noise=noise: add_noise(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from unbend import diagnose
-from unbend.datasets import make_quadruped, make_sphere, weld
+from unbend.datasets import fuse, make_quadruped, make_sphere, weld
 from unbend.datasets._measures import along_edges
 from unbend.datasets.welding import touching
 from unbend.errors import InputError
@@ -41,6 +41,21 @@ def test_the_truth_of_a_weld_is_that_nothing_moved():
     here, there = touching(DOG, np.random.default_rng(1))
     before = along_edges(DOG, np.array([here]))[0, there]
     assert along_edges(welded.mesh, np.array([here]))[0, there] < 0.5 * before
+
+
+@pytest.mark.parametrize("share", [0.0, 0.005, 0.03])
+def test_fused_parts_lose_the_patch_and_make_one_handle(share):
+    for seed in range(3):
+        fused = fuse(DOG, share, random_state=seed)
+        found = diagnose(fused.mesh)
+        assert found.genus == 1
+        assert found.closed
+        assert found.non_manifold_edges == found.non_manifold_vertices == 0
+        assert found.inconsistent_edges == found.degenerate_faces == found.duplicate_faces == 0
+        assert (fused.mesh.vertices == DOG.vertices[fused.origin]).all()
+        np.testing.assert_array_equal(fused.image[fused.origin], np.arange(len(fused.origin)))
+        n_lost = 800 - len(fused.origin)
+        assert 2 <= n_lost <= max(2, 3 * share * 800)
 
 
 def test_more_tubes_than_there_is_room_for_are_refused():

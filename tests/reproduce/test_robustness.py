@@ -8,9 +8,9 @@ import pytest
 
 from tests.reproduce.folders import write_animals
 from unbend.datasets import Collection, load_tosca, make_quadruped
+from unbend.datasets.damage import unchanged
 from unbend.errors import InputError
 from unbend.reproduce import robustness as module
-from unbend.reproduce.perturbations import Perturbed
 from unbend.reproduce.result import Result
 from unbend.reproduce.robustness import KINDS, compare, robustness
 from unbend.reproduce.robustness_page import text
@@ -36,15 +36,14 @@ def result(run: Run) -> Iterator[Result]:
 def test_a_shape_itself_does_not_move():
     mesh = make_quadruped(n_vertices=500).mesh
     forms = {label: module._form(mesh, *method) for label, method in KINDS.items()}
-    found = compare(mesh, forms, Perturbed(mesh, np.arange(500)))
+    found = compare(mesh, forms, unchanged(mesh))
     assert max(found[label] for label in KINDS) < 1e-9
     assert found["map error"] == 0
 
 
 def test_a_mesh_that_the_matcher_refuses_has_no_map(moebius_strip):
     forms = {label: module._form(moebius_strip, *method) for label, method in KINDS.items()}
-    origin = np.arange(moebius_strip.n_vertices)
-    found = compare(moebius_strip, forms, Perturbed(moebius_strip, origin))
+    found = compare(moebius_strip, forms, unchanged(moebius_strip))
     assert np.isnan(found["map error"])
     assert found["confidence"] == 0
     row = {"perturbation": "noise", "strength": 1, "map error": float("nan")}

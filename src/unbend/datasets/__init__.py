@@ -13,7 +13,7 @@ from unbend.datasets.primitives import make_sphere
 from unbend.datasets.quadruped import make_quadruped
 from unbend.datasets.scanning import add_components, add_noise, seen_from
 from unbend.datasets.shape import Shape, rest_map
-from unbend.datasets.welding import weld
+from unbend.datasets.welding import fuse, weld
 
 __all__ = [
     "Collection",
@@ -27,6 +27,7 @@ __all__ = [
     "cut_discs",
     "damaged_truth",
     "fetch_tosca_remeshed",
+    "fuse",
     "keep",
     "load_faust",
     "load_scape",
