@@ -83,7 +83,7 @@ def bench_pyfm(mesh: Mesh, k: int, repeats: int) -> Row:
     from pyFM.mesh import TriMesh
 
     ours, mine, theirs, other = alternate(
-        lambda: spectrum(mesh, k, areas="barycentric", cache=False),
+        lambda: spectrum(mesh, k, area_kind="barycentric", cache=False),
         lambda: TriMesh(np.array(mesh.vertices), np.array(mesh.faces)).process(k),
         repeats,
     )

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from unbend.correspondence import similarity as similarity
     from unbend.correspondence import transfer as transfer
     from unbend.distances import distance as distance
+    from unbend.io import MeshLike as MeshLike
     from unbend.io import as_mesh as as_mesh
     from unbend.io import invert_map as invert_map
     from unbend.io import read_map as read_map
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from unbend.spectral import laplacian as laplacian
     from unbend.spectral import spectrum as spectrum
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Alignment": "alignment",
@@ -57,6 +58,7 @@ _HOME = {
     "Laplacian": "spectral",
     "Match": "matching",
     "Mesh": "mesh",
+    "MeshLike": "io",
     "SpectralMDS": "canonical.estimator",
     "Spectrum": "spectral",
     "align": "alignment",

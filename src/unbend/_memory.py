@@ -69,7 +69,7 @@ def check_memory(
     there = available_memory()
     if n_coarse is None:
         needed = needed_memory(n_vertices, columns)
-        remedy = "give max_vertices (--max-vertices), or reduce the mesh to fewer vertices first"
+        remedy = "give n_coarse (--n-coarse), or reduce the mesh to fewer vertices first"
     else:
         needed = needed_memory(n_coarse) + n_vertices * (_ITERATIVE_BYTES + 8 * columns)
         remedy = "reduce the mesh to fewer vertices first"

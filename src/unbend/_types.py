@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+# Called with a stage's name and the share of it that is done, from 0 to 1.
+Progress = Callable[[str, float], None]
 
 # SciPy ships no type stubs; its sparse matrices are spelled this way for the reader's sake.
 SparseMatrix = Any

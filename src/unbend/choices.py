@@ -11,7 +11,7 @@ Method = Literal["auto", "exact", "sampled"]
 Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
-Geodesics = Literal["heat", "exact"]
+GeodesicKind = Literal["geodesic", "geodesic-exact"]
 Experiment = Literal[
     "table1", "table2", "figure1", "figure3", "robustness", "efficiency", "convergence", "all"
 ]

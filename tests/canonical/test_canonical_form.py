@@ -186,7 +186,16 @@ def test_steps_are_timed_and_announced(blob):
         ({"distance": "euclid"}, "there is no distance 'euclid'"),
         ({"interpolation": "x", "method": "sampled"}, "interpolation must be"),
         ({"mu": -1, "method": "sampled"}, "mu must be positive"),
-        ({"time": 0.0}, "time must be positive"),
+        ({"time": 0.0, "distance": "diffusion"}, "time must be positive"),
+        ({"time": 0.1}, "time is for diffusion distances, not biharmonic"),
+        ({"time": 0.1, "distance": "geodesic"}, "time is for diffusion distances, not geodesic"),
+        ({"n_eigenpairs": 100}, 'n_eigenpairs is for sampled forms; use method="sampled"'),
+        ({"n_samples": 200, "method": "exact"}, "n_samples is for sampled forms"),
+        ({"mu": 1e4, "weighting": "area"}, "mu is for sampled forms"),
+        ({"interpolation": "projection"}, "interpolation is for sampled forms"),
+        ({"n_coarse": 9999, "method": "sampled"}, "n_coarse is for exact"),
+        ({"n_coarse": 9999, "weighting": "area"}, "n_coarse is for exact"),
+        ({"n_coarse": 9999, "distance": "diffusion"}, "n_coarse is for exact"),
         ({"n_samples": 0, "method": "sampled"}, "0 samples"),
         ({"laplacian": "graph"}, "laplacian must be"),
     ],
@@ -206,7 +215,7 @@ def test_a_coarse_mesh_leads_to_the_same_form(distance):
     sheet = Mesh(ball.vertices[used] * [1.5, 1, 0.7], faces.reshape(-1, 3))
     for shape in (mesh, sheet):
         direct = canonical_form(shape, distance=distance)
-        form = canonical_form(shape, distance=distance, max_vertices=300)
+        form = canonical_form(shape, distance=distance, n_coarse=300)
         assert form.residual <= 1e-6
         assert form.stress == pytest.approx(direct.stress, rel=1e-3)
         assert np.allclose(form.eigenvalues, direct.eigenvalues, rtol=1e-6)
@@ -214,13 +223,13 @@ def test_a_coarse_mesh_leads_to_the_same_form(distance):
         assert np.abs(form.points * signs - direct.points).max() < 1e-4 * np.ptp(direct.points)
 
 
-def test_max_vertices_that_suffice_change_nothing():
+def test_n_coarse_that_suffice_change_nothing():
     mesh = make_quadruped(n_vertices=600).mesh
-    direct, form = canonical_form(mesh), canonical_form(mesh, max_vertices=600)
+    direct, form = canonical_form(mesh), canonical_form(mesh, n_coarse=600)
     assert np.array_equal(form.points, direct.points)
     assert form.residual is None
     for options in ({"method": "sampled"}, {"weighting": "area"}, {"distance": "diffusion"}):
-        with pytest.raises(InputError, match="max_vertices"):
-            canonical_form(mesh, max_vertices=300, **options)
+        with pytest.raises(InputError, match="n_coarse"):
+            canonical_form(mesh, n_coarse=300, **options)
     with pytest.raises(InputError, match="at least 100, not 5"):
-        canonical_form(mesh, max_vertices=5)
+        canonical_form(mesh, n_coarse=5)

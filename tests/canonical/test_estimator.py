@@ -1,3 +1,4 @@
+import inspect
 import sys
 
 import numpy as np
@@ -7,6 +8,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import estimator_checks_generator
 
 from unbend import SpectralMDS, canonical_form
+from unbend.datasets import make_sphere
 from unbend.errors import InputError
 
 # Checks that fit on a matrix of features: wide, complex, sparse or empty ones are no meshes.
@@ -64,6 +66,19 @@ def test_is_the_function_behind_it(blob):
     np.testing.assert_array_equal(fitted.embedding_, form.points)
     np.testing.assert_array_equal(fitted.eigenvalues_, form.eigenvalues)
     assert fitted.stress_ == form.stress
+
+
+def test_takes_all_that_canonical_form_takes():
+    ours, theirs = (
+        {name: one.default for name, one in inspect.signature(taker).parameters.items()}
+        for taker in (SpectralMDS, canonical_form)
+    )
+    del theirs["mesh"]
+    assert ours == theirs
+    told = []
+    options = {"distance": "diffusion", "time": 0.5, "cache": False}
+    SpectralMDS(**options, progress=lambda stage, share: told.append(stage)).fit(make_sphere(2))
+    assert "scaling" in told
 
 
 def test_composes(blob):

@@ -8,8 +8,8 @@ from unbend.errors import InputError
 
 @pytest.mark.parametrize("kind", ["biharmonic", "geodesic", "commute-time", "diffusion"])
 def test_each_sample_is_the_farthest_from_those_before(blob, kind):
-    samples = farthest_point_sampling(blob, 8, kind=kind)
-    rows = distance(blob, samples, kind=kind)
+    samples = farthest_point_sampling(blob, 8, distance=kind)
+    rows = distance(blob, samples, distance=kind)
     for i in range(1, 8):
         nearest = rows[:i].min(axis=0)
         assert nearest[samples[i]] == pytest.approx(nearest.max(), rel=1e-6)
@@ -23,9 +23,9 @@ def test_every_vertex_can_be_sampled_once(blob):
 def test_does_not_depend_on_vertex_order(blob):
     order = np.random.default_rng(0).permutation(blob.n_vertices)
     permuted = Mesh(blob.vertices[order], np.argsort(order)[blob.faces])
-    samples = farthest_point_sampling(blob, 10, kind="biharmonic")
+    samples = farthest_point_sampling(blob, 10, distance="biharmonic")
     np.testing.assert_array_equal(
-        order[farthest_point_sampling(permuted, 10, kind="biharmonic")], samples
+        order[farthest_point_sampling(permuted, 10, distance="biharmonic")], samples
     )
 
 
@@ -34,8 +34,8 @@ def test_does_not_depend_on_vertex_order(blob):
 def test_what_is_rounded_in_another_way_has_the_same_samples(make, kind):
     mesh = make(n_vertices=600).mesh  # of two sides, which are equally far from its middle
     other = Mesh(mesh.vertices[:, [1, 2, 0]] * 3 + 1, mesh.faces)
-    samples = farthest_point_sampling(mesh, 60, kind=kind)
-    assert farthest_point_sampling(other, 60, kind=kind).tolist() == samples.tolist()
+    samples = farthest_point_sampling(mesh, 60, distance=kind)
+    assert farthest_point_sampling(other, 60, distance=kind).tolist() == samples.tolist()
 
 
 def test_starts_where_it_is_told(blob):
@@ -51,3 +51,19 @@ def test_starts_where_it_is_told(blob):
 def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
     with pytest.raises(InputError, match="642 vertices"):
         farthest_point_sampling(blob, n_samples)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"time": 0.1}, "time is for diffusion distances, not geodesic"),
+        (
+            {"distance": "biharmonic", "time": 0.1},
+            "time is for diffusion distances, not biharmonic",
+        ),
+        ({"start": 3, "laplacian": "robust"}, "laplacian is for spectral distances"),
+    ],
+)
+def test_options_that_a_distance_cannot_use_are_refused(blob, options, message):
+    with pytest.raises(InputError, match=message):
+        farthest_point_sampling(blob, 3, **options)

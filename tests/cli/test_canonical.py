@@ -33,7 +33,7 @@ def test_writes_the_form_with_the_same_faces_and_order(mesh, blob, tmp_path, suf
 @pytest.mark.parametrize("suffix", [".npy", ".csv"])
 def test_writes_any_dimension_as_a_table(mesh, blob, tmp_path, suffix):
     out = tmp_path / f"form{suffix}"
-    assert run(mesh, "-o", out, "--dim", 5, "--weighting", "area").exit_code == 0
+    assert run(mesh, "-o", out, "--n-components", 5, "--weighting", "area").exit_code == 0
     table = np.load(out) if suffix == ".npy" else np.loadtxt(out, delimiter=",", skiprows=1)
     form = canonical_form(blob, n_components=5, weighting="area")
     np.testing.assert_array_equal(table, form.points)
@@ -49,7 +49,7 @@ def test_prints_aligned_rows_and_the_next_step(mesh):
 
 
 def test_prints_one_json_object(mesh, blob):
-    done = run(mesh, "--json", "--method", "sampled", "--samples", 50, "--eigenpairs", 30)
+    done = run(mesh, "--json", "--method", "sampled", "--n-samples", 50, "--n-eigenpairs", 30)
     found = json.loads(done.stdout)
     form = canonical_form(blob, method="sampled", n_samples=50, n_eigenpairs=30)
     assert found["eigenvalues"] == list(form.eigenvalues)
@@ -63,9 +63,9 @@ def test_prints_one_json_object(mesh, blob):
 def test_every_option_reaches_the_library(mesh, blob, tmp_path):
     out = tmp_path / "form.npy"
     options = (
-        "--dim 2 --distance diffusion --method sampled --weighting area --eigenpairs 40 "
-        "--samples 70 --mu 100 --interpolation least-squares --time 0.3 --laplacian robust "
-        "--keep-scale --seed 3 --no-cache"
+        "--n-components 2 --distance diffusion --method sampled --weighting area --n-eigenpairs 40 "
+        "--n-samples 70 --mu 100 --interpolation least-squares --time 0.3 --laplacian robust "
+        "--keep-scale --random-state 3 --no-cache"
     )
     assert run(mesh, "-o", out, *options.split()).exit_code == 0
     form = canonical_form(
@@ -107,10 +107,10 @@ def test_a_component_keeps_its_place_among_all_vertices(blob, tmp_path):
     ("arguments", "message"),
     [
         (["missing.off"], "there is no such file"),
-        (["blob.off", "-o", "form.ply", "--dim", "4"], "write the form as .npy or .csv"),
+        (["blob.off", "-o", "form.ply", "--n-components", "4"], "write the form as .npy or .csv"),
         (["blob.off", "-o", "form.stl"], 'unknown suffix ".stl"'),
         (["blob.off", "-o", "nowhere/form.ply"], "there is no folder nowhere"),
-        (["blob.off", "-o", "form.npy", "--dim", "0"], "dimension must be 1 to 641"),
+        (["blob.off", "-o", "form.npy", "--n-components", "0"], "dimension must be 1 to 641"),
         (["blob.off", "--component", "x"], "must be largest or a number"),
         (["blob.off", "--distance", "geodesic", "--method", "exact"], "no exact form"),
     ],

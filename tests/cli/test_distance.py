@@ -22,7 +22,7 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
     options = ["--from", "12", "--from", "500", "--kind", "commute-time", "-o", str(out)]
     done = runner.invoke(app, ["distance", mesh, *options])
     assert done.exit_code == 0, done.output
-    expected = distance(blob, [12, 500], kind="commute-time").T
+    expected = distance(blob, [12, 500], distance="commute-time").T
     if suffix == ".ply":
         import trimesh
 
@@ -37,7 +37,7 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
 
 
 def test_prints_the_farthest_vertex(mesh, blob):
-    field = distance(blob, 7, kind="geodesic", laplacian="robust")[0]
+    field = distance(blob, 7, distance="geodesic")[0]
     arguments = ["distance", mesh, "--from", "7", "--kind", "geodesic"]
     done = runner.invoke(app, arguments)
     assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout

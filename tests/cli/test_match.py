@@ -169,7 +169,7 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
 
 
 def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
-    done = right("similarity", folder / "a.ply", folder / "b.ply", "--dim", 8, "--json")
+    done = right("similarity", folder / "a.ply", folder / "b.ply", "--n-components", 8, "--json")
     (pair,) = json.loads(done.stdout)["pairs"]
     assert pair["similarity"] > 0.97
     assert pair["confidence"] > 0.5
@@ -181,7 +181,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply none.ply", "there is no such file"),
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
-        ("match a.ply b.ply --eigenpairs 2", "at least 4"),
+        ("match a.ply b.ply --n-eigenpairs 2", "at least 4"),
         ("match a.ply b.ply --component x", "--component must be"),
         ("evaluate b.vts --target b.ply --source-truth a.vts --target-truth a.vts", "row 700 is"),
         (

@@ -37,8 +37,16 @@ def _identity(mesh: Mesh) -> Match:
 def test_permutations_permute(order) -> None:
     order = np.array(order)
     for values in (order * 0.5, order, np.stack([order * 1.0] * 2, axis=1), order.astype(str)):
-        np.testing.assert_array_equal(transfer(values, order), values[order])
+        carried = transfer(values, np.argsort(order), target=np.zeros((len(order), 3)))
+        np.testing.assert_array_equal(carried, values[order])
     np.testing.assert_array_equal(transfer(order, _match(np.argsort(order), order)), order[order])
+
+
+def test_an_array_leads_from_source_to_target() -> None:
+    triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 3, 0]], [[0, 1, 2]])
+    assert transfer([10, 20, 30], [1, 2, 0], target=triangle).tolist() == [30, 10, 20]
+    # Vertex 1 is nobody's image: it takes what the nearest one along the edges takes.
+    assert transfer([10, 20], [2, 0], target=triangle).tolist() == [20, 20, 10]
 
 
 def test_the_identity_changes_nothing(blob: Mesh) -> None:
@@ -69,7 +77,7 @@ def test_positions_carried_through_faces_are_finer_than_through_vertices() -> No
 def test_body_parts_arrive_away_from_their_borders(meshing: int) -> None:
     source = make_quadruped("standing", n_vertices=1000)
     target = make_quadruped("galloping", n_vertices=900, meshing=meshing)
-    carried = transfer(source.labels, rest_map(target, source))
+    carried = transfer(source.labels, _match(rest_map(source, target), rest_map(target, source)))
     ends = target.mesh.faces
     border = np.zeros(900, dtype=bool)
     border[ends[(target.labels[ends] != target.labels[ends[:, :1]]).any(axis=1)]] = True
@@ -114,7 +122,7 @@ def test_rounding_does_not_choose_between_labels_of_equal_shares() -> None:
 
 
 def test_without_a_preimage_nothing_is_made_up() -> None:
-    gap = [1, -1]
+    gap = _match([-1, 0], [1, -1])
     assert np.isnan(transfer([1.0, 2], gap)).tolist() == [False, True]
     assert np.isnan(transfer([[1.0, 2], [3, 4]], gap)).tolist() == [[False] * 2, [True] * 2]
     assert transfer([5, 6], gap).tolist() == [6, -1]
@@ -132,22 +140,26 @@ def test_nan_corners_without_a_share_do_not_spread(blob: Mesh) -> None:
     assert np.flatnonzero(np.isnan(carried)).tolist() == [7]
 
 
+ONE = _match([0], [0])
+
+
 @pytest.mark.parametrize(
     ("values", "mapping", "options", "sentence"),
     [
-        ([1.0, 2], [2], {}, "names source vertex 2, but there are 2 values"),
+        ([1.0, 2], _match([0, 1], [2]), {}, "names source vertex 2, but there are 2 values"),
+        ([1.0, 2], [0, 0], {}, "leads from source to target: to turn it round, give"),
         ([1.0, 2], [0.5], {}, "must be a Match or a list"),
         ([1.0, 2], [-2], {}, "must be a Match or a list"),
-        (1.0, [0], {}, "one value to carry"),
+        (1.0, ONE, {}, "one value to carry"),
         ([1.0], _match([0, 0], [1]), {}, "1 rows to carry, but the source has 2 vertices"),
-        ([1.0], [0], {"kind": "mean"}, "kind must be"),
-        (["a"], [0], {"kind": "scalar"}, "cannot be averaged"),
-        ([1j], [0], {}, "neither numbers nor labels"),
-        ([[0.5, 0.5], [0.5, 0.6]], [0], {"kind": "weights"}, "row 1 sums to 1.1"),
-        ([[1.5, -0.5]], [0], {"kind": "weights"}, "its least is -0.5"),
-        ([0.5, 0.5], [0], {"kind": "weights"}, "must be rows"),
-        ([[300, 0, 0]], [0], {"kind": "color"}, "from 0 to 255"),
-        ([0.5], [0], {"kind": "uv"}, "must have two columns"),
+        ([1.0], ONE, {"kind": "mean"}, "kind must be"),
+        (["a"], ONE, {"kind": "scalar"}, "cannot be averaged"),
+        ([1j], ONE, {}, "neither numbers nor labels"),
+        ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 sums to 1.1"),
+        ([[1.5, -0.5]], ONE, {"kind": "weights"}, "its least is -0.5"),
+        ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
+        ([[300, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),
+        ([0.5], ONE, {"kind": "uv"}, "must have two columns"),
     ],
 )
 def test_what_does_not_fit(values, mapping, options, sentence) -> None:
@@ -159,8 +171,17 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
     small = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     every = np.zeros(blob.n_vertices)
     for pair in ({"source": small, "target": blob}, {"source": blob, "target": small}):
-        with pytest.raises(InputError, match="the match has 642"):
+        with pytest.raises(InputError, match="the map has 642"):
             transfer(every, _identity(blob), **pair)
+        with pytest.raises(InputError, match="the map has 642"):  # within faces or not
+            transfer(every, _match(np.arange(642), np.arange(642)), **pair)
+    with pytest.raises(InputError, match="the map has 642 source vertices, but mesh has 3"):
+        transfer(every, np.arange(642), source=small, target=blob)
+    with pytest.raises(InputError, match="names target vertex 641"):
+        transfer(every, np.arange(642), target=small)
+    for one in ({"source": blob}, {"target": blob}):
+        with pytest.raises(InputError, match="both the source and the target"):
+            transfer(every, _identity(blob), **one)
     with pytest.raises(InputError, match="names target vertex 641"):
         positions_on_target(np.arange(642), small)
     lying = _match([0, 1, 2], [0, 1, 2], np.array([5, 5, 5]), np.eye(3))

@@ -17,14 +17,14 @@ def arcs():
 
 def test_heat_method_follows_great_circles(arcs):
     sphere, expected = arcs
-    found = distance(sphere, 0, kind="geodesic")[0]
+    found = distance(sphere, 0, distance="geodesic")[0]
     assert found[0] == 0
     assert abs(found - expected).max() < 0.03 * np.pi
 
 
 def test_exact_geodesics_follow_great_circles(arcs):
     sphere, expected = arcs
-    found = distance(sphere, 0, kind="geodesic-exact")[0]
+    found = distance(sphere, 0, distance="geodesic-exact")[0]
     assert abs(found - expected).max() < 2e-3 * np.pi
 
 
@@ -34,25 +34,25 @@ def test_exact_geodesics_unfold_a_cube():
 
     cube = trimesh.creation.box()
     opposite = np.argmax(np.linalg.norm(cube.vertices - cube.vertices[0], axis=1))
-    found = distance(cube, 0, kind="geodesic-exact")[0, opposite]
+    found = distance(cube, 0, distance="geodesic-exact")[0, opposite]
     assert found == pytest.approx(np.sqrt(5), rel=1e-9)
 
 
 def test_heat_method_on_a_point_cloud(arcs):
     sphere, expected = arcs
-    found = distance(sphere.vertices, 0, kind="geodesic")[0]
+    found = distance(sphere.vertices, 0, distance="geodesic")[0]
     assert abs(found - expected).max() < 0.1 * np.pi
 
 
 def test_point_clouds_have_no_exact_geodesics():
     with pytest.raises(MeshError, match="no exact geodesics"):
-        distance(make_sphere(2).vertices, 0, kind="geodesic-exact")
+        distance(make_sphere(2).vertices, 0, distance="geodesic-exact")
 
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygeodesic.geodesic", None)
     with pytest.raises(MissingExtraError, match=r"unbend\[exact\]"):
-        distance(make_sphere(1), 0, kind="geodesic-exact")
+        distance(make_sphere(1), 0, distance="geodesic-exact")
 
 
 @pytest.mark.parametrize(
@@ -83,6 +83,24 @@ def test_a_source_off_the_surface_is_refused():
 
 def test_unknown_distances_and_times_are_refused():
     with pytest.raises(InputError, match="choose one of biharmonic, commute-time"):
-        distance(make_sphere(1), 0, kind="euclidean")
+        distance(make_sphere(1), 0, distance="euclidean")
     with pytest.raises(InputError, match="time must be positive"):
-        distance(make_sphere(1), 0, kind="diffusion", time=0)
+        distance(make_sphere(1), 0, distance="diffusion", time=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"distance": "geodesic", "laplacian": "cotangent"}, "laplacian is for spectral distances"),
+        (
+            {"distance": "geodesic-exact", "laplacian": "robust"},
+            "laplacian is for spectral distances",
+        ),
+        ({"distance": "geodesic", "n_eigenpairs": 9}, "n_eigenpairs is for spectral distances"),
+        ({"distance": "geodesic", "time": 0.1}, "time is for diffusion distances, not geodesic"),
+        ({"distance": "commute-time", "time": 0.1}, "time is for diffusion distances"),
+    ],
+)
+def test_options_that_a_distance_cannot_use_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        distance(make_sphere(1), 0, **options)

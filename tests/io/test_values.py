@@ -83,3 +83,12 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=sentence):
             write_values(tmp_path / name, values, blob)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_any_mesh_will_do(blob: Mesh, tmp_path: Path) -> None:
+    written = []
+    for number, shape in enumerate([blob, (blob.vertices, blob.faces)]):
+        path = tmp_path / f"{number}.ply"
+        write_values(path, np.arange(blob.n_vertices), shape)
+        written.append(path.read_bytes())
+    assert written[0] == written[1]

@@ -1,5 +1,9 @@
 """Matches and functional maps come back as they were written; damaged archives are refused."""
 
+import struct
+import tracemalloc
+import zipfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -77,19 +81,90 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("source_to_target", np.array([0.5])),
-        ("source_to_target", np.array([-3])),
+        ("source_to_target", np.array([0.5, 0, 0])),
+        ("source_to_target", np.array([-3, 0, 0])),
+        ("source_to_target", np.array([1, 2, -1])),  # the target has two vertices
+        ("source_to_target", np.array(["a", "b", "c"])),
+        ("source_to_target", np.array([[1, 0, -1]])),
+        ("source_to_target", np.empty(0, dtype=np.int64)),
+        ("target_to_source", np.array([1, 3])),
+        ("target_to_source", np.array([1.0, np.nan])),
         ("functional_map", np.zeros(3)),
+        ("functional_map", np.full((2, 2), np.inf)),
+        ("functional_map", np.zeros((9, 2))),  # more functions than vertices
+        ("functional_map", np.array([["a"]])),
         ("confidence", np.zeros(3)),
+        ("confidence", np.array(7.0)),
+        ("confidence", np.array("high")),
+        ("orientation", np.array(np.nan)),
+        ("orientation", np.array(-1.5)),
+        ("residual", np.array(-0.1)),
+        ("residual", np.array(np.inf)),
+        ("hypotheses", np.zeros(3)),
+        ("hypotheses", np.zeros((2, 3))),
+        ("hypotheses", np.array([["a", "b"]])),
+        ("hypotheses", np.array([[-2.0, 0.7], [np.nan, 0.4]])),
+        ("hypotheses", np.array([[-2.0, 7.0]])),
+        ("faces", np.array([0, 0])),
+        ("faces", np.array([0, 0, -2])),
+        ("weights", np.eye(3)),  # the last row has no face
         ("weights", np.zeros(3)),
+        ("weights", np.array([[1, 0, 0], [0, 1, 0]])),
+        ("weights", np.array([[1, 0, 0], [0, 7, 0], [np.nan] * 3])),
+        ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3])),
+        ("weights", np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3])),
+        ("mirrored", np.array([0, 1])),
+        ("mirrored", np.array([0, 1, 2])),
     ],
 )
 def test_wrong_arrays_are_named(tmp_path: Path, name: str, value: np.ndarray) -> None:
-    write_match(tmp_path / "match.npz", RIGHT)
-    arrays = {**np.load(tmp_path / "match.npz"), name: value}
-    np.savez(tmp_path / "match.npz", **arrays)
-    with pytest.raises(FileError, match=f"its {name}"):
+    _alter(tmp_path / "match.npz", name, value)
+    with pytest.raises(FileError, match=rf"match\.npz: its {name}\b"):
         read_match(tmp_path / "match.npz")
+
+
+def _alter(path: Path, name: str, value: np.ndarray | None) -> None:
+    write_match(path, RIGHT)
+    arrays = {**np.load(path), name: value}
+    np.savez_compressed(path, **{key: one for key, one in arrays.items() if one is not None})
+
+
+@pytest.mark.parametrize(("name", "other"), [("faces", "weights"), ("weights", "faces")])
+def test_faces_and_weights_belong_together(tmp_path: Path, name: str, other: str) -> None:
+    _alter(tmp_path / "match.npz", name, None)
+    with pytest.raises(FileError, match=rf"match\.npz: its {other} .* without {name}"):
+        read_match(tmp_path / "match.npz")
+
+
+@pytest.mark.parametrize("reader", [read_match, read_functional_map])
+@pytest.mark.parametrize("name", ["source_to_target", "functional_map", "confidence", "other"])
+def test_small_files_stay_small_in_memory(tmp_path: Path, name: str, reader) -> None:
+    path = tmp_path / "match.npz"
+    size = 12_500_000  # 100 MB
+    value = np.zeros((size // 5, 5) if name == "functional_map" else size)
+    _alter(path, name, value)
+    del value
+    assert path.stat().st_size < 200_000
+    asked_for = name == "functional_map" or (reader is read_match and name != "other")
+    refused = pytest.raises(FileError, match=rf"match\.npz: its {name}")
+    tracemalloc.start()
+    with refused if asked_for else nullcontext():
+        reader(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10e6
+
+
+def test_a_directory_that_lies_about_a_size_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "match.npz"
+    write_match(path, RIGHT)
+    whole = path.read_bytes()
+    with zipfile.ZipFile(path) as archive:
+        size = archive.getinfo("source_to_target.npy").file_size
+    for lie in (size - 8, size + 8):
+        path.write_bytes(whole.replace(struct.pack("<I", size), struct.pack("<I", lie)))
+        with pytest.raises(FileError, match=r"match\.npz: "):
+            read_match(path)
 
 
 def test_pickles_are_never_opened(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -177,6 +178,22 @@ def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
         found = match(fin, blob)
     every = np.arange(blob.n_vertices)
     assert _share_right(found.source_to_target[:-1], blob, every) == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"barycentric": True},
+        {"mirrored": True},
+        {"allow_mirror": True},
+        {"refine": True},
+        {"refine": False},
+        {"n_eigenpairs": 150},
+    ],
+)
+def test_options_that_icp_cannot_use_are_refused(blob: Mesh, options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f'{next(iter(options))} is for method="progressive"'):
+        match(blob, blob, method="icp", **options)
 
 
 def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unbend import Mesh
-from unbend.io import read_mesh
+from unbend.io import read_mesh, write_mesh
 from unbend.mesh import count_non_manifold_vertices, find_edges, proper_faces
 from unbend.preparation import diagnose
 
@@ -246,3 +246,11 @@ def test_real_shapes() -> None:
     assert (health.n_vertices, health.n_faces) == (49_999, 99_994)
     assert (health.closed, health.genus, health.n_components) == (True, 0, 1)
     assert not health.robust_needed
+
+
+def test_takes_whatever_is_a_mesh(tmp_path: Path) -> None:
+    cube = Mesh(CUBE_VERTICES, CUBE_FACES)
+    path = tmp_path / "cube.ply"
+    write_mesh(path, cube)
+    for shape in (path, str(path), (CUBE_VERTICES, CUBE_FACES)):
+        assert diagnose(shape) == diagnose(cube)

@@ -86,7 +86,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
         draw_error_curves({}, "a.png")
     with pytest.raises(InputError, match="2 names need"):
         draw_similarities(["a", "b"], [[1]], "a.png")
-    with pytest.raises(InputError, match="the map has 3 rows"):
+    with pytest.raises(InputError, match="the map has 3 source"):
         draw_match(blob, blob, np.arange(3), "a.png")
     with pytest.raises(InputError, match="up must be"):
         draw_match(blob, blob, np.arange(642), "a.png", up="w")

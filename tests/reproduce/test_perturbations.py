@@ -5,8 +5,9 @@ import pytest
 
 from unbend import diagnose
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets._measures import area, mean_edge
 from unbend.errors import InputError, MissingExtraError
-from unbend.reproduce.perturbations import along_edges, mean_edge, perturb, touching
+from unbend.reproduce.perturbations import perturb
 
 BALL = make_sphere(3)
 DOG = make_quadruped("sitting", n_vertices=800).mesh
@@ -26,32 +27,10 @@ def test_noise_is_normal_and_as_strong_as_asked():
 def test_what_is_cut_out_leaves_its_share_and_its_rims(kind, n_rims):
     ball = make_sphere(4)
     cut = perturb(ball, kind, 0.1)
-    assert len(cut.origin) == pytest.approx(0.9 * ball.n_vertices, abs=20)
+    assert area(cut.mesh) / area(ball) == pytest.approx(0.9, abs=0.01)
     assert (cut.mesh.vertices == ball.vertices[cut.origin]).all()
     # Discs may run into each other, and cut a crumb off that is left out.
     assert 1 <= diagnose(cut.mesh).boundary_loops <= n_rims
-
-
-@pytest.mark.parametrize("n_tubes", [1, 4])
-def test_each_tube_is_a_handle(n_tubes):
-    welded = perturb(DOG, "shortcut", n_tubes)
-    found = diagnose(welded.mesh)
-    assert diagnose(DOG).genus == 0
-    assert found.genus == n_tubes
-    assert found.closed
-    assert found.non_manifold_edges == found.non_manifold_vertices == found.inconsistent_edges == 0
-    assert (welded.mesh.vertices == DOG.vertices).all()
-
-
-def test_parts_that_touch_are_near_in_space_and_far_on_the_shape():
-    here, there = touching(DOG, np.random.default_rng(0))
-    gap = np.linalg.norm(DOG.vertices[here] - DOG.vertices[there])
-    way = along_edges(DOG, np.array([here]))[0]
-    assert way[there] > 0.4 * way.max()
-    assert way[there] > 3 * gap
-    # No other vertex as far away on the shape is nearer in space.
-    gaps = np.linalg.norm(DOG.vertices - DOG.vertices[here], axis=1)
-    assert gap <= 1.5 * gaps[way >= way[there]].min()
 
 
 def test_decimation_keeps_the_surface():

@@ -60,7 +60,7 @@ def test_what_the_cache_holds_changes_nothing():
 @pytest.mark.parametrize(
     "compute",
     [
-        lambda mesh, cache: distance(mesh, 0, kind="diffusion", time=0.5, cache=cache),
+        lambda mesh, cache: distance(mesh, 0, distance="diffusion", time=0.5, cache=cache),
         lambda mesh, cache: distance(mesh, 0, n_eigenpairs=9, cache=cache),
         lambda mesh, cache: farthest_point_sampling(mesh, 3, cache=cache),
         lambda mesh, cache: canonical_form(mesh, distance="diffusion", time=0.5, cache=cache),
@@ -99,11 +99,11 @@ def test_everything_that_matters_is_in_the_key(blob):
 )
 def test_what_another_solver_computed_is_not_used(blob, monkeypatch, change):
     surface = make_surface(blob)
-    eigenpairs(surface, 5, tol=spectra._RESIDUAL)
+    eigenpairs(surface, 5, tolerance=spectra._RESIDUAL)
     change(monkeypatch)
     monkeypatch.setattr("unbend.spectral._spectrum.smallest_eigenpairs", None)
     with pytest.raises(TypeError):
-        eigenpairs(surface, 5, tol=spectra._RESIDUAL)
+        eigenpairs(surface, 5, tolerance=spectra._RESIDUAL)
 
 
 @pytest.mark.parametrize("keep", [0, 1, 100, 700, -1])

@@ -36,19 +36,19 @@ def test_quadratic_form_is_the_energy_of_the_gradient(blob, seed):
 
 @pytest.mark.parametrize("areas", ["voronoi", "barycentric"])
 def test_areas_share_out_the_whole_surface(blob, areas):
-    found = laplacian(blob, areas=areas).areas
+    found = laplacian(blob, area_kind=areas).areas
     assert found.min() > 0
     assert found.sum() == pytest.approx(face_areas(blob).sum(), rel=1e-12)
 
 
 def test_voronoi_area_of_an_equilateral_triangle_is_a_third_each():
     triangle = Mesh([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(3) / 2, 0]], [[0, 1, 2]])
-    np.testing.assert_allclose(laplacian(triangle, "cotangent").areas, np.sqrt(3) / 12)
+    np.testing.assert_allclose(laplacian(triangle, laplacian="cotangent").areas, np.sqrt(3) / 12)
 
 
 def test_voronoi_area_of_an_obtuse_triangle_is_a_half_and_two_quarters():
     triangle = Mesh([[0, 0, 0], [4, 0, 0], [1, 0.5, 0]], [[0, 1, 2]])
-    np.testing.assert_allclose(laplacian(triangle, "cotangent").areas, [0.25, 0.25, 0.5])
+    np.testing.assert_allclose(laplacian(triangle, laplacian="cotangent").areas, [0.25, 0.25, 0.5])
 
 
 def test_voronoi_area_on_a_regular_grid_is_the_square_around_each_vertex():
@@ -68,7 +68,7 @@ def test_voronoi_area_on_a_regular_grid_is_the_square_around_each_vertex():
 
 def test_robust_equals_cotangent_on_a_delaunay_mesh():
     sphere = make_sphere(3)
-    cotangent, robust = laplacian(sphere), laplacian(sphere, "robust")
+    cotangent, robust = laplacian(sphere), laplacian(sphere, laplacian="robust")
     assert (cotangent.kind, robust.kind) == ("cotangent", "robust")
     assert abs(cotangent.stiffness - robust.stiffness).max() < 1e-3
     assert robust.areas.sum() == pytest.approx(cotangent.areas.sum(), rel=1e-3)
@@ -95,22 +95,24 @@ def test_point_cloud_has_areas_close_to_the_surface():
 def test_unreferenced_vertices_have_no_area(blob):
     extended = Mesh(np.vstack([[[9, 9, 9]], blob.vertices]), blob.faces + 1)
     for kind in ("cotangent", "robust"):
-        found = laplacian(extended, kind)
+        found = laplacian(extended, laplacian=kind)
         assert found.areas[0] == 0
         assert found.stiffness[[0]].count_nonzero() == 0
-        np.testing.assert_allclose(found.areas[1:], laplacian(blob, kind).areas, rtol=1e-9)
+        np.testing.assert_allclose(
+            found.areas[1:], laplacian(blob, laplacian=kind).areas, rtol=1e-9
+        )
 
 
 def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
     faces = np.vstack([blob.faces, [[0, 0, 1]]])
     with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
-        laplacian(Mesh(blob.vertices, faces), "cotangent")
+        laplacian(Mesh(blob.vertices, faces), laplacian="cotangent")
 
 
 def test_unknown_names_are_refused(blob):
     with pytest.raises(InputError, match="uniform"):
-        laplacian(blob, "uniform")
-    with pytest.raises(InputError, match="areas"):
-        laplacian(blob, areas="full")
+        laplacian(blob, laplacian="uniform")
+    with pytest.raises(InputError, match="area_kind must be"):
+        laplacian(blob, area_kind="full")
     with pytest.raises(MeshError, match="point cloud"):
-        laplacian(blob.vertices, "cotangent")
+        laplacian(blob.vertices, laplacian="cotangent")

@@ -206,7 +206,7 @@ def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
 def test_residuals_are_as_small_as_asked(tol):
     dog = make_quadruped("sitting", n_vertices=1500).mesh
     operator = laplacian(dog)
-    found = spectrum(dog, 30, tol=tol)
+    found = spectrum(dog, 30, tolerance=tol)
     areas = operator.areas[:, None]
     residual = operator.stiffness @ found.eigenfunctions
     residual -= areas * found.eigenfunctions * found.eigenvalues

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from unbend._arrays import is_whole
-from unbend._types import FloatArray
+from unbend._options import refuse_given
+from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
-from unbend.choices import (
-    DIFFUSION_TIME,
-    DistanceKind,
-    Interpolation,
-    LaplacianKind,
-    Method,
-    Weighting,
-)
-from unbend.distances import SPECTRAL, Metric, check_kind, length_power
+from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
+from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, UnbendWarning
+from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
-# Stress is taken over all pairs of this many random vertices; of a quarter with max_vertices.
+# Stress is taken over all pairs of this many random vertices; of a quarter with n_coarse.
 _STRESS_VERTICES = 32
 _FEWEST_COARSE = 100  # fewer do not know the shape
+# Of the sampled method, unless others are asked for.
+_N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +39,7 @@ class CanonicalForm:
         belongs to a column of zeros.
     stress : float
         ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices (8
-        with `max_vertices`), d being the exact distance: 0 for a perfect embedding.
+        with `n_coarse`), d being the exact distance: 0 for a perfect embedding.
     distance, method, weighting, laplacian : str
         What was used; never ``"auto"``.
     area : float
@@ -54,7 +49,7 @@ class CanonicalForm:
     seconds : dict of str to float
         Wall time of each step.
     residual : float or None
-        What `max_vertices` leaves: the largest residual of the form's eigenpairs on all vertices,
+        What `n_coarse` leaves: the largest residual of the form's eigenpairs on all vertices,
         relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
     """
 
@@ -72,24 +67,24 @@ class CanonicalForm:
 
 
 def canonical_form(
-    mesh: Any,
+    mesh: MeshLike,
     *,
     n_components: int = 3,
     distance: DistanceKind = "biharmonic",
     method: Method = "auto",
     weighting: Weighting = "uniform",
-    n_eigenpairs: int = 100,
-    n_samples: int = 200,
-    mu: float = 1e4,
-    interpolation: Interpolation = "projection",
-    time: float = DIFFUSION_TIME,
+    n_eigenpairs: int | None = None,
+    n_samples: int | None = None,
+    mu: float | None = None,
+    interpolation: Interpolation | None = None,
+    time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
     keep_scale: bool = False,
     random_state: int = 0,
     cache: bool = True,
-    max_vertices: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    n_coarse: int | None = None,
+    progress: Progress | None = None,
 ) -> CanonicalForm:
     """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
 
@@ -112,14 +107,14 @@ def canonical_form(
     weighting : {"uniform", "area"}, default="uniform"
         Whether each vertex counts the same (the paper's), or by its area, which makes the form
         independent of how densely a region is meshed.
-    n_eigenpairs, n_samples : int
-        Of the sampled method; no more than there are vertices are used.
-    mu : float, default=1e4
-        Weight of the samples against smoothness, in the sampled method.
-    interpolation : {"projection", "least-squares"}, default="projection"
-        Eq. 15 or Eq. 14 of the paper, in the sampled method.
-    time : float, default=0.1
-        Diffusion time, in units of the area.
+    n_eigenpairs, n_samples : int, optional
+        Of the sampled method, 100 and 200 by default; no more than there are vertices are used.
+    mu : float, optional
+        Weight of the samples against smoothness, in the sampled method; 1e4 by default.
+    interpolation : {"projection", "least-squares"}, optional
+        Eq. 15 (the default) or Eq. 14 of the paper, in the sampled method.
+    time : float, optional
+        Diffusion time of the diffusion distance, in units of the area; 0.1 by default.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         See :func:`unbend.laplacian`.
     component : "largest" or int, optional
@@ -130,13 +125,13 @@ def canonical_form(
         Seed of the vertices that the stress is taken over, and of the solver's first vectors.
     cache : bool, default=True
         Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
-    max_vertices : int, optional
+    n_coarse : int, optional
         For meshes too large to factorise: where there are more vertices, one with about so many
         is factorised in place of the mesh, and its form refined on all vertices to a residual
         of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
         and commute-time forms with uniform weights.
     progress : callable, optional
-        Called with the name of each step as it begins.
+        Called with a step's name and the share of it that is done, 0 to 1.
 
     Returns
     -------
@@ -145,7 +140,8 @@ def canonical_form(
     Raises
     ------
     InputError
-        If a name or number is out of range.
+        If a name or number is out of range, or an option is given that the method or the distance
+        cannot use.
     MeshError
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
@@ -173,28 +169,40 @@ def canonical_form(
     chosen = _choose_method(method, distance)
     if weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {weighting!r}')
-    if max_vertices is not None and max_vertices < _FEWEST_COARSE:
-        raise InputError(f"max_vertices must be at least {_FEWEST_COARSE}, not {max_vertices}")
+    if chosen == "exact":
+        refuse_given(
+            'is for sampled forms; use method="sampled", or leave it out',
+            n_eigenpairs=n_eigenpairs,
+            n_samples=n_samples,
+            mu=mu,
+            interpolation=interpolation,
+        )
+    if chosen != "exact" or distance == "diffusion" or weighting != "uniform":
+        refuse_given(
+            "is for exact biharmonic and commute-time forms with uniform weights; reduce the mesh "
+            "for others",
+            n_coarse=n_coarse,
+        )
+    if n_coarse is not None and n_coarse < _FEWEST_COARSE:
+        raise InputError(f"n_coarse must be at least {_FEWEST_COARSE}, not {n_coarse}")
     options = Options(
         distance,
         n_components,
         weighting,
-        n_eigenpairs,
-        n_samples,
-        mu,
-        interpolation,
-        time,
+        _N_EIGENPAIRS if n_eigenpairs is None else n_eigenpairs,
+        _N_SAMPLES if n_samples is None else n_samples,
+        _MU if mu is None else mu,
+        interpolation or "projection",
+        diffusion_time(distance, time),
         random_state,
         cache,
-        max_vertices,
+        n_coarse,
     )
     steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
-    _check_dimension(n_components, surface, chosen, n_eigenpairs)
-    large = max_vertices is not None and surface.n_vertices > max_vertices
-    if large and chosen != "exact":
-        raise InputError('max_vertices is for exact forms; use method="exact"')
+    _check_dimension(n_components, surface, chosen, options.n_eigenpairs)
+    large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
     points, eigenvalues, metric, residual = route(surface, options, steps)
     with steps("stress"):

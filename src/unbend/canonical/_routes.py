@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._memory import check_memory
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.canonical._interpolation import distance_coefficients
 from unbend.canonical._mds import area_scaling, exact_scaling, refined_scaling, sampled_scaling
 from unbend.canonical._sampling import shape_end, spread_samples
@@ -25,7 +25,6 @@ from unbend.distances import (
     spectral_filter,
     truncated_metric,
 )
-from unbend.errors import InputError
 from unbend.linalg.two_level import two_levels
 from unbend.mesh import aggregate_vertices
 from unbend.spectral import Surface, eigenpairs
@@ -52,7 +51,7 @@ class Options:
     time: float
     random_state: int
     cache: bool
-    max_vertices: int | None
+    n_coarse: int | None
 
 
 class Scaled(NamedTuple):
@@ -70,17 +69,18 @@ class Scaled(NamedTuple):
 class Steps:
     """Names and times the steps of a computation."""
 
-    def __init__(self, progress: Callable[[str], None] | None) -> None:
+    def __init__(self, progress: Progress | None) -> None:
         self.seconds: dict[str, float] = {}
         self._progress = progress
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
-        if self._progress is not None:
-            self._progress(name)
+        told = self._progress or (lambda stage, share: None)
+        told(name, 0.0)
         start = clock.perf_counter()
         yield
         self.seconds[name] = clock.perf_counter() - start
+        told(name, 1.0)
 
 
 def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
@@ -107,12 +107,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
 
 def two_level(surface: Surface, options: Options, steps: Steps) -> Scaled:
     """Do the same without a factor of the whole: a coarse mesh starts and preconditions."""
-    if options.distance not in ("biharmonic", "commute-time") or options.weighting != "uniform":
-        raise InputError(
-            "max_vertices is for exact biharmonic and commute-time forms with uniform weights; "
-            "reduce the mesh for others"
-        )
-    n_coarse = options.max_vertices
+    n_coarse = options.n_coarse
     assert n_coarse is not None  # or this way would not be taken
     check_memory(surface.mesh.name, surface.n_vertices, _COLUMNS, n_coarse=n_coarse)
     with steps("coarsening"):

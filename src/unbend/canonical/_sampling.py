@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from unbend._arrays import first_largest, is_whole
+from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
-from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.distances import make_metric
+from unbend.choices import DistanceKind, LaplacianKind
+from unbend.distances import GEODESIC, check_kind, diffusion_time, make_metric
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
 
 
 def farthest_point_sampling(
-    mesh: Any,
+    mesh: MeshLike,
     n_samples: int,
     *,
-    kind: DistanceKind = "geodesic",
+    distance: DistanceKind = "geodesic",
     start: int | None = None,
-    time: float = DIFFUSION_TIME,
+    time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
     cache: bool = True,
@@ -35,15 +36,15 @@ def farthest_point_sampling(
         Anything :func:`unbend.as_mesh` accepts.
     n_samples : int
         How many, at most the number of vertices in use.
-    kind : str, default="geodesic"
+    distance : str, default="geodesic"
         In which distance; see :func:`unbend.distance`.
     start : int, optional
         First sample; default: an end of the shape, where the first non-constant eigenfunction
         is largest, so that neither pose nor vertex order matters.
-    time : float, default=0.1
-        Diffusion time, in units of the area.
-    laplacian, component, cache
+    time, component, cache
         See :func:`unbend.distance`.
+    laplacian : {"auto", "cotangent", "robust"}, default="auto"
+        Of spectral distances and of the default for `start`; see :func:`unbend.laplacian`.
 
     Returns
     -------
@@ -54,7 +55,8 @@ def farthest_point_sampling(
     Raises
     ------
     InputError
-        If `n_samples` or `start` is out of range.
+        If `n_samples` or `start` is out of range, or an option is given that the distance cannot
+        use.
     MeshError
         If the mesh cannot be used.
 
@@ -69,8 +71,15 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
+    check_kind(distance)
+    diffused = diffusion_time(distance, time)
+    if distance in GEODESIC and start is not None:
+        refuse_given(
+            f"is for spectral distances, not {distance} ones; leave it out",
+            laplacian=None if laplacian == "auto" else laplacian,
+        )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(kind, surface, time=time, cache=cache)
+    metric = make_metric(distance, surface, time=diffused, cache=cache)
     if start is None:
         first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.canonical._canonical_form import canonical_form
+from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.errors import MissingExtraError
 
 try:
@@ -25,8 +26,8 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
 
     Parameters
     ----------
-    n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation,
-    laplacian, component, keep_scale, random_state
+    n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
+    laplacian, component, keep_scale, random_state, cache, n_coarse, progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -62,17 +63,21 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self,
         n_components: int = 3,
         *,
-        distance: str = "biharmonic",
-        method: str = "auto",
-        weighting: str = "uniform",
-        n_eigenpairs: int = 100,
-        n_samples: int = 200,
-        mu: float = 1e4,
-        interpolation: str = "projection",
-        laplacian: str = "auto",
+        distance: DistanceKind = "biharmonic",
+        method: Method = "auto",
+        weighting: Weighting = "uniform",
+        n_eigenpairs: int | None = None,
+        n_samples: int | None = None,
+        mu: float | None = None,
+        interpolation: Interpolation | None = None,
+        time: float | None = None,
+        laplacian: LaplacianKind = "auto",
         component: str | int | None = None,
         keep_scale: bool = False,
         random_state: int = 0,
+        cache: bool = True,
+        n_coarse: int | None = None,
+        progress: Progress | None = None,
     ) -> None:
         self.n_components = n_components
         self.distance = distance
@@ -82,10 +87,14 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.n_samples = n_samples
         self.mu = mu
         self.interpolation = interpolation
+        self.time = time
         self.laplacian = laplacian
         self.component = component
         self.keep_scale = keep_scale
         self.random_state = random_state
+        self.cache = cache
+        self.n_coarse = n_coarse
+        self.progress = progress
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:
         """Compute the canonical form of a mesh.

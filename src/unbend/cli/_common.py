@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,7 @@ from unbend.choices import Axis, LaplacianKind
 from unbend.errors import InputError, UnbendWarning
 
 if TYPE_CHECKING:
-    from unbend._types import IntArray
+    from unbend._types import IntArray, Progress
 
 EXIT_REFUSED = 2
 _DOUBTFUL = 0.5
@@ -57,9 +57,12 @@ LaplacianOption = Annotated[
     typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
 ]
 TimeOption = Annotated[
-    float, typer.Option("--time", help="Diffusion time, in units of the mesh's area.")
+    float | None,
+    typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", help="Seed of whatever is left to chance.")]
+RandomStateOption = Annotated[
+    int, typer.Option("--random-state", help="Seed of whatever is left to chance.")
+]
 CacheOption = Annotated[
     bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for the next time.")
 ]
@@ -141,12 +144,12 @@ def print_rows(rows: Mapping[str, str]) -> None:
 
 
 @contextmanager
-def steps_on_stderr() -> Iterator[Callable[[str], None]]:
+def steps_on_stderr() -> Iterator[Progress]:
     """Show the step that is under way on stderr, if a person is watching."""
     if not sys.stderr.isatty():
-        yield lambda name: None
+        yield lambda stage, share: None
         return
     from rich.console import Console
 
     with Console(stderr=True).status("") as status:
-        yield lambda name: status.update(f"{name} ...")
+        yield lambda stage, share: status.update(f"{stage}, {share:.0%}" if share else stage)

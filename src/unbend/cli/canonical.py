@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DIFFUSION_TIME, DistanceKind, Interpolation, Method, Weighting
+from unbend.choices import DistanceKind, Interpolation, Method, Weighting
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
     JsonOption,
     LaplacianOption,
     MeshArgument,
-    SeedOption,
+    RandomStateOption,
     TimeOption,
     parse_component,
     print_json,
@@ -43,7 +43,7 @@ def canonical(
             "(dimension 3), .npy or .csv (any dimension).",
         ),
     ] = None,
-    dim: Annotated[int, typer.Option("--dim", help="Dimension of the form.")] = 3,
+    n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
     distance: Annotated[
         DistanceKind, typer.Option("--distance", help="The distance that the form keeps.")
     ] = "biharmonic",
@@ -54,36 +54,41 @@ def canonical(
     weighting: Annotated[
         Weighting, typer.Option("--weighting", help="Count vertices alike, or by their area.")
     ] = "uniform",
-    eigenpairs: Annotated[
-        int, typer.Option("--eigenpairs", help="Eigenfunctions, in the sampled method.")
-    ] = 100,
-    samples: Annotated[
-        int, typer.Option("--samples", help="Sampled vertices, in the sampled method.")
-    ] = 200,
+    n_eigenpairs: Annotated[
+        int | None,
+        typer.Option("--n-eigenpairs", help="Eigenfunctions of a sampled form, by default 100."),
+    ] = None,
+    n_samples: Annotated[
+        int | None,
+        typer.Option("--n-samples", help="Sampled vertices, likewise; by default 200."),
+    ] = None,
     mu: Annotated[
-        float, typer.Option("--mu", help="Weight of samples over smoothness, likewise.")
-    ] = 1e4,
+        float | None,
+        typer.Option("--mu", help="Weight of samples over smoothness, likewise; by default 1e4."),
+    ] = None,
     interpolation: Annotated[
-        Interpolation,
-        typer.Option("--interpolation", help="The paper's Eq. 15 or Eq. 14, likewise."),
-    ] = "projection",
-    time: TimeOption = DIFFUSION_TIME,
+        Interpolation | None,
+        typer.Option(
+            "--interpolation", help="The paper's Eq. 15 (by default) or Eq. 14, likewise."
+        ),
+    ] = None,
+    time: TimeOption = None,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
     keep_scale: Annotated[
         bool,
         typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
     ] = False,
-    max_vertices: Annotated[
+    n_coarse: Annotated[
         int | None,
         typer.Option(
-            "--max-vertices",
+            "--n-coarse",
             metavar="N",
             help="For meshes too large for the memory: factorise a mesh of about N vertices in "
             "place of a larger one, and refine its form on all vertices.",
         ),
     ] = None,
-    seed: SeedOption = 0,
+    random_state: RandomStateOption = 0,
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -95,9 +100,9 @@ def canonical(
     \b
     Examples:
       unbend canonical cat.off -o cat_canonical.ply
-      unbend canonical cat.off -o cat.npy --dim 10 --weighting area
-      unbend canonical cat.off --distance geodesic --samples 300 --json
-      unbend canonical statue.ply -o statue_canonical.ply --max-vertices 200000
+      unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
+      unbend canonical cat.off --distance geodesic --n-samples 300 --json
+      unbend canonical statue.ply -o statue_canonical.ply --n-coarse 200000
     """  # noqa: D301
     from unbend.canonical import canonical_form
     from unbend.errors import InputError
@@ -105,34 +110,35 @@ def canonical(
 
     if out is not None:
         suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
-        if suffix in _MESH_SUFFIXES and dim != 3:
+        if suffix in _MESH_SUFFIXES and n_components != 3:
             raise InputError(
-                f"{suffix} files hold 3 dimensions, not {dim}; write the form as .npy or .csv"
+                f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
+                "or .csv"
             )
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         shape = read_mesh(mesh)
         form = canonical_form(
             shape,
-            n_components=dim,
+            n_components=n_components,
             distance=distance,
             method=method,
             weighting=weighting,
-            n_eigenpairs=eigenpairs,
-            n_samples=samples,
+            n_eigenpairs=n_eigenpairs,
+            n_samples=n_samples,
             mu=mu,
             interpolation=interpolation,
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
             keep_scale=keep_scale,
-            random_state=seed,
+            random_state=random_state,
             cache=cache,
-            max_vertices=max_vertices,
+            n_coarse=n_coarse,
             progress=progress,
         )
         if out is not None:
-            progress("writing")
+            progress("writing", 0)
             write_form(out, shape, form)
     print_notes(shape.notes)
     if as_json:

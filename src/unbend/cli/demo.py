@@ -57,7 +57,7 @@ def demo(
         for species, make in (("dog", make_quadruped), ("human", make_biped)):
             first = None
             for pose in _POSES[species]:
-                progress(f"{species}, {pose}")
+                progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
                 points = canonical_form(mesh).points
                 if first is None:
@@ -66,9 +66,9 @@ def demo(
                 rotation, translation = procrustes(points, first)
                 points = points @ rotation.T + translation
                 columns.append(CanonicalColumn(f"{species}, {pose}", mesh, points, colors))
-        progress("comparing")
+        progress("comparing", 0)
         pairs = _compare(columns)
-        progress("drawing")
+        progress("drawing", 0)
         draw_canonical_forms(columns, out, canonical_view=(30, 20))
     if as_json:
         print_json({"out": out, "pairs": [pair._asdict() for pair in pairs]})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DIFFUSION_TIME, DistanceKind
+from unbend.choices import DistanceKind
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -45,12 +45,14 @@ def distance(
             "value per vertex and source, distance_VERTEX.",
         ),
     ] = None,
-    kind: Annotated[DistanceKind, typer.Option("--kind", help="Which distance.")] = "biharmonic",
-    eigenpairs: Annotated[
+    kind: Annotated[
+        DistanceKind, typer.Option("--distance", help="Which distance.")
+    ] = "biharmonic",
+    n_eigenpairs: Annotated[
         int | None,
-        typer.Option("--eigenpairs", help="Truncate to so many; by default nothing is left out."),
+        typer.Option("--n-eigenpairs", help="Truncate to so many; by default nothing is left out."),
     ] = None,
-    time: TimeOption = DIFFUSION_TIME,
+    time: TimeOption = None,
     laplacian: LaplacianOption = "auto",
     component: ComponentOption = None,
     cache: CacheOption = True,
@@ -61,7 +63,7 @@ def distance(
     \b
     Examples:
       unbend distance cat.off --from 12 -o field.ply
-      unbend distance cat.off --from 12 --from 480 --kind geodesic -o field.npy
+      unbend distance cat.off --from 12 --from 480 --distance geodesic -o field.npy
     """  # noqa: D301
     from unbend.distances import distance as measure
     from unbend.io import check_writable, read_mesh
@@ -69,14 +71,14 @@ def distance(
     if out is not None:
         check_writable(out, _SUFFIXES)
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         shape = read_mesh(mesh)
-        progress(f"{kind} distance")
+        progress(f"{kind} distance", 0)
         field = measure(
             shape,
             sources,
-            kind=kind,
-            n_eigenpairs=eigenpairs,
+            distance=kind,
+            n_eigenpairs=n_eigenpairs,
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
@@ -127,7 +129,7 @@ def _print_summary(
             {"vertex": source, "farthest": int(vertex), "distance": float(length)}
             for source, vertex, length in zip(sources, farthest, largest, strict=True)
         ]
-        print_json({"mesh": mesh, "out": out, "kind": kind, "sources": reached})
+        print_json({"mesh": mesh, "out": out, "distance": kind, "sources": reached})
         return
     rows = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
     for source, vertex, length in zip(sources, farthest, largest, strict=True):

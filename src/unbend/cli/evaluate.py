@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from unbend.choices import Geodesics
+from unbend.choices import GeodesicKind
 from unbend.cli._common import (
     BaseOption,
     JsonOption,
@@ -46,9 +46,10 @@ def evaluate(
             "--mirrored-truth", metavar="FILE", help="Their images on the other side, left-right."
         ),
     ] = None,
-    geodesics: Annotated[
-        Geodesics, typer.Option("--geodesics", help="heat: about -1 %; exact: slow.")
-    ] = "heat",
+    distance: Annotated[
+        GeodesicKind,
+        typer.Option("--distance", help="geodesic: heat method, about -1 %; exact: slow."),
+    ] = "geodesic",
     base: BaseOption = None,
     figure: Annotated[
         str | None,
@@ -65,7 +66,7 @@ def evaluate(
     Examples:
       unbend evaluate map.vts --target cat1.off --source-truth cat0.vts --target-truth cat1.vts
       unbend evaluate map.npz --target b.off --source-truth a.vts --target-truth b.vts \\
-          --mirrored-truth b.sym.vts --geodesics exact --figure curves.png
+          --mirrored-truth b.sym.vts --distance geodesic-exact --figure curves.png
     """  # noqa: D301
     from unbend.correspondence import evaluate as measure
     from unbend.errors import InputError
@@ -74,7 +75,7 @@ def evaluate(
     if figure is not None:
         check_writable(figure, (".png", ".pdf", ".svg"))
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         shape = read_mesh(target)
         point_map = read_any_map(map_file, base=base, n_target=shape.n_vertices)
         sources = read_map(source_truth)
@@ -88,15 +89,15 @@ def evaluate(
             for path in (target_truth, mirrored_truth)
             if path is not None
         ]
-        progress(f"{geodesics} geodesics")
-        found = measure(point_map, shape, sources, *truths, geodesics=geodesics)
+        progress(f"{distance} distances", 0)
+        found = measure(point_map, shape, sources, *truths, distance=distance)
         if figure is not None:
             from unbend.report.match_figures import draw_error_curves
 
             draw_error_curves({Path(map_file).stem: found}, figure)
     print_notes(shape.notes)
     if as_json:
-        print_json(_as_dict(found) | {"map": map_file, "target": target, "geodesics": geodesics})
+        print_json(_as_dict(found) | {"map": map_file, "target": target, "distance": distance})
     else:
         _print_table(found)
 

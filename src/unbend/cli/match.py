@@ -42,15 +42,19 @@ def match(
         MatchMethod,
         typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
     ] = "progressive",
-    eigenpairs: Annotated[
-        int, typer.Option("--eigenpairs", help="Eigenfunctions of each shape.")
-    ] = 150,
+    n_eigenpairs: Annotated[
+        int | None,
+        typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape, by default 150."),
+    ] = None,
     allow_mirror: Annotated[
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map to the last vertex.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine", help="Refine the map to the last vertex, as by default."
+        ),
+    ] = None,
     component: ComponentOption = None,
     figure: Annotated[
         str | None,
@@ -85,25 +89,25 @@ def match(
         check_writable(figure, (".png", ".pdf", ".svg"))
     start = time.perf_counter()
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
         found = find_match(
             *shapes,
             method=method,
-            n_eigenpairs=eigenpairs,
+            n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
             barycentric=method != "icp" and (figure is not None or _keeps_all(out)),
             cache=cache,
-            progress=lambda stage, share: progress(f"{stage}, {share:.0%}"),
+            progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         seconds = time.perf_counter() - start
         if out is not None:
-            progress("writing")
+            progress("writing", 0)
             write_result(out, found)
         if figure is not None:
-            progress("drawing")
+            progress("drawing", 0)
             _draw(shapes, found, figure, up)
     for shape in shapes:
         print_notes(shape.notes)

@@ -111,6 +111,6 @@ def _progress() -> Iterator[Callable[[str], None]]:
     """Show what is under way; line by line where stderr is a file, for runs that take hours."""
     if sys.stderr.isatty():
         with steps_on_stderr() as show:
-            yield show
+            yield lambda step: show(step, 0)
     else:
         yield lambda step: typer.echo(step, err=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -20,6 +19,7 @@ from unbend.cli._common import (
 )
 
 if TYPE_CHECKING:
+    from unbend._types import Progress
     from unbend.mesh import Mesh
 
 
@@ -46,7 +46,9 @@ def similarity(
         ),
     ] = False,
     matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
-    dim: Annotated[int, typer.Option("--dim", help="Dimension that is compared.")] = 3,
+    n_components: Annotated[
+        int, typer.Option("--n-components", help="Dimension that is compared.")
+    ] = 3,
     distance: Annotated[
         DistanceKind, typer.Option("--distance", help="The distance that the forms keep.")
     ] = "biharmonic",
@@ -85,10 +87,10 @@ def similarity(
         check_writable(csv, (".csv",))
     paths = [model, *probes]
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in paths]
-        pairs = compare(shapes, known, matrix, dim, distance, cache, progress)
+        pairs = compare(shapes, known, matrix, n_components, distance, cache, progress)
         table = _matrix(pairs, len(shapes)) if matrix else None
         if csv is not None:
             _write_csv(csv, paths, pairs, table)
@@ -114,10 +116,10 @@ def compare(
     shapes: list[Mesh],
     known: bool,
     matrix: bool,
-    dim: int,
+    n_components: int,
     distance: DistanceKind,
     cache: bool,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> list[Pair]:
     """Compare the first shape with the others, or all with all; each form is computed once."""
     import itertools
@@ -134,10 +136,10 @@ def compare(
     )
     forms = []
     for shape in shapes:
-        progress(f"{shape.name}, canonical form")
+        progress(f"{shape.name}, canonical form", 0)
         form = canonical_form(
             shape,
-            n_components=dim,
+            n_components=n_components,
             distance=distance,
             weighting="uniform" if known else "area",
             cache=cache,
@@ -153,11 +155,11 @@ def compare(
                 shapes[j],
                 cache=cache,
                 progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
-                    f"{names}: {stage}, {share:.0%}"
+                    f"{names}: {stage}", share
                 ),
             )
         areas = None if known else (vertex_areas(shapes[i]), vertex_areas(shapes[j]))
-        value = likeness(forms[i], forms[j], match=found, n_components=dim, areas=areas)
+        value = likeness(forms[i], forms[j], match=found, n_components=n_components, areas=areas)
         pairs.append(Pair(i, j, value, None if found is None else found.confidence))
     return pairs
 

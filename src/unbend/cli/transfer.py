@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,8 @@ from unbend.cli._common import (
 )
 
 if TYPE_CHECKING:
+    from unbend._types import IntArray, Progress
+    from unbend.matching import Match
     from unbend.mesh import Mesh
 
 
@@ -86,18 +88,18 @@ def transfer(
 
     check_writable(out, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
     with steps_on_stderr() as progress:
-        progress("reading")
+        progress("reading", 0)
         shapes = [read_mesh(path) for path in (source, target)]
         array = read_values(values, n_vertices=shapes[0].n_vertices)
         chosen = value_kind(array, kind)
         check_storable(out, array, chosen)
-        mapping = _mapping(map_file, base, shapes, cache, progress)
-        progress("carrying")
-        carried = carry(array, mapping, kind=chosen, source=shapes[0], target=shapes[1])
+        found = _found(map_file, base, shapes, cache, progress)
+        progress("carrying", 0)
+        carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
         write_values(out, carried, shapes[1], kind=chosen)
     for shape in shapes:
         print_notes(shape.notes)
-    lost = _count_lost(mapping)
+    lost = _count_lost(found, shapes[1])
     if lost:
         say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")
     if as_json:
@@ -117,12 +119,12 @@ def transfer(
     print_rows({"carried": f"{len(carried):,}{width} values ({chosen})", "written": out})
 
 
-def _mapping(
-    map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Any
-) -> Any:
-    """Read the map, turned round if need be, or match the shapes."""
+def _found(
+    map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Progress
+) -> Match | IntArray:
+    """Read the map, or match the shapes."""
     from unbend.errors import InputError
-    from unbend.io import invert_map, read_map
+    from unbend.io import read_map
     from unbend.matching import match, read_match
 
     source, target = shapes
@@ -132,15 +134,12 @@ def _mapping(
             target,
             barycentric=True,
             cache=cache,
-            progress=lambda stage, share: progress(f"{stage}, {share:.0%}"),
+            progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         warn_if_doubtful(found.confidence)
         return found
     if Path(map_file).suffix.lower() != ".npz":
-        point_map = read_map(
-            map_file, base=base, n_source=source.n_vertices, n_target=target.n_vertices
-        )
-        return invert_map(point_map, target)
+        return read_map(map_file, base=base, n_source=source.n_vertices, n_target=target.n_vertices)
     found = read_match(map_file)
     sizes = len(found.source_to_target), len(found.target_to_source)
     if sizes != (source.n_vertices, target.n_vertices):
@@ -151,5 +150,9 @@ def _mapping(
     return found
 
 
-def _count_lost(mapping: Any) -> int:
-    return int((getattr(mapping, "target_to_source", mapping) < 0).sum())
+def _count_lost(found: Match | IntArray, target: Mesh) -> int:
+    from unbend.io import invert_map
+    from unbend.matching import Match
+
+    back = found.target_to_source if isinstance(found, Match) else invert_map(found, target)
+    return int((back < 0).sum())

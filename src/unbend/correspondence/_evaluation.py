@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
-from unbend.distances import geodesic_solver
+from unbend.choices import GeodesicKind
+from unbend.correspondence._transfer import as_point_map
+from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
+from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
 
 THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
@@ -86,21 +90,21 @@ class Evaluation:
 
 
 def evaluate(
-    point_map: Any,
-    target: Any,
+    match: Match | npt.ArrayLike,
+    target: MeshLike,
     source_points: Any,
     target_points: Any,
     mirrored_target_points: Any = None,
     *,
-    source: Any = None,
-    geodesics: Literal["heat", "exact"] = "heat",
+    source: MeshLike | None = None,
+    distance: GeodesicKind = "geodesic",
 ) -> Evaluation:
     """Measure a point map against ground truth.
 
     Parameters
     ----------
-    point_map : (n_source,) array_like of int
-        Target vertex of each source vertex; -1 where there is none.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none.
     target : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
     source_points, target_points : (r,) array_like of int
@@ -110,7 +114,7 @@ def evaluate(
         The ground truth composed with the target's left-right symmetry.
     source : mesh-like, optional
         Needed for `continuity` only.
-    geodesics : {"heat", "exact"}, default="heat"
+    distance : {"geodesic", "geodesic-exact"}, default="geodesic"
         The heat method (biased by about -1 %), or exact polyhedral distances, which are slow and
         need the extra ``exact``.
 
@@ -142,6 +146,7 @@ def evaluate(
     Examples
     --------
     >>> import numpy as np
+    import numpy.typing as npt
     >>> from unbend.datasets import make_sphere
     >>> from unbend import evaluate
     >>> ball = make_sphere(2)
@@ -149,10 +154,10 @@ def evaluate(
     >>> evaluate(every, ball, every, every).mean()
     0.0
     """
-    if geodesics not in ("heat", "exact"):
-        raise InputError(f"geodesics must be 'heat' or 'exact', not {geodesics!r}")
+    if distance not in GEODESIC:
+        raise InputError(f"distance must be one of {', '.join(GEODESIC)}, not {distance!r}")
     target = _with_faces(target)
-    images = _indices(point_map, target.n_vertices, "point_map", least=-1)
+    images = _indices(as_point_map(match), target.n_vertices, "match", least=-1)
     sources = _indices(source_points, len(images), "source_points")
     truths = [_indices(target_points, target.n_vertices, "target_points", least=-1)]
     if mirrored_target_points is not None:
@@ -170,7 +175,7 @@ def evaluate(
         raise InputError("no row of the ground truth counts: none has an image and a true image")
     for truth, name in zip(truths, ("target_points", "mirrored_target_points"), strict=False):
         _check_used(np.where(counted, truth, -1), target, name)
-    errors = [_distances(target, truth[counted], found[counted], geodesics) for truth in truths]
+    errors = [_distances(target, truth[counted], found[counted], distance) for truth in truths]
     map_min = vertex_min = None
     if len(errors) == 2:
         map_min = min(errors, key=lambda one: float(one.mean()))
@@ -195,7 +200,7 @@ def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
     return array.astype(np.int64)
 
 
-def _with_faces(shape: Any) -> Mesh:
+def _with_faces(shape: MeshLike) -> Mesh:
     mesh = as_mesh(shape)
     if mesh.is_point_cloud:
         raise MeshError(f"{mesh.name}: errors are measured along faces; this is a point cloud")
@@ -217,7 +222,7 @@ def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> F
     rows = _kept.setdefault((_fingerprint(mesh), kind), {})
     missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
     if missing:
-        from_vertex = geodesic_solver(mesh, exact=kind == "exact")
+        from_vertex = geodesic_solver(mesh, exact=kind == "geodesic-exact")
         scale = np.sqrt(vertex_areas(mesh).sum())
         for vertex in missing:
             rows[vertex] = (from_vertex(vertex) / scale).astype(np.float32)

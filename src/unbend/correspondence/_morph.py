@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
@@ -12,8 +11,9 @@ from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
 from unbend.errors import InputError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.linalg.factorization import factorize
+from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
@@ -23,7 +23,7 @@ _AVERAGED_RINGS = 4
 _TIE = 1e-5
 
 
-def morph(source: Any, target: Any, mapping: Any, t: float) -> Mesh:
+def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: float) -> Mesh:
     """Shape between the source and the target, along a match.
 
     The source turns and moves as a whole while its neighbourhoods turn on the shortest way and
@@ -33,7 +33,7 @@ def morph(source: Any, target: Any, mapping: Any, t: float) -> Mesh:
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
-    mapping : Match or (n_source,) array_like of int
+    match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none.
         A match with barycentric coordinates (``match(..., barycentric=True)``) gives smoother
         shapes.
@@ -65,6 +65,7 @@ def morph(source: Any, target: Any, mapping: Any, t: float) -> Mesh:
     Examples
     --------
     >>> import numpy as np
+    import numpy.typing as npt
     >>> from unbend.datasets import make_sphere
     >>> from unbend import morph
     >>> ball = make_sphere(2)
@@ -75,7 +76,7 @@ def morph(source: Any, target: Any, mapping: Any, t: float) -> Mesh:
     source, target = as_mesh(source), as_mesh(target)
     if not np.isfinite(t):
         raise InputError(f"t must be a finite number, not {t}")
-    goal = positions_on_target(mapping, target)
+    goal = positions_on_target(match, target)
     if len(goal) != source.n_vertices:
         raise InputError(
             f"the map has {len(goal)} rows, but {source.name} has {source.n_vertices} vertices"

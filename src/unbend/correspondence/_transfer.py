@@ -11,7 +11,7 @@ from unbend._arrays import first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh, invert_map
 from unbend.matching import Match, closest_faces
 from unbend.mesh import Mesh
 
@@ -20,11 +20,11 @@ _GREY = 128
 
 def transfer(
     values: npt.ArrayLike,
-    mapping: Any,
+    match: Match | npt.ArrayLike,
     *,
     kind: ValueKind = "auto",
-    source: Any = None,
-    target: Any = None,
+    source: MeshLike | None = None,
+    target: MeshLike | None = None,
 ) -> npt.NDArray[Any]:
     """Carry values from the vertices of the source to those of the target.
 
@@ -36,8 +36,9 @@ def transfer(
     ----------
     values : (n_source, ...) array_like
         Numbers, labels (whole numbers or text) or truth values per source vertex.
-    mapping : Match or (n_target,) array_like of int
-        From source to target; or the source vertex of each target vertex, -1 where there is none.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none,
+        which is turned round by :func:`unbend.invert_map` and needs `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
@@ -45,7 +46,9 @@ def transfer(
         texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
         or four columns, label for everything else.
     source, target : mesh-like, optional
-        Anything :func:`unbend.as_mesh` accepts; used with ``match(..., barycentric=True)``.
+        Anything :func:`unbend.as_mesh` accepts. Needed, both of them, to average within faces of
+        a match; else their numbers of vertices check it. A map given as an array is turned round
+        along the target's edges, and needs `target`.
 
     Returns
     -------
@@ -70,14 +73,17 @@ def transfer(
     Examples
     --------
     >>> from unbend import transfer
-    >>> transfer([0.5, 1.5, 2.5], [2, 0, -1])
-    array([2.5, 0.5, nan])
-    >>> transfer(["head", "tail"], [1, 1, 0])
-    array(['tail', 'tail', 'head'], dtype='<U4')
+    >>> target = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> transfer([10, 20, 30], [1, 2, 0], target=target)
+    array([30, 10, 20])
+    >>> transfer(["head", "tail"], [0, 1], target=target)
+    array(['head', 'tail', 'head'], dtype='<U4')
     """
+    source = None if source is None else as_mesh(source)
+    target = None if target is None else as_mesh(target)
     array = np.asarray(values)
-    corners, shares = _preimages(mapping, source, target)
-    n_source = _source_size(mapping, source)
+    corners, shares = _preimages(match, source, target)
+    n_source = _source_size(match, source)
     if array.ndim == 0 or (n_source is not None and len(array) != n_source):
         rows = "one value" if array.ndim == 0 else f"{len(array)} rows"
         raise InputError(
@@ -102,14 +108,13 @@ def transfer(
     return carried
 
 
-def positions_on_target(mapping: Any, target: Mesh) -> FloatArray:
+def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArray:
     """Where each source vertex lies on the target.
 
     Parameters
     ----------
-    mapping : Match or (n_source,) ndarray of int64
-        The match, with or without barycentric coordinates, or the target vertex of each source
-        vertex.
+    match : Match or (n_source,) ndarray of int64
+        With or without barycentric coordinates; or the target vertex of each source vertex.
     target : Mesh
 
     Returns
@@ -122,7 +127,7 @@ def positions_on_target(mapping: Any, target: Mesh) -> FloatArray:
     InputError
         If the map names a vertex or face that the target lacks.
     """
-    images = _vertex_map(mapping.source_to_target if isinstance(mapping, Match) else mapping)
+    images = as_point_map(match)
     if images.max(initial=-1) >= target.n_vertices:
         raise InputError(
             f"the map names target vertex {images.max()}, but {target.name} has "
@@ -131,35 +136,42 @@ def positions_on_target(mapping: Any, target: Mesh) -> FloatArray:
     positions = np.full((len(images), 3), np.nan)
     there = images >= 0
     positions[there] = target.vertices[images[there]]
-    if isinstance(mapping, Match) and mapping.faces is not None and mapping.weights is not None:
-        if mapping.faces.max(initial=-1) >= target.n_faces:
+    if isinstance(match, Match) and match.faces is not None and match.weights is not None:
+        if match.faces.max(initial=-1) >= target.n_faces:
             raise InputError(f"the match names faces that {target.name} does not have")
-        there = mapping.faces >= 0
-        corners = target.vertices[target.faces[mapping.faces[there]]]
-        positions[there] = np.einsum("ij,ijk->ik", mapping.weights[there], corners)
+        there = match.faces >= 0
+        corners = target.vertices[target.faces[match.faces[there]]]
+        positions[there] = np.einsum("ij,ijk->ik", match.weights[there], corners)
     return positions
 
 
-def _preimages(mapping: Any, source: Any, target: Any) -> tuple[IntArray, FloatArray]:
+def _check_size(side: str, n: int, mesh: Mesh | None) -> None:
+    if mesh is not None and mesh.n_vertices != n:
+        raise InputError(f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}")
+
+
+def _preimages(
+    match: Match | npt.ArrayLike, source: Mesh | None, target: Mesh | None
+) -> tuple[IntArray, FloatArray]:
     """Source vertices (n_target, 1 or 3) of each target vertex, -1 for none, and their shares."""
-    if not isinstance(mapping, Match):
-        vertices = _vertex_map(mapping)
+    if not isinstance(match, Match):
+        point_map = as_point_map(match)
+        _check_size("source", len(point_map), source)
+        if target is None:
+            raise InputError(
+                "a map given as an array leads from source to target: to turn it round, give the "
+                "target's mesh too, or give a Match"
+            )
+        vertices = invert_map(point_map, target)
         return vertices[:, None], np.ones((len(vertices), 1))
-    vertices = mapping.target_to_source
-    if mapping.faces is None or source is None or target is None:
+    vertices = match.target_to_source
+    _check_size("target", len(vertices), target)
+    _check_size("source", len(match.source_to_target), source)
+    if match.faces is not None and (source is None) != (target is None):
+        raise InputError("to average within faces, give both the source and the target, or neither")
+    if match.faces is None or source is None or target is None:
         return vertices[:, None], np.ones((len(vertices), 1))
-    source, target = as_mesh(source), as_mesh(target)
-    if target.n_vertices != len(vertices):
-        raise InputError(
-            f"the match has {len(vertices)} target vertices, but {target.name} has "
-            f"{target.n_vertices}"
-        )
-    if source.n_vertices != len(mapping.source_to_target):
-        raise InputError(
-            f"the match has {len(mapping.source_to_target)} source vertices, but {source.name} "
-            f"has {source.n_vertices}"
-        )
-    laid = positions_on_target(mapping, target)
+    laid = positions_on_target(match, target)
     there = np.flatnonzero(vertices >= 0)
     faces, weights = closest_faces(target.vertices[there], laid, source.faces, vertices[there])
     corners = np.full((len(vertices), 3), -1, dtype=np.int64)
@@ -172,17 +184,18 @@ def _preimages(mapping: Any, source: Any, target: Any) -> tuple[IntArray, FloatA
     return corners, shares
 
 
-def _vertex_map(mapping: Any) -> IntArray:
-    array = np.asarray(mapping)
+def as_point_map(match: Match | npt.ArrayLike) -> IntArray:
+    """Target vertex of each source vertex, -1 for none, of a match or as it was given."""
+    array = np.asarray(match.source_to_target if isinstance(match, Match) else match)
     if array.ndim != 1 or array.dtype.kind not in "iu" or array.min(initial=-1) < -1:
         raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
     return array.astype(np.int64)
 
 
-def _source_size(mapping: Any, source: Any) -> int | None:
-    if isinstance(mapping, Match):
-        return len(mapping.source_to_target)
-    return None if source is None else as_mesh(source).n_vertices
+def _source_size(match: Match | npt.ArrayLike, source: Mesh | None) -> int | None:
+    if isinstance(match, Match):
+        return len(match.source_to_target)
+    return None if source is None else source.n_vertices
 
 
 def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:

@@ -10,7 +10,9 @@ _SPECIES: dict[str, dict[str, float]] = {
     "child": {"legs": 0.72, "arms": 0.72, "torso": 0.78, "head": 1.02, "girth": 0.88},
     "ape": {"legs": 0.66, "arms": 1.3, "torso": 1.02, "head": 1.0, "girth": 1.25},
 }
-_DEFAULTS = {"legs": 1.0, "arms": 1.0, "torso": 1.0, "head": 1.0, "girth": 1.0, "hands": 1.0}
+_DEFAULTS = {
+    "legs": 1.0, "arms": 1.0, "torso": 1.0, "head": 1.0, "girth": 1.0, "hands": 1.0, "limbs": 1.0,
+}  # fmt: skip
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
 _POSES: dict[str, Pose] = {
@@ -103,7 +105,8 @@ def make_biped(
         Seed of a random pose; unused otherwise. None: another pose each time.
     **proportions : float
         Factors on the species' proportions: ``legs``, ``arms``, ``torso``, ``head``,
-        ``girth``, ``hands``. From about 0.7 to 1.4 of the species' own they look natural.
+        ``girth``, ``hands``, ``limbs`` (how thick arms and legs are). From about 0.7 to 1.4 of
+        the species' own they look natural.
 
     Returns
     -------
@@ -134,6 +137,7 @@ def make_biped(
     sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
     return make_shape(
         _bones(sizes, asymmetric),
+        _bones(_DEFAULTS, asymmetric),
         _POSES,
         pose,
         n_vertices=n_vertices,
@@ -148,6 +152,7 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
     girth, head, torso = p["girth"], p["head"], p["torso"]
     crotch = 0.9 * p["legs"]
     wide, deep = 0.5 + 0.5 * girth, girth
+    limb = wide * p["limbs"]
 
     def trunk(x: float, y: float, z: float) -> Point:
         return (x * girth, crotch + (y - 0.9) * torso, z)
@@ -188,9 +193,9 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
         Bone("left_ear", "head", face(0.082, 1.60, -0.01), face(0.09, 1.625, -0.02), 0.024 * head,
              0.03 * head, "head", (1.7, 0, 0.4)),
         Bone("left_upper_arm", "left_collar", arm(0.175, 1.375, -0.01), arm(0.36, 1.16, -0.015),
-             0.06 * wide, 0.044 * wide, "left_arm", chain="left_arm"),
+             0.06 * limb, 0.044 * limb, "left_arm", chain="left_arm"),
         Bone("left_forearm", "left_upper_arm", arm(0.36, 1.16, -0.015), arm(0.53, 0.955, 0.005),
-             0.046 * wide, 0.031 * wide, "left_arm", chain="left_arm"),
+             0.046 * limb, 0.031 * limb, "left_arm", chain="left_arm"),
         Bone("left_hand", "left_forearm", arm(0.545, 0.935, 0.01), arm(0.585, 0.885, 0.012),
              0.042 * hand, 0.046 * hand, "left_arm", palm),
         Bone("left_fingers", "left_hand", arm(0.585, 0.885, 0.012), arm(0.637, 0.818, 0.012),
@@ -198,15 +203,15 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
         Bone("left_thumb", "left_hand", arm(0.552, 0.925, 0.03), arm(0.585, 0.895, 0.085),
              0.022 * hand, 0.018 * hand, "left_arm"),
         Bone("left_thigh", "pelvis", leg(0.085, 0.9, 0), leg(0.125, 0.5, 0.012), 0.098 * girth,
-             0.062 * wide, "left_leg", chain="left_leg"),
+             0.062 * limb, "left_leg", chain="left_leg"),
         Bone("left_shin", "left_thigh", leg(0.125, 0.5, 0.012), leg(0.15, 0.1, -0.025),
-             0.062 * wide, 0.037 * wide, "left_leg", chain="left_leg"),
+             0.062 * limb, 0.037 * limb, "left_leg", chain="left_leg"),
         Bone("left_calf", "left_shin", leg(0.128, 0.4, -0.018), leg(0.138, 0.27, -0.022),
-             0.05 * wide, 0.04 * wide, "left_leg"),
+             0.05 * limb, 0.04 * limb, "left_leg"),
         Bone("left_foot", "left_shin", leg(0.15, 0.055, -0.04), leg(0.165, 0.04, 0.08),
-             0.042, 0.04, "left_leg"),
-        Bone("left_toes", "left_foot", leg(0.165, 0.04, 0.08), leg(0.17, 0.034, 0.145), 0.042,
-             0.032, "left_leg"),
+             0.042 * p["limbs"], 0.04 * p["limbs"], "left_leg"),
+        Bone("left_toes", "left_foot", leg(0.165, 0.04, 0.08), leg(0.17, 0.034, 0.145),
+             0.042 * p["limbs"], 0.032 * p["limbs"], "left_leg"),
     ]  # fmt: skip
     bones = both_sides(left)
     if asymmetric:

@@ -14,7 +14,7 @@ _SPECIES: dict[str, dict[str, float]] = {
     "octopus": {},
     "squid": {"arms": 0.72, "mantle": 1.9, "girth": 0.8, "eyes": 0.85},
 }
-_DEFAULTS = {"arms": 1.0, "mantle": 1.0, "girth": 1.0, "eyes": 1.0}
+_DEFAULTS = {"arms": 1.0, "mantle": 1.0, "girth": 1.0, "eyes": 1.0, "limbs": 1.0}
 _N_SEGMENTS = 9
 _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees from the front
 
@@ -107,7 +107,8 @@ def make_octopus(
         Seed of a random pose; unused otherwise. None: another pose each time.
     **proportions : float
         Factors on the species' proportions: ``arms``, ``mantle`` (their lengths),
-        ``girth``, ``eyes``. From about 0.7 to 1.4 of the species' own they look natural.
+        ``girth``, ``eyes``, ``limbs`` (how thick the arms are). From about 0.7 to 1.4 of the
+        species' own they look natural.
 
     Returns
     -------
@@ -138,6 +139,7 @@ def make_octopus(
     sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
     return make_shape(
         _bones(sizes, asymmetric),
+        _bones(_DEFAULTS, asymmetric),
         _POSES,
         pose,
         n_vertices=n_vertices,
@@ -158,20 +160,20 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
              eye, "head"),
     ]  # fmt: skip
     for arm, azimuth in _AZIMUTHS.items():
-        left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"])
+        left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"], p["limbs"])
     bones = both_sides(left)
     if asymmetric:
-        short = _arm("left_arm_2", np.deg2rad(_AZIMUTHS[2]), 0.5 * p["arms"])
+        short = _arm("left_arm_2", np.deg2rad(_AZIMUTHS[2]), 0.5 * p["arms"], p["limbs"])
         by_name = {bone.name: bone for bone in short}
         bones = [by_name.get(bone.name, bone) for bone in bones]
     return bones
 
 
-def _arm(name: str, azimuth: float, length: float) -> list[Bone]:
+def _arm(name: str, azimuth: float, length: float, thickness: float) -> list[Bone]:
     outward = np.array([np.sin(azimuth), 0, np.cos(azimuth)])
     share = np.linspace(0, 1, _N_SEGMENTS + 1)
     joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * length * share)[:, None] * outward
-    radii = 0.07 - 0.044 * share**0.8
+    radii = thickness * (0.07 - 0.044 * share**0.8)
     points: list[Point] = [(float(x), float(y), float(z)) for x, y, z in joints]
     return [
         Bone(

@@ -31,7 +31,7 @@ _SPECIES: dict[str, dict[str, float]] = {
 }  # fmt: skip
 _DEFAULTS = {
     "legs": 1.0, "neck": 1.0, "tail": 1.0, "ears": 1.0, "muzzle": 1.0, "girth": 1.0,
-    "body": 1.0, "paws": 1.0, "head": 1.0, "tail_lift": 35.0, "ear_spread": 1.0,
+    "body": 1.0, "paws": 1.0, "head": 1.0, "limbs": 1.0, "tail_lift": 35.0, "ear_spread": 1.0,
 }  # fmt: skip
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
@@ -129,9 +129,9 @@ def make_quadruped(
         Seed of a random pose; unused otherwise. None: another pose each time.
     **proportions : float
         Factors on the species' proportions: ``legs``, ``neck``, ``tail``, ``ears``,
-        ``muzzle``, ``girth``, ``body`` (its length), ``paws``, ``head``, ``ear_spread``; and
-        ``tail_lift``, the resting tail's angle above the horizontal in degrees. From about
-        0.7 to 1.4 of the species' own they look natural.
+        ``muzzle``, ``girth``, ``body`` (its length), ``paws``, ``head``, ``ear_spread``,
+        ``limbs`` (how thick the legs are); and ``tail_lift``, the resting tail's angle above
+        the horizontal in degrees. From about 0.7 to 1.4 of the species' own they look natural.
 
     Returns
     -------
@@ -162,6 +162,7 @@ def make_quadruped(
     sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
     return make_shape(
         _bones(sizes, asymmetric),
+        _bones(_DEFAULTS, asymmetric),
         _POSES,
         pose,
         n_vertices=n_vertices,
@@ -174,6 +175,7 @@ def make_quadruped(
 
 def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
     legs, girth, paws, head = p["legs"], p["girth"], p["paws"], p["head"]
+    limbs = p["limbs"]
     drop = 0.55 * (legs - 1)  # how much higher longer legs carry the body
 
     def trunk(x: float, y: float, z: float) -> Point:
@@ -217,23 +219,23 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
              (0.25, -0.2, 1.75)),
         *_tail(trunk(0, 0.59, -0.45), p),
         Bone("left_upper_arm", "chest", leg(0.085, 0.5, 0.25), leg(0.1, 0.335, 0.21),
-             0.07 * girth, 0.045, "left_foreleg", chain="left_foreleg"),
+             0.07 * girth, 0.045 * limbs, "left_foreleg", chain="left_foreleg"),
         Bone("left_forearm", "left_upper_arm", leg(0.1, 0.335, 0.21), leg(0.1, 0.125, 0.235),
-             0.045, 0.031, "left_foreleg", chain="left_foreleg"),
+             0.045 * limbs, 0.031 * limbs, "left_foreleg", chain="left_foreleg"),
         Bone("left_pastern", "left_forearm", leg(0.1, 0.125, 0.235), leg(0.1, 0.05, 0.245),
-             0.032, 0.031, "left_foreleg", chain="left_foreleg"),
+             0.032 * limbs, 0.031 * limbs, "left_foreleg", chain="left_foreleg"),
         Bone("left_fore_paw", "left_pastern", leg(0.1, 0.04, 0.25),
-             _ahead(leg(0.1, 0.034, 0.25), 0.055 * paws), 0.037, 0.034, "left_foreleg",
-             chain="left_foreleg"),
+             _ahead(leg(0.1, 0.034, 0.25), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
+             "left_foreleg", chain="left_foreleg"),
         Bone("left_thigh", "pelvis", leg(0.075, 0.5, -0.37), leg(0.1, 0.34, -0.31),
-             0.088 * girth, 0.052, "left_hindleg", (1.15, 0, 0), "left_hindleg"),
+             0.088 * girth, 0.052 * limbs, "left_hindleg", (1.15, 0, 0), "left_hindleg"),
         Bone("left_shin", "left_thigh", leg(0.1, 0.34, -0.31), leg(0.1, 0.175, -0.43),
-             0.05, 0.032, "left_hindleg", chain="left_hindleg"),
+             0.05 * limbs, 0.032 * limbs, "left_hindleg", chain="left_hindleg"),
         Bone("left_metatarsus", "left_shin", leg(0.1, 0.175, -0.43), leg(0.1, 0.05, -0.41),
-             0.032, 0.031, "left_hindleg", chain="left_hindleg"),
+             0.032 * limbs, 0.031 * limbs, "left_hindleg", chain="left_hindleg"),
         Bone("left_hind_paw", "left_metatarsus", leg(0.1, 0.04, -0.405),
-             _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037, 0.034, "left_hindleg",
-             chain="left_hindleg"),
+             _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
+             "left_hindleg", chain="left_hindleg"),
     ]  # fmt: skip
     bones = both_sides(bones)
     if asymmetric:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
+from unbend.datasets._reference import carry
 from unbend.datasets._rigidity import restore_lengths
 from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin
 from unbend.datasets._surface import skin
@@ -35,6 +36,8 @@ class Shape:
         The body part of each vertex, an index into ``parts``.
     parts : tuple of str
         Names of the body parts.
+    bones, plain_bones : tuple of Bone
+        The resting skeleton, and that of the same maker without any proportions given.
     """
 
     mesh: Mesh
@@ -42,20 +45,40 @@ class Shape:
     mirror: IntArray | None
     labels: IntArray
     parts: tuple[str, ...]
+    bones: tuple[Bone, ...]
+    plain_bones: tuple[Bone, ...]
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """Where the vertices lie on the plain body of the maker at rest, (n, 3).
+
+        The same point of two bodies, whatever their proportions, poses and meshings, lies at the
+        same place there.
+        """
+        if self.bones == self.plain_bones:
+            return self.rest
+        return carry(self.rest, self.bones, self.plain_bones)
 
 
 def rest_map(source: Shape, target: Shape) -> IntArray:
-    """Map one shape truly to another of the same body, whatever their poses and meshings.
+    """Map one shape truly to another of its kind, whatever their proportions, poses and meshings.
 
     Parameters
     ----------
     source, target : Shape
-        Made by the same maker with the same proportions.
+        Made by the same maker, both with or both without its asymmetry.
 
     Returns
     -------
     source_to_target : (n_source,) ndarray of int64
-        For each source vertex, the target vertex nearest to it in the rest pose.
+        For each source vertex, the target vertex nearest to it in the rest pose; where the
+        proportions differ, nearest on the plain body of the maker, onto which both are carried
+        bone by bone. The mirrored truth is ``target.mirror[source_to_target]``.
+
+    Raises
+    ------
+    InputError
+        If the two are bodies of different kinds.
 
     Examples
     --------
@@ -65,11 +88,17 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     >>> rest_map(source, target).shape
     (600,)
     """
-    return nearest_rows(source.rest, target.rest)
+    if source.plain_bones != target.plain_bones:
+        raise InputError("bodies of different makers have no points in common")
+    points = source.rest, target.rest
+    if source.bones != target.bones:
+        points = source.reference, target.reference
+    return nearest_rows(*points)
 
 
 def make_shape(
     bones: Sequence[Bone],
+    plain_bones: Sequence[Bone],
     poses: Mapping[str, Pose],
     pose: str | Pose | None,
     *,
@@ -88,7 +117,7 @@ def make_shape(
     if angles:
         posed = restore_lengths(rest, move_skin(bones, rest, angles), faces)
     mesh = Mesh(posed, faces, name=name)
-    return Shape(mesh, rest, mirror, labels, parts)
+    return Shape(mesh, rest, mirror, labels, parts, tuple(bones), tuple(plain_bones))
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:

@@ -3,12 +3,14 @@
 from unbend.distances._distance import distance, make_metric
 from unbend.distances._geodesic import geodesic_solver
 from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
-from unbend.distances._metric import Metric, check_kind, length_power
+from unbend.distances._metric import GEODESIC, Metric, check_kind, diffusion_time, length_power
 
 __all__ = [
+    "GEODESIC",
     "SPECTRAL",
     "Metric",
     "check_kind",
+    "diffusion_time",
     "distance",
     "geodesic_solver",
     "gram_metric",

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from unbend._options import refuse_given
 from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.distances._metric import Metric, check_kind, length_power
+from unbend.distances._metric import GEODESIC, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.spectral import Surface, local_ids, make_surface
 
 
@@ -24,7 +26,7 @@ def make_metric(
     check_kind(kind)
     if not 0 < time < np.inf:
         raise InputError(f"the diffusion time must be positive, not {time}")
-    if kind in ("geodesic", "geodesic-exact"):
+    if kind in GEODESIC:
         from unbend.distances._geodesic import geodesic_metric
 
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
@@ -34,12 +36,12 @@ def make_metric(
 
 
 def distance(
-    mesh: Any,
+    mesh: MeshLike,
     sources: Any,
     *,
-    kind: DistanceKind = "biharmonic",
+    distance: DistanceKind = "biharmonic",
     n_eigenpairs: int | None = None,
-    time: float = DIFFUSION_TIME,
+    time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
     cache: bool = True,
@@ -52,16 +54,16 @@ def distance(
         Anything :func:`unbend.as_mesh` accepts.
     sources : int or (s,) array_like of int
         0-based vertex ids.
-    kind : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
+    distance : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
         Biharmonic, commute-time and diffusion distances are exact: no eigenpair is left out.
         ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs the extra
         ``unbend[exact]``.
     n_eigenpairs : int, optional
         Truncate a spectral distance to this many eigenpairs (Eq. 1 to 3) instead.
-    time : float, default=0.1
-        Diffusion time, in units of the area.
+    time : float, optional
+        Diffusion time of the diffusion distance, in units of the area; 0.1 by default.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
-        See :func:`unbend.laplacian`.
+        Of spectral distances; see :func:`unbend.laplacian`. The heat method has its own.
     component : "largest" or int, optional
         Which component of a mesh that has several.
     cache : bool, default=True
@@ -77,7 +79,8 @@ def distance(
     Raises
     ------
     InputError
-        If a name, a source or a number is out of range.
+        If a name, a source or a number is out of range, or an option is given that the distance
+        cannot use.
     MeshError
         If the mesh cannot be used; the message names the vertex or face.
 
@@ -98,16 +101,25 @@ def distance(
     >>> distance(make_sphere(2), 0).shape
     (1, 162)
     """
-    check_kind(kind)
+    check_kind(distance)
+    diffused = diffusion_time(distance, time)
+    if distance in GEODESIC:
+        refuse_given(
+            f"is for spectral distances, not {distance} ones; leave it out",
+            n_eigenpairs=n_eigenpairs,
+            laplacian=None if laplacian == "auto" else laplacian,
+        )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
-        metric = make_metric(kind, surface, time=time, cache=cache)
+        metric = make_metric(distance, surface, time=diffused, cache=cache)
     else:
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs
 
-        metric = truncated_metric(kind, eigenpairs(surface, n_eigenpairs, cache=cache), time)
-    found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(kind)
+        metric = truncated_metric(
+            distance, eigenpairs(surface, n_eigenpairs, cache=cache), diffused
+        )
+    found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)
     spread: FloatArray = surface.prepared.expand(found.T).T
     return spread

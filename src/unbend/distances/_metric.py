@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
+from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
-from unbend.choices import DistanceKind
+from unbend.choices import DIFFUSION_TIME, DistanceKind
 from unbend.errors import InputError
+
+GEODESIC = ("geodesic", "geodesic-exact")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,3 +44,10 @@ def check_kind(kind: str) -> None:
     if kind not in get_args(DistanceKind):
         names = ", ".join(get_args(DistanceKind))
         raise InputError(f"there is no distance {kind!r}; choose one of {names}")
+
+
+def diffusion_time(kind: str, time: float | None) -> float:
+    """Take the default for a diffusion time that was not given; refuse one that is not used."""
+    if kind != "diffusion":
+        refuse_given(f"is for diffusion distances, not {kind} ones; leave it out", time=time)
+    return DIFFUSION_TIME if time is None else time

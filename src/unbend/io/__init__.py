@@ -9,7 +9,7 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._meshes import as_mesh, read_mesh, write_mesh
+from unbend.io._meshes import MeshLike, as_mesh, read_mesh, write_mesh
 from unbend.io._values import (
     VALUE_MESH_SUFFIXES,
     VALUE_SUFFIXES,
@@ -22,6 +22,7 @@ __all__ = [
     "MAP_SUFFIXES",
     "VALUE_MESH_SUFFIXES",
     "VALUE_SUFFIXES",
+    "MeshLike",
     "as_mesh",
     "atomic_write",
     "check_storable",

@@ -15,7 +15,7 @@ from unbend._arrays import snap
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
-from unbend.io._meshes import as_mesh
+from unbend.io._meshes import MeshLike, as_mesh
 from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
@@ -145,7 +145,7 @@ def write_map(
             file.write(("\n".join(lines) + "\n").encode())
 
 
-def invert_map(point_map: npt.ArrayLike, target: Any) -> IntArray:
+def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     """Turn a map from source to target round.
 
     A target vertex that is the image of several source vertices takes the first of them; one that

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -97,7 +97,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def write_mesh(
     path: str | os.PathLike[str],
-    mesh: Any,
+    mesh: MeshLike,
     *,
     scalars: Mapping[str, npt.ArrayLike] | None = None,
     colors: npt.ArrayLike | None = None,
@@ -211,12 +211,48 @@ def _colors(colors: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.uint8]:
     return array.astype(np.uint8)
 
 
-def as_mesh(mesh: Any) -> Mesh:
+class HasFaces(Protocol):
+    """What has vertices and faces, as a mesh of trimesh has."""
+
+    @property
+    def vertices(self) -> Any:
+        """Positions, (n, 3)."""
+
+    @property
+    def faces(self) -> Any:
+        """Vertex indices, (m, 3)."""
+
+
+class HasPoints(Protocol):
+    """What has points and triangles, as a ``PolyData`` of PyVista has."""
+
+    @property
+    def points(self) -> Any:
+        """Positions, (n, 3)."""
+
+    @property
+    def regular_faces(self) -> Any:
+        """Vertex indices, (m, 3)."""
+
+
+MeshLike: TypeAlias = (
+    Mesh
+    | str
+    | os.PathLike[str]
+    | Sequence[npt.ArrayLike]
+    | npt.NDArray[Any]
+    | HasFaces
+    | HasPoints
+)
+"""Whatever is taken for a mesh: see :func:`as_mesh`."""
+
+
+def as_mesh(mesh: MeshLike) -> Mesh:
     """Turn anything that unbend accepts as a mesh into a :class:`Mesh`.
 
     Parameters
     ----------
-    mesh : Mesh, path, (V, F) pair, (n, 3) array, or object with vertices and faces
+    mesh : MeshLike: Mesh, path, (V, F) pair, (n, 3) array, or object with vertices and faces
         A path is read with :func:`unbend.read_mesh`. An object may carry ``.vertices`` and
         ``.faces`` (trimesh) or be a PyVista ``PolyData``. An (n, 3) array is a point cloud.
 
@@ -240,22 +276,23 @@ def as_mesh(mesh: Any) -> Mesh:
     """
     if isinstance(mesh, Mesh):
         return mesh
-    if isinstance(mesh, (str, os.PathLike)):
-        return read_mesh(mesh)
-    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-        return Mesh(mesh.vertices, mesh.faces)
-    if hasattr(mesh, "points") and hasattr(mesh, "regular_faces"):  # PyVista PolyData
-        if mesh.n_cells == 0 or mesh.is_all_triangles:
-            return Mesh(mesh.points, mesh.regular_faces if mesh.n_cells else None)
-        surface = mesh.triangulate()
+    given: Any = mesh  # asked what it has
+    if isinstance(given, (str, os.PathLike)):
+        return read_mesh(given)
+    if hasattr(given, "vertices") and hasattr(given, "faces"):
+        return Mesh(given.vertices, given.faces)
+    if hasattr(given, "points") and hasattr(given, "regular_faces"):  # PyVista PolyData
+        if given.n_cells == 0 or given.is_all_triangles:
+            return Mesh(given.points, given.regular_faces if given.n_cells else None)
+        surface = given.triangulate()
         faces = surface.regular_faces if surface.n_cells else None
         notes = ("polygons split into triangles",) if surface.n_cells else ()
         return Mesh(surface.points, faces, notes=notes)
-    if isinstance(mesh, tuple | list) and len(mesh) == 2:
-        return Mesh(*mesh)
-    if isinstance(mesh, np.ndarray):
-        return Mesh(mesh)
+    if isinstance(given, tuple | list) and len(given) == 2:
+        return Mesh(*given)
+    if isinstance(given, np.ndarray):
+        return Mesh(given)
     raise InputError(
-        f"a {type(mesh).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
+        f"a {type(given).__name__} is not a mesh: give a Mesh, a file's path, a (vertices, faces) "
         "pair, or an object with .vertices and .faces"
     )

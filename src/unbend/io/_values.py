@@ -13,7 +13,7 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
-from unbend.io._meshes import write_mesh
+from unbend.io._meshes import MeshLike, as_mesh, write_mesh
 from unbend.io.formats.contents import data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
@@ -71,7 +71,7 @@ def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) 
 
 
 def write_values(
-    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: Mesh, *, kind: str = "scalar"
+    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: MeshLike, *, kind: str = "scalar"
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
 
@@ -81,8 +81,8 @@ def write_values(
         .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties (colours
         and texture coordinates as such); .obj: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
-    mesh : Mesh
-        With n vertices.
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with n vertices.
     kind : str, default="scalar"
         ``"color"`` and ``"uv"`` say what the columns mean to a mesh file.
 
@@ -106,6 +106,7 @@ def write_values(
     """
     path = check_writable(path, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
     suffix = path.suffix.lower()
+    mesh = as_mesh(mesh)
     array = np.asarray(values)
     if array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")

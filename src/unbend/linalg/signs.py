@@ -12,8 +12,6 @@ import numpy as np
 from unbend._arrays import first_largest
 from unbend._types import FloatArray
 
-# Values this near to the largest are as large: the difference is rounding.
-_TIE = 1e-6
 # A third moment below this share of the third absolute moment is rounding, not skewness.
 _SYMMETRIC = 1e-6
 
@@ -63,7 +61,7 @@ def _rotation(vectors: FloatArray) -> FloatArray:
     for i in range(len(chosen)):
         # The unit vector that is highest at an entry is the projection of that entry's indicator.
         heights = np.einsum("ij,ij->i", rest, rest)
-        peak = rest[int((heights > (1 - _TIE) * heights.max()).argmax())]
+        peak = rest[first_largest(heights)]
         direction = peak - chosen[:i].T @ (chosen[:i] @ peak)  # rounding adds up
         chosen[i] = direction / np.linalg.norm(direction)
         rest -= np.multiply.outer(rest @ chosen[i], chosen[i])

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
 from unbend.io import atomic_write, check_writable, counted_from_zero, read_bytes, whole_numbers
-from unbend.io.formats.npy import read_array
+from unbend.io.formats.npy import read_array, read_header
 from unbend.matching._result import Hypothesis, Match
+
+_Arrays = dict[str, npt.NDArray[Any]]
 
 _REQUIRED = (
     "source_to_target",
@@ -26,6 +31,10 @@ _REQUIRED = (
     "confidence",
 )
 _OPTIONAL = ("faces", "weights", "mirrored")
+# Packing makes a match some ten times smaller. What claims to grow more than a hundredfold, and
+# to more than 64 MiB, is not unpacked.
+_MOST_GROWTH, _ALWAYS_ALLOWED = 100, 2**26
+_ROUNDING = 1e-6
 
 
 def write_functional_map(path: str | os.PathLike[str], functional_map: npt.ArrayLike) -> None:
@@ -83,10 +92,9 @@ def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
     --------
     write_functional_map, write_match : The reverse.
     """
-    array = _load(path, ("functional_map",))["functional_map"]
-    if array.ndim != 2 or array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-        raise FileError(f"{Path(path).name}: its functional_map is not a table of finite numbers")
-    return np.asarray(array, dtype=np.float64)
+    arrays = _load(path, ("functional_map",))
+    with _naming(path):
+        return _numbers(arrays, "functional_map", (None, None))
 
 
 def write_match(path: str | os.PathLike[str], match: Match) -> None:
@@ -146,26 +154,104 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> len(read_match(path).source_to_target)
     162
     """
-    arrays = _load(path, _REQUIRED)
-    name = Path(path).name
-    fields: dict[str, Any] = {"functional_map": read_functional_map(path)}
-    for field in ("source_to_target", "target_to_source", "faces", "mirrored"):
-        if field in arrays:
-            try:
-                fields[field] = counted_from_zero(whole_numbers(arrays[field]), 0, None)
-            except FileError as error:
-                raise FileError(f"{name}: its {field} {error}") from None
-    for field in ("orientation", "residual", "confidence"):
-        if arrays[field].shape != () or arrays[field].dtype.kind not in "fiu":
-            raise FileError(f"{name}: its {field} is not a number")
-        fields[field] = float(arrays[field])
-    n = len(fields["source_to_target"])
-    if "weights" in arrays:
-        if arrays["weights"].shape != (n, 3) or arrays["weights"].dtype.kind != "f":
-            raise FileError(f"{name}: its weights are not {n} rows of 3 numbers")
-        fields["weights"] = np.asarray(arrays["weights"], dtype=np.float64)
-    known = np.reshape(arrays.get("hypotheses", np.empty(0)), (-1, 2)).tolist()
-    return Match(**fields, hypotheses=tuple(Hypothesis(*row) for row in known))
+    arrays = _load(path, _REQUIRED, (*_OPTIONAL, "hypotheses"))
+    with _naming(path):
+        return _checked_match(arrays)
+
+
+def _checked_match(arrays: _Arrays) -> Match:
+    n, m = len(arrays["source_to_target"]), len(arrays["target_to_source"])
+    fields: dict[str, Any] = {
+        "source_to_target": _vertices(arrays, "source_to_target", n, m),
+        "target_to_source": _vertices(arrays, "target_to_source", m, n),
+        "functional_map": _numbers(arrays, "functional_map", (None, None)),
+        "orientation": float(_numbers(arrays, "orientation", (), -1, 1)),
+        "residual": float(_numbers(arrays, "residual", (), 0)),
+    }
+    rows, columns = fields["functional_map"].shape
+    if rows > n or columns > m:
+        raise FileError(
+            f"its functional_map of {rows} x {columns} is more than {n} and {m} vertices can have"
+        )
+    unknown = arrays["confidence"].dtype.kind == "f" and np.isnan(arrays["confidence"]).all()
+    fields["confidence"] = np.nan
+    if not unknown or arrays["confidence"].shape != ():
+        fields["confidence"] = float(_numbers(arrays, "confidence", (), 0, 1))
+    if "mirrored" in arrays:
+        fields["mirrored"] = _vertices(arrays, "mirrored", n, m)
+    for name, other in (("faces", "weights"), ("weights", "faces")):
+        if name in arrays and other not in arrays:
+            raise FileError(f"its {name} mean nothing without {other}")
+    if "faces" in arrays:
+        fields["faces"] = _vertices(arrays, "faces", n, None)
+        fields["weights"] = _weights(arrays["weights"], fields["faces"])
+    if "hypotheses" in arrays:
+        known = _numbers(arrays, "hypotheses", (None, 2))
+        _check_range("hypotheses", known[:, 1], -1, 1)
+        fields["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
+    return Match(**fields)
+
+
+def _vertices(arrays: _Arrays, name: str, n: int, below: int | None) -> IntArray:
+    """Check a list of vertices or faces, -1 for none."""
+    try:
+        found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
+    except FileError as error:
+        raise FileError(f"its {name} {error}") from None
+    if len(found) != n:
+        raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
+    return found
+
+
+def _numbers(
+    arrays: _Arrays,
+    name: str,
+    shape: tuple[int | None, ...],
+    least: float = -np.inf,
+    most: float = np.inf,
+) -> FloatArray:
+    """Check finite numbers in a range; None in the shape for any length."""
+    array = arrays[name]
+    fits = len(shape) == array.ndim and all(
+        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in "fiu":
+        what = "a number" if shape == () else f"a table of {len(shape)} dimensions"
+        raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {what}")
+    if not np.isfinite(array).all():
+        raise FileError(f"its {name} holds what is not finite")
+    _check_range(name, array, least, most)
+    return np.asarray(array, dtype=np.float64)
+
+
+def _check_range(name: str, array: npt.NDArray[Any], least: float, most: float) -> None:
+    if array.size and not (least - _ROUNDING <= array.min() and array.max() <= most + _ROUNDING):
+        raise FileError(f"its {name} is not from {least:g} to {most:g}")
+
+
+def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
+    """Check barycentric coordinates: NaN where there is no face, else of sum one."""
+    there = faces >= 0
+    if array.shape != (len(faces), 3) or array.dtype.kind != "f":
+        raise FileError(f"its weights are not {len(faces)} rows of 3 numbers")
+    wrong = np.isnan(array).all(axis=1) == there
+    wrong[there] |= ~(
+        (array[there] >= -_ROUNDING).all(axis=1)
+        & (np.abs(array[there].sum(axis=1) - 1) <= _ROUNDING)
+    )
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise FileError(f"its weights in row {row} do not go with face {faces[row]}")
+    return np.asarray(array, dtype=np.float64)
+
+
+@contextmanager
+def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Put a file's name before what is wrong with it."""
+    try:
+        yield
+    except FileError as error:
+        raise FileError(f"{Path(path).name}: {error}") from error.__cause__
 
 
 def _save(path: str | os.PathLike[str], arrays: dict[str, npt.NDArray[Any]]) -> None:
@@ -174,18 +260,44 @@ def _save(path: str | os.PathLike[str], arrays: dict[str, npt.NDArray[Any]]) -> 
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def _load(path: str | os.PathLike[str], required: tuple[str, ...]) -> dict[str, npt.NDArray[Any]]:
-    path = Path(path)
-    data = read_bytes(path, (".npz",))
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            arrays = {name.removesuffix(".npy"): read_array(archive.read(name)) for name in names}
-    except FileError as error:
-        raise FileError(f"{path.name}: {error}") from error.__cause__
-    except Exception as error:  # zipfile raises many kinds on damaged archives
-        raise FileError(f"{path.name}: not a .npz file, or a damaged one") from error
-    for name in required:
-        if name not in arrays:
-            raise FileError(f"{path.name}: holds no {name}; it was not written by unbend match")
-    return arrays
+def _load(
+    path: str | os.PathLike[str], required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> _Arrays:
+    """Unpack the arrays of these names alone, none of them larger than its header says."""
+    data = read_bytes(Path(path), (".npz",))
+    with _naming(path):
+        try:
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                there = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+                for name in required:
+                    if name not in there:
+                        raise FileError(f"holds no {name}; it was not written by unbend match")
+                wanted = {name: there[name] for name in (*required, *optional) if name in there}
+                _check_sizes(archive, wanted, len(data))
+                return {name: read_array(archive.read(info)) for name, info in wanted.items()}
+        except FileError:
+            raise
+        except Exception as error:  # zipfile raises many kinds on damaged archives
+            raise FileError("not a .npz file, or a damaged one") from error
+
+
+def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], packed: int) -> None:
+    """Refuse, before anything is unpacked, what is not as large as its shape, or far too large."""
+    for name, info in wanted.items():
+        with archive.open(info) as stream:
+            try:
+                shape, _, dtype = read_header(stream)
+            except FileError as error:
+                raise FileError(f"its {name} {error}") from error.__cause__
+            size = stream.tell() + math.prod(shape) * dtype.itemsize
+        if size != info.file_size:
+            raise FileError(
+                f"its {name} is {info.file_size} bytes, but with shape {shape} it would be {size}"
+            )
+    largest = max(wanted, key=lambda name: wanted[name].file_size)
+    total = sum(info.file_size for info in wanted.values())
+    if total > max(_ALWAYS_ALLOWED, _MOST_GROWTH * packed):
+        raise FileError(
+            f"its {largest} would grow from {wanted[largest].compress_size} bytes to "
+            f"{wanted[largest].file_size}: no match does"
+        )

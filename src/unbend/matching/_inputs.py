@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from unbend._types import IntArray
+from unbend._types import IntArray, Progress
 from unbend.errors import InputError, MeshError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import wind_alike
 from unbend.spectral import Surface, eigenpairs, make_surface
 
-Progress = Callable[[str, float], None]
-
 
 def prepare_shape(
-    mesh: Any, n_eigenpairs: int, cache: bool, progress: Progress | None
+    mesh: MeshLike, n_eigenpairs: int, cache: bool, progress: Progress | None
 ) -> tuple[Surface, Shape]:
     """Check a mesh, compute its eigenpairs and normalise it."""
     mesh = as_mesh(mesh)

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from unbend._types import FloatArray
+from unbend._options import refuse_given
+from unbend._types import FloatArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.matching import _solve
 from unbend.matching._confidence import decide
-from unbend.matching._inputs import Progress, expand, expand_rows, prepare_shape
+from unbend.matching._inputs import expand, expand_rows, prepare_shape
 from unbend.matching._projection import closest_faces
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._rigidity import orientation_score
 from unbend.matching._shape import Shape
 from unbend.spectral import Surface
 
-_LEAST_EIGENPAIRS = 4
+_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
 _ICP_COMPONENTS = 3
 _POINTS_FOR_ICP = 1500
 
 
 def match(
-    source: Any,
-    target: Any,
+    source: MeshLike,
+    target: MeshLike,
     *,
     method: Literal["progressive", "icp"] = "progressive",
-    n_eigenpairs: int = 150,
-    refine: bool = True,
+    n_eigenpairs: int | None = None,
+    refine: bool | None = None,
     allow_mirror: bool = False,
     barycentric: bool = False,
     mirrored: bool = False,
@@ -51,10 +53,11 @@ def match(
     method : {"progressive", "icp"}, default="progressive"
         ``"icp"`` aligns the three-dimensional biharmonic canonical forms by iterative closest
         points, as the paper does: fast, and blind to which limb is which.
-    n_eigenpairs : int, default=150
-        Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
-    refine : bool, default=True
-        Whether to refine the map beyond the search's 30 eigenfunctions.
+    n_eigenpairs : int, optional
+        Eigenpairs of each shape, the constant included, 150 by default; fewer for meshes of few
+        vertices. This and all options below but the last two are for ``"progressive"``.
+    refine : bool, optional
+        Whether to refine the map beyond the search's 30 eigenfunctions, as is done by default.
     allow_mirror : bool, default=False
         Whether a map may turn the surface inside out when that is the more rigid one.
     barycentric : bool, default=False
@@ -75,7 +78,7 @@ def match(
     MeshError
         If a mesh cannot be used, has several components, or is wound inconsistently.
     InputError
-        If an option is out of range, or a shape has no faces.
+        If an option is out of range or not for this method, or a shape has no faces.
 
     Notes
     -----
@@ -100,6 +103,18 @@ def match(
     """
     if method not in ("progressive", "icp"):
         raise InputError(f"method must be 'progressive' or 'icp', not {method!r}")
+    if method == "icp":
+        refuse_given(
+            'is for method="progressive"; leave it out',
+            n_eigenpairs=n_eigenpairs,
+            refine=refine,
+            allow_mirror=allow_mirror or None,
+            barycentric=barycentric or None,
+            mirrored=mirrored or None,
+        )
+        n_eigenpairs = _ICP_COMPONENTS + 1
+    n_eigenpairs = _N_EIGENPAIRS if n_eigenpairs is None else n_eigenpairs
+    polish = refine is None or refine
     if n_eigenpairs < _LEAST_EIGENPAIRS:
         raise InputError(f"n_eigenpairs must be at least {_LEAST_EIGENPAIRS}, not {n_eigenpairs}")
     ours, left = prepare_shape(source, n_eigenpairs, cache, progress)
@@ -110,7 +125,7 @@ def match(
     reversing = _solve.rank(left, right, maps, reflected=True) if mirrored or allow_mirror else []
     if allow_mirror:
         ranked = sorted([*ranked, *reversing], key=lambda one: one.rigidity)
-    ranked, solution, confidence = decide(left, right, ranked, polish=refine, on_step=progress)
+    ranked, solution, confidence = decide(left, right, ranked, polish=polish, on_step=progress)
     chosen = ranked[0]
     faces = weights = None
     if barycentric:
@@ -129,7 +144,7 @@ def match(
         faces=None if faces is None else expand_rows(faces, ours, -1),
         weights=None if weights is None else expand_rows(weights, ours, np.nan),
         mirrored=expand(
-            _solve.refine(left, right, reversing[0], polish=refine).source_to_target, ours, theirs
+            _solve.refine(left, right, reversing[0], polish=polish).source_to_target, ours, theirs
         )
         if mirrored
         else None,
@@ -137,9 +152,9 @@ def match(
 
 
 def symmetry(
-    mesh: Any,
+    mesh: MeshLike,
     *,
-    n_eigenpairs: int = 150,
+    n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,
     cache: bool = True,
     progress: Progress | None = None,

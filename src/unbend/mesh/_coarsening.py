@@ -47,7 +47,7 @@ def aggregate_vertices(mesh: Mesh, n_coarse: int, random_state: int = 0) -> IntA
     (2562, 299)
     """
     if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name}: max_vertices needs faces, and this is a point cloud")
+        raise InputError(f"{mesh.name}: n_coarse needs faces, and this is a point cloud")
     n = mesh.n_vertices
     ends = find_edges(mesh.faces, n).ends
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)

@@ -8,9 +8,9 @@ import numpy as np
 
 from unbend._arrays import count_repeats
 from unbend._types import FloatArray
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     Edges,
-    Mesh,
     count_non_manifold_vertices,
     find_components,
     find_edges,
@@ -95,16 +95,22 @@ class Diagnosis:
         return bool(self.degenerate_faces or self.non_manifold_edges or self.non_manifold_vertices)
 
 
-def diagnose(mesh: Mesh) -> Diagnosis:
+def diagnose(mesh: MeshLike) -> Diagnosis:
     """Examine a mesh; nothing is changed.
 
     Parameters
     ----------
-    mesh : Mesh
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
 
     Returns
     -------
     Diagnosis
+
+    Raises
+    ------
+    InputError, MeshError, FileError
+        See :func:`unbend.as_mesh`.
 
     See Also
     --------
@@ -122,6 +128,7 @@ def diagnose(mesh: Mesh) -> Diagnosis:
     >>> health.closed, health.genus, health.component_vertices
     (True, 0, (4,))
     """
+    mesh = as_mesh(mesh)
     vertices, faces = mesh.vertices, mesh.faces
     proper = proper_faces(faces)
     edges = find_edges(proper, mesh.n_vertices)

@@ -10,7 +10,7 @@ import numpy as np
 
 from unbend._types import FloatArray
 from unbend.errors import InputError, MissingExtraError
-from unbend.io import as_mesh, atomic_write, check_writable
+from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh
 from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
@@ -113,7 +113,7 @@ def position_colors(vertices: Any) -> FloatArray:
 
 def draw_mesh(
     ax: Any,
-    mesh: Any,
+    mesh: MeshLike,
     *,
     colors: Any = None,
     view: str | tuple[float, float] = "three-quarter",

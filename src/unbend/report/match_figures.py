@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.correspondence import THRESHOLDS, Evaluation, transfer
 from unbend.errors import InputError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
@@ -61,9 +60,9 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
 
 
 def draw_match(
-    source: Any,
-    target: Any,
-    mapping: Match | npt.ArrayLike,
+    source: MeshLike,
+    target: MeshLike,
+    match: Match | npt.ArrayLike,
     path: str | os.PathLike[str],
     *,
     up: str = "y",
@@ -79,8 +78,8 @@ def draw_match(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, with faces.
-    mapping : Match or (n_target,) array_like of int
-        From source to target, or the source vertex of each target vertex.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
     up : {"x", "y", "z"}, default="y"
@@ -112,7 +111,7 @@ def draw_match(
     """
     source, target = as_mesh(source), as_mesh(target)
     colors = pattern_colors(source.vertices)
-    carried = transfer(colors, mapping, kind="scalar", source=source, target=target)
+    carried = transfer(colors, match, kind="scalar", source=source, target=target)
     if len(carried) != target.n_vertices:
         raise InputError(
             f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
@@ -120,7 +119,7 @@ def draw_match(
     if up not in _UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
     upright = _UPRIGHT[up]
-    turned = _turned_to_fit(source, target, mapping) @ upright.T
+    turned = _turned_to_fit(source, target, match) @ upright.T
     carried[np.isnan(carried)] = 0.6
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
@@ -135,8 +134,8 @@ def draw_match(
     save_figure(figure, path)
 
 
-def _turned_to_fit(source: Mesh, target: Mesh, mapping: Match | npt.ArrayLike) -> FloatArray:
-    places = transfer(source.vertices, mapping, source=source, target=target)
+def _turned_to_fit(source: Mesh, target: Mesh, match: Match | npt.ArrayLike) -> FloatArray:
+    places = transfer(source.vertices, match, source=source, target=target)
     there = np.isfinite(places).all(axis=1) & np.isfinite(target.vertices).all(axis=1)
     if there.sum() < 3:
         return target.vertices
@@ -151,7 +150,7 @@ def draw_error_curves(
 
     Parameters
     ----------
-    evaluations : mapping of str to Evaluation
+    evaluations : match of str to Evaluation
         By the name of each map. Where there is a mirrored ground truth, ``map-min`` is drawn too,
         dashed.
     path : path

@@ -124,12 +124,13 @@ def _resident(field: str) -> float:
 
 def _form(mesh: Mesh, name: str, n_samples: int) -> None:
     distance, method = METHODS[name]
+    exact = method == "exact"
     canonical_form(
         mesh,
         distance=distance,
         method=method,
-        n_eigenpairs=N_EIGENPAIRS,
-        n_samples=n_samples,
+        n_eigenpairs=None if exact else N_EIGENPAIRS,
+        n_samples=None if exact else n_samples,
         cache=False,
     )
 

@@ -18,12 +18,13 @@ def form(
     shapes: Collection, name: str, distance: DistanceKind, method: Method, n_eigenpairs: int
 ) -> Arrays:
     """Three-dimensional canonical form of a shape, and the seconds it took."""
+    exact = method == "exact"
     made = canonical_form(
         shapes.mesh(name),
         distance=distance,
         method=method,
-        n_eigenpairs=n_eigenpairs,
-        n_samples=N_SAMPLES,
+        n_eigenpairs=None if exact else n_eigenpairs,
+        n_samples=None if exact else N_SAMPLES,
         cache=False,
     )
     return {"points": made.points, "seconds": np.array(sum(made.seconds.values()))}

@@ -11,12 +11,13 @@ from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.correspondence import evaluate
 from unbend.datasets import Collection, make_biped, make_octopus, make_quadruped, rest_map
+from unbend.datasets.damage import Damaged
 from unbend.errors import InputError, MeshError
 from unbend.matching import match
 from unbend.mesh import Mesh
 from unbend.reproduce.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
 from unbend.reproduce.forms import N_SAMPLES, difference, form
-from unbend.reproduce.perturbations import Perturbed, perturb
+from unbend.reproduce.perturbations import perturb
 from unbend.reproduce.result import Result
 from unbend.reproduce.robustness_page import draw, text
 from unbend.reproduce.run import Arrays, Run, everywhere, piece
@@ -115,10 +116,12 @@ def remesh(body: str, n_vertices: int, share: float) -> Arrays:
     clean = _BODIES[body](n_vertices=n_vertices)
     other = _BODIES[body](n_vertices=round(share * n_vertices), meshing=1)
     forms = {label: _form(clean.mesh, *method) for label, method in KINDS.items()}
-    return compare(clean.mesh, forms, Perturbed(other.mesh, rest_map(other, clean)))
+    return compare(
+        clean.mesh, forms, Damaged(other.mesh, rest_map(other, clean), rest_map(clean, other))
+    )
 
 
-def compare(clean: Mesh, forms: Arrays, perturbed: Perturbed) -> Arrays:
+def compare(clean: Mesh, forms: Arrays, perturbed: Damaged) -> Arrays:
     """Measure how far the forms of a perturbed shape are from the clean one's, and a map's error.
 
     Returns
@@ -146,12 +149,13 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Perturbed) -> Arrays:
 
 
 def _form(mesh: Mesh, distance: DistanceKind, method: Method) -> np.ndarray:
+    exact = method == "exact"
     return canonical_form(
         mesh,
         distance=distance,
         method=method,
-        n_eigenpairs=N_EIGENPAIRS,
-        n_samples=N_SAMPLES,
+        n_eigenpairs=None if exact else N_EIGENPAIRS,
+        n_samples=None if exact else N_SAMPLES,
         cache=False,
     ).points
 

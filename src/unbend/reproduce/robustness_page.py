@@ -20,7 +20,7 @@ _DONE = {
     "noise": "Gaussian noise along the normals, its standard deviation in mean edge lengths",
     "decimation": "quadric collapses to a share of the faces",
     "remeshing": "the same surface meshed anew with a share of the vertices ({bodies}, our own)",
-    "holes": "eight discs cut out, together a share of the vertices, and what falls off",
+    "holes": "eight discs cut out, with what falls off together a share of the area",
     "part missing": "one disc cut off, likewise",
     "shortcut": "the two parts that are nearest in space, among those farther apart on the shape "
     "than half of the longest way, joined by tubes one face wide: the finer the mesh, the narrower",

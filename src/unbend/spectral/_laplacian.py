@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,7 +12,7 @@ from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh
 from unbend.preparation import Prepared, prepare
 
@@ -37,19 +36,21 @@ class Laplacian:
     kind: str
 
 
-def laplacian(mesh: Any, kind: LaplacianKind = "auto", areas: AreaKind = "voronoi") -> Laplacian:
+def laplacian(
+    mesh: MeshLike, *, laplacian: LaplacianKind = "auto", area_kind: AreaKind = "voronoi"
+) -> Laplacian:
     """Discrete Laplace-Beltrami operator of a triangle mesh or a point cloud.
 
     Parameters
     ----------
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
-    kind : {"auto", "cotangent", "robust"}, default="auto"
+    laplacian : {"auto", "cotangent", "robust"}, default="auto"
         ``"cotangent"``: ``W_ij = -(cot alpha_ij + cot beta_ij) / 2`` (Pinkall and Polthier
         1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020),
         for any triangle soup and for point clouds. ``"auto"``: robust for point clouds and
         where a face is degenerate or an edge non-manifold, cotangent otherwise.
-    areas : {"voronoi", "barycentric"}, default="voronoi"
+    area_kind : {"voronoi", "barycentric"}, default="voronoi"
         Lumped areas of the cotangent Laplacian: mixed Voronoi cells (Meyer et al. 2003) or a
         third of each triangle. The robust Laplacian has its own.
 
@@ -60,7 +61,7 @@ def laplacian(mesh: Any, kind: LaplacianKind = "auto", areas: AreaKind = "vorono
     Raises
     ------
     InputError
-        If `kind` or `areas` is not one of the names above.
+        If `laplacian` or `area_kind` is not one of the names above.
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
         mesh with a degenerate face.
@@ -79,15 +80,15 @@ def laplacian(mesh: Any, kind: LaplacianKind = "auto", areas: AreaKind = "vorono
     array([0.25, 0.25, 0.25, 0.25])
     """
     mesh = as_mesh(mesh)
-    if areas not in ("voronoi", "barycentric"):
-        raise InputError(f'areas must be "voronoi" or "barycentric", not {areas!r}')
-    if kind == "auto":
-        kind = choose_kind(kind, prepare(mesh, connected=False))
-    if kind == "robust":
+    if area_kind not in ("voronoi", "barycentric"):
+        raise InputError(f'area_kind must be "voronoi" or "barycentric", not {area_kind!r}')
+    if laplacian == "auto":
+        laplacian = choose_kind(laplacian, prepare(mesh, connected=False))
+    if laplacian == "robust":
         return _robust(mesh)
-    if kind == "cotangent":
-        return _cotangent(mesh, areas)
-    raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {kind!r}')
+    if laplacian == "cotangent":
+        return _cotangent(mesh, area_kind)
+    raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
 
 
 def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse.csgraph as csgraph
@@ -13,6 +12,7 @@ from unbend._memory import check_memory
 from unbend._types import FloatArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError
+from unbend.io import MeshLike
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
@@ -58,26 +58,26 @@ class Spectrum:
 
 
 def spectrum(
-    mesh: Any,
-    k: int,
+    mesh: MeshLike,
+    n_eigenpairs: int,
     *,
     laplacian: LaplacianKind = "auto",
-    areas: AreaKind = "voronoi",
-    tol: float = _RESIDUAL,
+    area_kind: AreaKind = "voronoi",
+    tolerance: float = _RESIDUAL,
     cache: bool = True,
 ) -> Spectrum:
-    """Lowest `k` eigenvalues and eigenfunctions of the Laplace-Beltrami operator.
+    """Lowest `n_eigenpairs` eigenvalues and eigenfunctions of the Laplace-Beltrami operator.
 
     Parameters
     ----------
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts. Several components are allowed: each has an
         eigenvalue 0 of its own.
-    k : int
+    n_eigenpairs : int
         How many, the constant eigenfunction included; at most the number of vertices in use.
-    laplacian, areas : str
+    laplacian, area_kind : str
         See :func:`unbend.laplacian`.
-    tol : float, default=1e-8
+    tolerance : float, default=1e-8
         Largest relative residual ``|W phi - lambda A phi| / |lambda A phi|``, in the norm of
         A^-1, that an eigenpair may have.
     cache : bool, default=True
@@ -91,22 +91,22 @@ def spectrum(
     Raises
     ------
     InputError
-        If `k` is out of range.
+        If `n_eigenpairs` is out of range.
     MeshError
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
     SolverError
-        If an eigenpair's residual stays larger than `tol`.
+        If an eigenpair's residual stays larger than `tolerance`.
 
     Notes
     -----
     Signs follow one rule: an eigenfunction's area-weighted third moment is positive; where it
     vanishes (functions odd under a symmetry), its first entry of largest magnitude is.
 
-    So does the basis of a multiple eigenvalue's space (on symmetric shapes), whatever `k`: its
-    first function is the one that reaches the highest value at any vertex, each next one the one
-    that does so among those orthogonal to it; of several such vertices the first decides.
-    Eigenvalues count as equal if they differ by less than a tenth of `tol`.
+    So does the basis of a multiple eigenvalue's space (on symmetric shapes), whatever their number:
+    its first function is the one that reaches the highest value at any vertex, each next one
+    the one that does so among those orthogonal to it; of several such vertices the first decides.
+    Eigenvalues count as equal if they differ by less than a tenth of `tolerance`.
 
     Examples
     --------
@@ -115,8 +115,8 @@ def spectrum(
     >>> spectrum(make_sphere(3), 4).eigenvalues.round(1)
     array([0., 2., 2., 2.])
     """
-    surface = make_surface(mesh, laplacian=laplacian, areas=areas, connected=False)
-    unit = eigenpairs(surface, k, tol=tol, cache=cache)
+    surface = make_surface(mesh, laplacian=laplacian, area_kind=area_kind, connected=False)
+    unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance, cache=cache)
     expand = surface.prepared.expand
     return Spectrum(
         eigenvalues=unit.eigenvalues / surface.area,
@@ -127,7 +127,9 @@ def spectrum(
     )
 
 
-def eigenpairs(surface: Surface, k: int, *, tol: float = _RESIDUAL, cache: bool = True) -> Spectrum:
+def eigenpairs(
+    surface: Surface, k: int, *, tolerance: float = _RESIDUAL, cache: bool = True
+) -> Spectrum:
     """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
     operator = surface.operator
     if not is_whole(k) or not 1 <= k <= surface.n_vertices:
@@ -135,13 +137,15 @@ def eigenpairs(surface: Surface, k: int, *, tol: float = _RESIDUAL, cache: bool 
             f"{surface.mesh.name}: asked for {k} eigenpairs, but a mesh of "
             f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
         )
-    values, functions = _at_least(surface, k, tol, cache)
+    values, functions = _at_least(surface, k, tolerance, cache)
     functions = np.ascontiguousarray(functions[:, :k])
     return Spectrum(values[:k], functions, operator.areas, operator.kind)
 
 
-def _at_least(surface: Surface, k: int, tol: float, cache: bool) -> tuple[FloatArray, FloatArray]:
-    """Eigenpairs that depend on the surface, `k` and `tol` alone, not on what the cache holds.
+def _at_least(
+    surface: Surface, k: int, tolerance: float, cache: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Eigenpairs that depend on the surface, `k` and `tolerance`, whatever the cache holds.
 
     One of a few numbers of pairs is computed, and each has a file of its own.
     """
@@ -150,12 +154,14 @@ def _at_least(surface: Surface, k: int, tol: float, cache: bool) -> tuple[FloatA
         count = _number_to_compute(wanted, surface.n_vertices)
         key = ""
         if cache:
-            key = cache_key(surface.mesh, _VERSION, operator.kind, surface.area_kind, tol, count)
+            key = cache_key(
+                surface.mesh, _VERSION, operator.kind, surface.area_kind, tolerance, count
+            )
         found = load_eigenpairs(key) if cache else None
         if found is None:
             # Behind k pairs is a basis of about 1.6 k + 75 vectors, and polishing copies them.
             check_memory(surface.mesh.name, surface.n_vertices, 4 * count + 75)
-            found = whole_eigenpairs(operator, count, tol)
+            found = whole_eigenpairs(operator, count, tolerance)
             if cache:
                 store_eigenpairs(key, *found)
         if len(found[0]) >= k:
@@ -168,7 +174,9 @@ def _number_to_compute(k: int, n: int) -> int:
     return min(n, next((few for few in (5, 11) if few > k), -(-k // 10) * 10 + 1))
 
 
-def whole_eigenpairs(operator: Laplacian, count: int, tol: float) -> tuple[FloatArray, FloatArray]:
+def whole_eigenpairs(
+    operator: Laplacian, count: int, tolerance: float
+) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues (k,) and eigenfunctions (n, k) of a Laplacian at unit area, one for each input.
 
     Of the first `count`, those whose spaces are known to be whole: all but the last value's, or
@@ -178,9 +186,11 @@ def whole_eigenpairs(operator: Laplacian, count: int, tol: float) -> tuple[Float
     c = null.shape[1]
     if c == count:
         return np.zeros(count), fix_signs(null, operator.areas)
-    values, functions = smallest_eigenpairs(operator.stiffness, operator.areas, count, tol=tol)
+    values, functions = smallest_eigenpairs(
+        operator.stiffness, operator.areas, count, tol=tolerance
+    )
     values[:c], functions[:, :c] = 0.0, null
-    equal = max(_EQUAL * tol, _ROUNDING) * np.maximum(values[1:], _MEAN_DISTANCE)
+    equal = max(_EQUAL * tolerance, _ROUNDING) * np.maximum(values[1:], _MEAN_DISTANCE)
     equal[:c] = -1.0  # the null space has its basis
     k = count
     if count < len(operator.areas):

@@ -12,7 +12,7 @@ import scipy.sparse.csgraph as csgraph
 from unbend._types import IntArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, UnbendWarning
-from unbend.io import as_mesh
+from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_ids
 from unbend.preparation import Prepared, prepare
 from unbend.spectral._laplacian import Laplacian, choose_kind
@@ -52,10 +52,10 @@ class Surface:
 
 
 def make_surface(
-    mesh: Any,
+    mesh: MeshLike,
     *,
     laplacian: LaplacianKind = "auto",
-    areas: AreaKind = "voronoi",
+    area_kind: AreaKind = "voronoi",
     component: str | int | None = None,
     connected: bool = True,
 ) -> Surface:
@@ -65,7 +65,7 @@ def make_surface(
     ----------
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
-    laplacian, areas : str
+    laplacian, area_kind : str
         See :func:`unbend.laplacian`.
     component : "largest" or int, optional
         Which component of a mesh that has several.
@@ -85,7 +85,9 @@ def make_surface(
     prepared = prepare(as_mesh(mesh), component=component, connected=connected)
     for note in prepared.notes:
         warnings.warn(f"{prepared.mesh.name}: {note}", UnbendWarning, stacklevel=3)
-    operator = build_laplacian(prepared.mesh, choose_kind(laplacian, prepared), areas)
+    operator = build_laplacian(
+        prepared.mesh, laplacian=choose_kind(laplacian, prepared), area_kind=area_kind
+    )
     area = float(operator.areas.sum())
     name = prepared.mesh.name
     if not 0 < area < np.inf:
@@ -98,7 +100,7 @@ def make_surface(
             f"{name}: its Laplacian falls into {pieces} pieces; bridge the gaps between its points"
         )
     unit = Laplacian(operator.stiffness, operator.areas / area, operator.kind)
-    return Surface(prepared, unit, area, areas)
+    return Surface(prepared, unit, area, area_kind)
 
 
 def local_ids(surface: Surface, vertices: Any) -> IntArray:

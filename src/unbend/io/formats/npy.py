@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,28 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
     array([0, 1, 2])
     """
     stream = io.BytesIO(data)
+    shape, fortran_order, dtype = read_header(stream)
+    size = math.prod(shape)
+    follow = len(data) - stream.tell()
+    if size * dtype.itemsize > follow:
+        raise FileError(
+            f"truncated: it promises {plural(shape[0] if shape else 1, 'row')}, "
+            f"{size * dtype.itemsize} bytes, but {follow} bytes follow"
+        )
+    values = np.frombuffer(data, dtype=dtype, count=size, offset=stream.tell())
+    return values.reshape(shape, order="F" if fortran_order else "C")
+
+
+def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Read what a .npy file says of its array: shape, whether columns come first, and type.
+
+    The stream is left at the first of the values.
+
+    Raises
+    ------
+    FileError
+        If this is no such file, or it holds something else than numbers, truth values or text.
+    """
     try:
         version = np.lib.format.read_magic(stream)
         header = (
@@ -44,12 +66,6 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
         raise FileError("not a NumPy array file, or a damaged one") from error
     if dtype.kind not in "biufU":
         raise FileError(f"holds an array of shape {shape} and type {dtype}, not numbers or text")
-    size = math.prod(shape)
-    follow = len(data) - stream.tell()
-    if min(shape, default=0) < 0 or size * dtype.itemsize > follow:
-        raise FileError(
-            f"truncated: it promises {plural(shape[0] if shape else 1, 'row')}, "
-            f"{size * dtype.itemsize} bytes, but {follow} bytes follow"
-        )
-    values = np.frombuffer(data, dtype=dtype, count=size, offset=stream.tell())
-    return values.reshape(shape, order="F" if fortran_order else "C")
+    if min(shape, default=0) < 0:
+        raise FileError(f"promises an array of shape {shape}")
+    return shape, fortran_order, dtype

@@ -1,0 +1,117 @@
+"""Carry points from the skin of one body onto that of another with the same bones.
+
+The bones of the one become the bones of the other in small steps. At each step a point goes with
+the bones near it, keeping its place along each bone and its distance from it in bone radii, and
+then straight onto the new skin. What comes of it is one smooth map between the two skins,
+whatever their meshes, that commutes with the left-right symmetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+from unbend.datasets._skeleton import Bone, cones_of, skin_weights
+
+_N_STEPS = 16
+_ON_SKIN = 1e-3  # in units of the body's length
+_TURNED_OVER = 0.002  # share of the area
+
+
+def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> FloatArray:
+    """Carry points of a resting skin onto the skin of a body with other proportions.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float64
+        On the skin of ``bones``.
+    bones, onto : sequence of Bone
+        The same bones in the same order, of other places and sizes.
+
+    Returns
+    -------
+    (n, 3) ndarray of float64
+    """
+    now = list(bones)
+    for step in range(1, _N_STEPS + 1):
+        following = [_between(a, b, step / _N_STEPS) for a, b in zip(bones, onto, strict=True)]
+        points = _onto_skin(following, _go_along(now, following, points))
+        now = following
+    return points
+
+
+def _between(one: Bone, other: Bone, share: float) -> Bone:
+    def mix(a: float, b: float) -> float:
+        return (1 - share) * a + share * b
+
+    def point(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, float, float]:
+        x, y, z = (mix(*pair) for pair in zip(a, b, strict=True))
+        return x, y, z
+
+    return one._replace(
+        head=point(one.head, other.head),
+        tail=point(one.tail, other.tail),
+        head_radius=mix(one.head_radius, other.head_radius),
+        tail_radius=mix(one.tail_radius, other.tail_radius),
+        flat=point(one.flat, other.flat),
+    )
+
+
+def _go_along(now: Sequence[Bone], after: Sequence[Bone], points: FloatArray) -> FloatArray:
+    weights = skin_weights(now, points)
+    moved = np.zeros_like(points)
+    for b, (old, new) in enumerate(zip(now, after, strict=True)):
+        near = np.flatnonzero(weights[:, b])
+        head, axis = np.array(old.head), np.subtract(old.tail, old.head)
+        new_axis = np.subtract(new.tail, new.head)
+        length = float(np.linalg.norm(axis))
+        along = np.clip((points[near] - head) @ axis / length**2, 0, 1)[:, None]
+        offset = points[near] - head - along * axis
+        radius = old.head_radius + along * (old.tail_radius - old.head_radius)
+        new_radius = new.head_radius + along * (new.tail_radius - new.head_radius)
+        turn = _turn(axis / length, new_axis / np.linalg.norm(new_axis))
+        place = np.array(new.head) + along * new_axis + new_radius / radius * (offset @ turn.T)
+        moved[near] += weights[near, b, None] * place
+    return moved
+
+
+def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Turn one unit vector into another, less than half a turn away, the shortest way."""
+    v = np.cross(a, b)
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    rotation: FloatArray = np.eye(3) + cross + cross @ cross / (1 + a @ b)
+    return rotation
+
+
+def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
+    """Newton's steps along the gradient of the body's implicit function."""
+    field, _ = cones_of(bones).local_field(points)
+    for _ in range(3):
+        values, gradients = field(points)
+        step = values / np.einsum("ni,ni->n", gradients, gradients)
+        points = points - np.clip(step, -0.02, 0.02)[:, None] * gradients
+    return points
+
+
+def is_carried_well(
+    points: FloatArray, carried: FloatArray, faces: IntArray, bones: Sequence[Bone]
+) -> bool:
+    """Whether carried vertices lie on the skin of ``bones`` and hardly a face is turned over.
+
+    They do not where parts have grown together: the web between two legs has no place on a body
+    whose legs are apart.
+    """
+    values, gradients = cones_of(bones).local_field(carried)[0](carried)
+    outward = np.einsum("fi,fi->f", _normals(carried, faces), gradients[faces].mean(axis=1)) > 0
+    areas = np.linalg.norm(_normals(points, faces), axis=1)
+    return bool(
+        np.abs(values).max() < _ON_SKIN and areas[~outward].sum() < _TURNED_OVER * areas.sum()
+    )
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normals: FloatArray = np.cross(b - a, c - a)
+    return normals

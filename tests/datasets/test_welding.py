@@ -1,0 +1,48 @@
+"""Welds join parts that are near in space and far on the surface."""
+
+import numpy as np
+import pytest
+
+from unbend import diagnose
+from unbend.datasets import make_quadruped, make_sphere, weld
+from unbend.datasets._measures import along_edges
+from unbend.datasets.welding import touching
+from unbend.errors import InputError
+
+DOG = make_quadruped("sitting", n_vertices=800).mesh
+
+
+@pytest.mark.parametrize("n_tubes", [1, 4])
+def test_each_tube_is_a_handle(n_tubes):
+    welded = weld(DOG, n_tubes, random_state=0)
+    found = diagnose(welded.mesh)
+    assert diagnose(DOG).genus == 0
+    assert found.genus == n_tubes
+    assert found.closed
+    assert found.non_manifold_edges == found.non_manifold_vertices == found.inconsistent_edges == 0
+    assert (welded.mesh.vertices == DOG.vertices).all()
+
+
+def test_parts_that_touch_are_near_in_space_and_far_on_the_shape():
+    here, there = touching(DOG, np.random.default_rng(0))
+    gap = np.linalg.norm(DOG.vertices[here] - DOG.vertices[there])
+    way = along_edges(DOG, np.array([here]))[0]
+    assert way[there] > 0.4 * way.max()
+    assert way[there] > 3 * gap
+    # No other vertex as far away on the shape is nearer in space.
+    gaps = np.linalg.norm(DOG.vertices - DOG.vertices[here], axis=1)
+    assert gap <= 1.5 * gaps[way >= way[there]].min()
+
+
+def test_the_truth_of_a_weld_is_that_nothing_moved():
+    welded = weld(DOG, 2, random_state=1)
+    np.testing.assert_array_equal(welded.origin, np.arange(800))
+    np.testing.assert_array_equal(welded.image, np.arange(800))
+    here, there = touching(DOG, np.random.default_rng(1))
+    before = along_edges(DOG, np.array([here]))[0, there]
+    assert along_edges(welded.mesh, np.array([here]))[0, there] < 0.5 * before
+
+
+def test_more_tubes_than_there_is_room_for_are_refused():
+    with pytest.raises(InputError, match="room for"):
+        weld(make_sphere(2), 500, random_state=0)
