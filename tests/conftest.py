@@ -33,17 +33,7 @@ def real_data() -> Path:
 @pytest.fixture(scope="session")
 def blob() -> Mesh:
     """A closed surface of 642 vertices without symmetry: a sphere with three limbs."""
-    return _blob(3)
-
-
-@pytest.fixture(scope="session")
-def small_blob() -> Mesh:
-    """The same with 162 vertices, for what takes all pairs of all vertices."""
-    return _blob(2)
-
-
-def _blob(subdivisions: int) -> Mesh:
-    sphere = make_sphere(subdivisions)
+    sphere = make_sphere(3)
     points = sphere.vertices.copy()
     for direction, length in (((1, 0.2, 0), 2.0), ((0, 1, 0.3), 1.2), ((-0.5, -0.4, 1), 0.7)):
         limb = np.array(direction) / np.linalg.norm(direction)

@@ -57,18 +57,14 @@ def test_area_weights_give_the_scaled_eigenfunctions(blob, distance):
 @pytest.mark.parametrize("weighting", ["uniform", "area"])
 @pytest.mark.parametrize("interpolation", ["projection", "least-squares"])
 def test_all_samples_and_all_eigenpairs_leave_nothing_to_approximate(
-    small_blob, weighting, interpolation
+    blob, weighting, interpolation
 ):
     # As mu grows the sampled values are met exactly.
-    everything = {
-        "n_eigenpairs": small_blob.n_vertices,
-        "n_samples": small_blob.n_vertices,
-        "mu": 1e12,
-    }
+    everything = {"n_eigenpairs": blob.n_vertices, "n_samples": blob.n_vertices, "mu": 1e12}
     sampled = canonical_form(
-        small_blob, method="sampled", weighting=weighting, interpolation=interpolation, **everything
+        blob, method="sampled", weighting=weighting, interpolation=interpolation, **everything
     )
-    exact = canonical_form(small_blob, weighting=weighting)
+    exact = canonical_form(blob, weighting=weighting)
     np.testing.assert_allclose(sampled.eigenvalues, exact.eigenvalues, rtol=1e-6)
     assert dense.relative_error(sampled.points, exact.points) < 1e-6
 

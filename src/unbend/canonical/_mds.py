@@ -118,8 +118,9 @@ def sampled_scaling(
 ) -> tuple[FloatArray, FloatArray]:
     """Classical scaling of distances given as ``D = Phi alpha Phi^T`` (the paper's steps 5 to 8).
 
-    ``J Phi = S U V^T`` is a thin SVD, ``U V^T (-1/2 alpha) V U = W psi W^T``, and the points are
-    ``S W psi^(1/2)``.
+    ``J Phi = Q R`` with orthonormal columns in Q, ``R (-1/2 alpha) R^T = W psi W^T``, and the
+    points are ``Q W psi^(1/2)``. The paper takes a thin SVD instead, of which only the span
+    matters; where singular values are all but equal, as by area, it need not converge.
 
     Parameters
     ----------
@@ -141,12 +142,11 @@ def sampled_scaling(
     weights = areas if weighting == "area" else np.full(len(areas), 1.0)
     root = np.sqrt(weights)[:, None]
     centred = eigenfunctions - weights @ eigenfunctions / weights.sum()
-    left, singular, right = scipy.linalg.svd(root * centred, full_matrices=False)
-    half = singular[:, None] * right
+    frame, half = scipy.linalg.qr(root * centred, mode="economic")
     values, rotation = scipy.linalg.eigh(half @ (-0.5 * coefficients) @ half.T)
     largest = np.argsort(-values, kind="stable")[:n_components]
     values = values[largest]
-    return _points(left @ rotation[:, largest] / root, values, weights), values
+    return _points(frame @ rotation[:, largest] / root, values, weights), values
 
 
 def _points(vectors: FloatArray, values: FloatArray, weights: FloatArray) -> FloatArray:
