@@ -19,7 +19,7 @@ def mesh(blob, tmp_path):
 @pytest.mark.parametrize("suffix", [".npy", ".csv", ".ply"])
 def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
     out = tmp_path / f"field{suffix}"
-    options = ["--from", "12", "--from", "500", "--kind", "commute-time", "-o", str(out)]
+    options = ["--from", "12", "--from", "500", "--distance", "commute-time", "-o", str(out)]
     done = runner.invoke(app, ["distance", mesh, *options])
     assert done.exit_code == 0, done.output
     expected = distance(blob, [12, 500], distance="commute-time").T
@@ -38,7 +38,7 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
 
 def test_prints_the_farthest_vertex(mesh, blob):
     field = distance(blob, 7, distance="geodesic")[0]
-    arguments = ["distance", mesh, "--from", "7", "--kind", "geodesic"]
+    arguments = ["distance", mesh, "--from", "7", "--distance", "geodesic"]
     done = runner.invoke(app, arguments)
     assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout
     found = json.loads(runner.invoke(app, [*arguments, "--json"]).stdout)
@@ -51,7 +51,7 @@ def test_prints_the_farthest_vertex(mesh, blob):
     [
         (["--from", "642"], "there is no vertex 642"),
         (["--from", "0", "-o", "field.obj"], "use .ply, .npy or .csv"),
-        (["--from", "0", "--kind", "diffusion", "--time", "-1"], "time must be positive"),
+        (["--from", "0", "--distance", "diffusion", "--time", "-1"], "time must be positive"),
     ],
 )
 def test_mistakes_get_one_sentence(mesh, options, message):
