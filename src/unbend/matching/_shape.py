@@ -8,14 +8,18 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._kernels import farthest_points
+from unbend._kernels import faces_around, farthest_points, sum_normals
 from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.linalg.factorization import Factorization, factorize
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
 _SMALLEST_EIGENVALUE = 0.1
 _SPOKE_FLOOR = 1e-3
 _MOST_SAMPLES = 2000
+# Rotations are averaged over about this length, in sqrt(area): limbs turn as wholes, which keeps
+# their ends from sliding, yet joints still bend.
+_TURNING = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,38 @@ class Shape:
         """Positive cotangent weights of the edges, (n, n) in compressed rows."""
         return _spokes(self.vertices, self.faces)
 
+    @cached_property
+    def fans(self) -> tuple[IntArray, IntArray]:
+        """Faces around each vertex, in compressed rows."""
+        fans: tuple[IntArray, IntArray] = faces_around(self.faces, len(self.vertices))
+        return fans
+
+    @cached_property
+    def stiffness(self) -> SparseMatrix:
+        """Laplacian of `spokes`, (n, n)."""
+        return sp.diags(np.asarray(self.spokes.sum(axis=1)).ravel()) - self.spokes
+
+    @cached_property
+    def averaging(self) -> Factorization:
+        """Its solution averages what is given per vertex, times the area, over `_TURNING`."""
+        return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness)
+
+    def pulled(self, pull: float) -> Factorization:
+        """Stiffness and twice a pull by area: what a step of the registration solves with."""
+        if pull not in self._pulled:
+            self._pulled[pull] = factorize(self.stiffness + sp.diags(2 * pull * self.areas))
+        return self._pulled[pull]
+
+    @cached_property
+    def _pulled(self) -> dict[float, Factorization]:
+        return {}
+
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
         mirrored = self.vertices * np.array([-1.0, 1.0, 1.0])
-        mirror = replace(self, vertices=mirrored, faces=self.faces[:, ::-1])
-        for name in ("samples", "signature", "spokes"):  # what does not depend on handedness
+        mirror = replace(self, vertices=mirrored, faces=np.ascontiguousarray(self.faces[:, ::-1]))
+        # What does not depend on handedness.
+        for name in ("samples", "signature", "spokes", "fans", "stiffness", "averaging", "_pulled"):
             mirror.__dict__[name] = getattr(self, name)
         return mirror
 
@@ -129,12 +160,7 @@ def make_shape(
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Average the faces' normals, weighted by area, at each vertex: (n, 3), unit length."""
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    n = len(vertices)
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
-    )
+    total = sum_normals(np.ascontiguousarray(vertices), faces)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(total / np.maximum(length, np.finfo(float).tiny))
 
