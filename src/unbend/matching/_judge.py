@@ -12,18 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._kernels import edge_covariances, turn_rotations
+from unbend._kernels import edge_covariances
 from unbend._types import FloatArray, IntArray
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Registered, landing_places
 from unbend.matching._shape import Shape, vertex_normals
 
-# Maps whose images lie further apart than this on average, in sqrt(area), are different: the
-# double of that tells a limb from its neighbour.
-DIFFERENT = 0.1
+# Maps are different where more than this share of the surface, a limb's end, goes further apart
+# than this, in sqrt(area): to another limb.
+_SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead in
 # energy that makes the odds between two maps 2.7 to 1.
-_EVEN, _SPREAD, _LEAD = 1.6, 0.15, 0.05
+_EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Candidate:
     ----------
     registered : Registered
     energy : float
-        See :func:`energy`.
+        Share of local shape, 0 to 1, that the maps leave unexplained; both directions.
     orientation : float
         Share of the surface that stays right side out, less the rest, in the worse direction.
     reflected : bool
@@ -52,10 +52,7 @@ def judge(source: Shape, target: Shape, found: Registered, reflected: bool = Fal
     left, right = landing_places(source, target, found)
     ahead = _images(left, right, target, found.forward)
     back = _images(right, left, source, found.backward)
-    energy = (
-        _unexplained(source, ahead, found.source.rotations)
-        + _unexplained(target, back, found.target.rotations)
-    ) / 2
+    energy = (_unexplained(source, ahead) + _unexplained(target, back)) / 2
     orientation = min(
         _right_side_out(source, target, found.forward, found.source.places),
         _right_side_out(target, source, found.backward, found.target.places),
@@ -74,10 +71,9 @@ def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) 
     found: list[Candidate] = []
     for one in candidates:
         images = target.vertices[one.registered.forward]
+        others = (target.vertices[other.registered.forward] for other in found)
         if all(
-            areas @ np.linalg.norm(images - target.vertices[other.registered.forward], axis=1)
-            > DIFFERENT
-            for other in found
+            areas @ (np.linalg.norm(images - other, axis=1) > _APART) > _SHARE for other in others
         ):
             found.append(one)
     return found
@@ -101,21 +97,25 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
-def _unexplained(shape: Shape, images: FloatArray, rotations: FloatArray) -> float:
-    """Energy of the edges' images that turned edges do not explain, over that of the edges.
+def _unexplained(shape: Shape, images: FloatArray) -> float:
+    """Share of local shape that the images of patches, turned and scaled, do not explain: 0 to 1.
 
-    Dirichlet energy of the images and of the shape itself, less what the two have in common
-    after the best rotation of every neighbourhood: an as-rigid-as-possible energy with rotations
-    that are alike nearby.
+    One less the correlation of a patch's edges with their images after the best rotation (Kabsch
+    1976), weighted by area; a patch that collapses is not explained at all.
     """
     spokes = shape.spokes
     graph = spokes.indptr, spokes.indices, spokes.data
-    common = edge_covariances(*graph, shape.vertices, images)
-    rotations = rotations.copy()
-    turn_rotations(shape.averaging.solve(common.reshape(-1, 9)).reshape(-1, 3, 3), rotations)
-    own = np.einsum("nii->", edge_covariances(*graph, shape.vertices, shape.vertices))
-    theirs = np.einsum("nii->", edge_covariances(*graph, images, images))
-    return float((theirs + own - 2 * np.einsum("nij,nji->", rotations, common)) / own)
+    own, common, theirs = (
+        edge_covariances(*graph, *ends).reshape(-1, 9)
+        for ends in ((shape.vertices, shape.vertices), (shape.vertices, images), (images, images))
+    )
+    lengths = np.stack([own[:, ::4].sum(axis=1), theirs[:, ::4].sum(axis=1)], axis=1)
+    averaged = shape.patches.solve(np.hstack([common, lengths]))
+    cross = averaged[:, :9].reshape(-1, 3, 3)
+    values = np.linalg.svd(cross, compute_uv=False)
+    values[:, 2] *= np.sign(np.linalg.det(cross))
+    size = np.sqrt(np.maximum(averaged[:, 9:].prod(axis=1), np.finfo(float).tiny))
+    return float(shape.areas @ (1 - values.sum(axis=1) / size))
 
 
 def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, places: FloatArray) -> float:

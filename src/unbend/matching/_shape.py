@@ -20,6 +20,9 @@ _MOST_SAMPLES = 2000
 # Rotations are averaged over about this length, in sqrt(area): limbs turn as wholes, which keeps
 # their ends from sliding, yet joints still bend.
 _TURNING = 0.03
+# Patches by which maps are judged: about as large as a
+# limb's girth is long, so that a patch has a front and a back.
+_PATCH = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,11 @@ class Shape:
         """Its solution averages what is given per vertex, times the area, over `_TURNING`."""
         return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness)
 
+    @cached_property
+    def patches(self) -> Factorization:
+        """The same over `_PATCH`."""
+        return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness)
+
     def pulled(self, pull: float) -> Factorization:
         """Stiffness and twice a pull by area: what a step of the registration solves with."""
         if pull not in self._pulled:
@@ -113,7 +121,16 @@ class Shape:
         mirrored = self.vertices * np.array([-1.0, 1.0, 1.0])
         mirror = replace(self, vertices=mirrored, faces=np.ascontiguousarray(self.faces[:, ::-1]))
         # What does not depend on handedness.
-        for name in ("samples", "signature", "spokes", "fans", "stiffness", "averaging", "_pulled"):
+        for name in (
+            "samples",
+            "signature",
+            "spokes",
+            "fans",
+            "stiffness",
+            "averaging",
+            "patches",
+            "_pulled",
+        ):
             mirror.__dict__[name] = getattr(self, name)
         return mirror
 

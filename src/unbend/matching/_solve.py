@@ -21,10 +21,11 @@ from unbend.refinement import Pairs, orthogonal_maps
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
 # A best map of less energy is that of one body in two poses, and no other source is asked.
-_ALIKE = 0.1
+_ALIKE = 0.2
 # After the first, weakest pull so many candidates are followed that lead to different places.
 _FOLLOWED = 8
-_REGROWN = 30
+# So many of those start anew from smooth maps of their own, of so many functions.
+_REGROWN, _SMOOTH = 4, 30
 
 OnStep = Callable[[str, float], None]
 
@@ -64,9 +65,11 @@ def candidates(sides: Sides, on_step: OnStep | None = None) -> list[Candidate]:
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     found = tried(sides, search(sides.source.shape, sides.target.shape, on_step=step))
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    if found[0].energy > _ALIKE:
+    unlike = found[0].energy > _ALIKE
+    if unlike:
         found = ranked([*found, *tried(sides, maps_from_tips(ours, theirs))])
-        found = ranked([*found, regrown(sides, found[0])])
+    best = distinct(found, theirs, ours.areas)[: _REGROWN if unlike else 1]
+    found = ranked([*found, *run_all(functools.partial(regrown, sides, one) for one in best)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct(found, theirs, ours.areas)
@@ -94,7 +97,7 @@ def regrown(sides: Sides, candidate: Candidate) -> Candidate:
     """Register anew from the smooth functional map of a candidate's own point maps."""
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     forward, backward = candidate.registered[:2]
-    size = min(_REGROWN, ours.k, theirs.k)
+    size = min(_SMOOTH, ours.k, theirs.k)
     pairs = Pairs(forward[None], backward[None], np.zeros(1))
     functional_map = orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0]
     start = rough_start(ours, theirs, functional_map)
@@ -115,6 +118,6 @@ def _make_levels(shape: Shape) -> Levels:
     proxy = make_proxy(shape, _PROXY_VERTICES)
     rough = make_proxy(proxy.shape, _ROUGH_VERTICES)
     for one in (proxy.shape, rough.shape):  # in threads they would be made several times
-        _ = one.averaging, one.normals, one.position_coefficients, one.spokes
+        _ = one.averaging, one.patches, one.normals, one.position_coefficients, one.spokes
         _ = [one.pulled(pull) for pull in PULLS]
     return Levels(shape, proxy, rough)
