@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._kernels import faces_around
-from unbend._topology import find_edges
+from unbend._topology import Edges, find_edges
 from unbend._types import FloatArray, IntArray
 from unbend.linalg._compiled import compiled
 
@@ -74,7 +74,7 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     edges = find_edges(faces, n)
     boundary = np.zeros(n, dtype=bool)
     boundary[edges.ends[edges.n_faces != 2].ravel()] = True
-    quadrics = _quadrics(vertices, faces)
+    quadrics = _quadrics(vertices, faces, edges)
     parents = np.arange(n)
     left = n
     while left > count:
@@ -97,18 +97,35 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     return Decimated(kept, number[faces], number[parents])
 
 
-def _quadrics(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Of each vertex's faces, as (n, 11): the squared distance's ten coefficients, and the area."""
+def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray:
+    """Sum up at each vertex, (n, 11): ten coefficients of squared distances, and the area.
+
+    The distances are from the planes of the faces and, along the boundary, from planes that stand
+    on it, by area and by squared length.
+    """
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, np.finfo(float).tiny)[:, None]
-    plane = np.column_stack([normal, -(normal * corners[:, 0]).sum(axis=1)])
-    rows, columns = np.triu_indices(4)
-    own = np.column_stack([plane[:, rows] * plane[:, columns], np.ones(len(faces))])
-    own *= twice[:, None] / 6
-    total = [np.bincount(faces.ravel(), np.repeat(column, 3), len(vertices)) for column in own.T]
+    own = np.column_stack([_squares(normal, corners[:, 0]), np.ones(len(faces))])
+    rows, values = [faces.ravel()], [np.repeat(own * twice[:, None] / 6, 3, axis=0)]
+    for i in range(3):
+        rim = np.flatnonzero(edges.n_faces[edges.of_side[i::3]] == 1)
+        ends = faces[rim, i], faces[rim, (i + 1) % 3]
+        wall = np.cross(normal[rim], vertices[ends[1]] - vertices[ends[0]])
+        squares = np.column_stack([_squares(wall, vertices[ends[0]]), np.zeros(len(rim))])
+        rows += ends
+        values += [squares, squares]
+    place, added = np.concatenate(rows), np.concatenate(values)
+    total = [np.bincount(place, column, len(vertices)) for column in added.T]
     return np.ascontiguousarray(np.stack(total, axis=1))
+
+
+def _squares(normals: FloatArray, points: FloatArray) -> FloatArray:
+    """Coefficients, (m, 10), of the squared distance from planes, times that of the normals."""
+    planes = np.column_stack([normals, -(normals * points).sum(axis=1)])
+    rows, columns = np.triu_indices(4)
+    return np.asarray(planes[:, rows] * planes[:, columns])
 
 
 @compiled

@@ -1,8 +1,8 @@
 """Hypotheses from the tips of limbs, for bodies whose eigenfunctions do not correspond.
 
 A tip is where the biharmonic distance to the rest of the surface is greatest nearby. Which tip is
-which is guessed from the ways between them: limbs may be longer on the one body than on the
-other, but ways that join the same tips have nearly one ratio.
+which is guessed from the ways between them: on another body every way is longer or shorter by a
+factor of its own, and by one for the limb at either end, all of them unknown and equally variable.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _MOST_TIPS = 7
 # At least so many tips must correspond, and at most so many of the shape with fewer may not.
 _FEWEST, _LEFT_OUT = 3, 2
 # What leaving a tip out costs, in the deviation of the logarithms of the ways.
-_LEAVING_OUT = 0.12
-_KEPT = 40
+_LEAVING_OUT = 0.04
+_KEPT = 60
 # Functions of the maps that are fitted to the tips, and the weight of commuting with the Laplacian.
 _SIZE, _COMMUTING = 7, 0.1
 
@@ -88,13 +88,24 @@ def _assignments(ours: FloatArray, theirs: FloatArray) -> list[tuple[IntArray, I
         rows, columns = np.triu_indices(m, 1)
         others = np.array(list(itertools.permutations(range(len(many)), m)))
         ways = many[others[:, rows], others[:, columns]]
+        whitening = _whitening(m, rows, columns)
         for mine in itertools.combinations(range(n), m):
             own = np.array(mine)
-            deviation = (ways - few[own[rows], own[columns]]).std(axis=1) + _LEAVING_OUT * (n - m)
+            apart = (ways - few[own[rows], own[columns]]) @ whitening
+            deviation = np.sqrt((apart**2).mean(axis=1)) + _LEAVING_OUT * (n - m)
             best = np.argsort(deviation, kind="stable")[:_KEPT]
             found += [(float(deviation[i]), own, others[i]) for i in best]
     found.sort(key=lambda one: one[0])
     return [(own, other) for _, own, other in found[:_KEPT]]
+
+
+def _whitening(n: int, rows: IntArray, columns: IntArray) -> FloatArray:
+    """Square root of the inverse covariance of the ways' logarithms, a common factor taken out."""
+    limbs = np.zeros((len(rows), n))
+    limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
+    values, vectors = np.linalg.eigh(np.eye(len(rows)) + limbs @ limbs.T)
+    root = vectors / np.sqrt(values) @ vectors.T
+    return np.asarray(root - root.mean(axis=0))
 
 
 def _fitted(source: Shape, target: Shape, ours: IntArray, theirs: IntArray, k: int) -> FloatArray:
