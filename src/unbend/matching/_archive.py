@@ -117,7 +117,7 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     """
     arrays = {name: np.asarray(getattr(match, name)) for name in _REQUIRED}
     arrays["hypotheses"] = np.reshape(
-        [(one.rigidity, one.orientation) for one in match.hypotheses], (-1, 2)
+        [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)
     )
     for name in _OPTIONAL:
         if getattr(match, name) is not None:

@@ -18,6 +18,7 @@ from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray
 
 _ROWS = 1024  # rows that a task works on
+_TURNS = 5  # of a rotation at most; it starts near where it ends
 
 
 def _over_rows(n: int, kernel: Callable[..., None], *arguments: Any) -> None:
@@ -156,6 +157,35 @@ def _rotated_divergence(start, neighbors, weights, rest, rotations, result, firs
                 result[i, a] += 0.5 * weights[e] * total
 
 
+@compiled
+def faces_around(faces, n):  # type: ignore[no-untyped-def]
+    """Faces around each vertex, in compressed rows."""
+    start = np.zeros(n + 1, np.int64)
+    for f in range(len(faces)):
+        for c in range(3):
+            start[faces[f, c] + 1] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+    fill = start[:-1].copy()
+    ring = np.empty(3 * len(faces), np.int64)
+    for f in range(len(faces)):
+        for c in range(3):
+            ring[fill[faces[f, c]]] = f
+            fill[faces[f, c]] += 1
+    return start, ring
+
+
+@compiled
+def scatter(rows, weights, values, n):  # type: ignore[no-untyped-def]
+    """Add up weighted rows that go to the same place, (n, d), and their weights, (n,)."""
+    sums, total = np.zeros((n, values.shape[1])), np.zeros(n)
+    for i in range(len(rows)):
+        total[rows[i]] += weights[i]
+        for a in range(values.shape[1]):
+            sums[rows[i], a] += weights[i] * values[i, a]
+    return sums, total
+
+
 def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
     """Turn rotations (n, 3, 3), in place, to those that best explain covariances.
 
@@ -171,28 +201,24 @@ def _turn_rotations(covariances, rotations, first, last):  # type: ignore[no-unt
     for i in range(first, last):
         r = rotations[i]
         c = covariances[i]
-        for _ in range(30):
-            axis = np.zeros(3)
-            along = 0.0
+        for _ in range(_TURNS):
+            x = y = z = along = 0.0
             for a in range(3):
                 # Column a of r against row a of the covariance, which is where it should point.
-                axis[0] += r[1, a] * c[a, 2] - r[2, a] * c[a, 1]
-                axis[1] += r[2, a] * c[a, 0] - r[0, a] * c[a, 2]
-                axis[2] += r[0, a] * c[a, 1] - r[1, a] * c[a, 0]
+                x += r[1, a] * c[a, 2] - r[2, a] * c[a, 1]
+                y += r[2, a] * c[a, 0] - r[0, a] * c[a, 2]
+                z += r[0, a] * c[a, 1] - r[1, a] * c[a, 0]
                 along += r[0, a] * c[a, 0] + r[1, a] * c[a, 1] + r[2, a] * c[a, 2]
-            axis /= abs(along) + 1e-30
-            angle = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+            length = np.sqrt(x * x + y * y + z * z)
+            angle = length / (abs(along) + 1e-30)
             if angle < 1e-7:
                 break
-            axis /= angle
+            x, y, z = x / length, y / length, z / length
             angle = min(angle, 1.0)
             sine, versine = np.sin(angle), 1 - np.cos(angle)
             for a in range(3):
-                x, y, z = r[0, a], r[1, a], r[2, a]
-                dot = axis[0] * x + axis[1] * y + axis[2] * z
-                u = axis[1] * z - axis[2] * y
-                v = axis[2] * x - axis[0] * z
-                w = axis[0] * y - axis[1] * x
-                r[0, a] = x + sine * u + versine * (axis[0] * dot - x)
-                r[1, a] = y + sine * v + versine * (axis[1] * dot - y)
-                r[2, a] = z + sine * w + versine * (axis[2] * dot - z)
+                u, v, w = r[0, a], r[1, a], r[2, a]
+                dot = x * u + y * v + z * w
+                r[0, a] = u + sine * (y * w - z * v) + versine * (x * dot - u)
+                r[1, a] = v + sine * (z * u - x * w) + versine * (y * dot - v)
+                r[2, a] = w + sine * (x * v - y * u) + versine * (z * dot - w)

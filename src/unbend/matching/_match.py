@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from unbend._options import refuse_given
-from unbend._types import FloatArray, Progress
+from unbend._types import Progress
 from unbend.alignment import align, closest_points
 from unbend.errors import InputError
 from unbend.io import MeshLike
-from unbend.matching import _solve
-from unbend.matching._confidence import decide
 from unbend.matching._inputs import expand, expand_rows, prepare_shape
+from unbend.matching._judge import Candidate, confidence, judge
 from unbend.matching._projection import closest_faces
+from unbend.matching._registration import landing_places, rough_start, spectral_residual
 from unbend.matching._result import Hypothesis, Match
-from unbend.matching._rigidity import orientation_score
 from unbend.matching._shape import Shape
+from unbend.matching._solve import candidates, make_sides, refined
 from unbend.spectral import Surface
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
@@ -121,34 +123,27 @@ def match(
     theirs, right = prepare_shape(target, n_eigenpairs, cache, progress)
     if method == "icp":
         return _match_by_icp(ours, left, theirs, right)
-    ranked, maps = _solve.candidates(left, right, progress)
-    reversing = _solve.rank(left, right, maps, reflected=True) if mirrored or allow_mirror else []
+    sides = make_sides(left, right)
+    found = candidates(sides, progress)
+    turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
-        ranked = sorted([*ranked, *reversing], key=lambda one: one.rigidity)
-    ranked, solution, confidence = decide(left, right, ranked, polish=polish, on_step=progress)
-    chosen = ranked[0]
-    faces = weights = None
+        found = sorted([*found, *turned], key=lambda one: one.energy)
+    chosen = refined(sides, found[0], polish=polish)
+    if progress is not None:
+        progress("refine", 1.0)
+    result = _result(ours, left, theirs, right, chosen, found)
     if barycentric:
-        faces, weights = closest_faces(*solution.landing, right.faces, solution.source_to_target)
-    return Match(
-        source_to_target=expand(solution.source_to_target, ours, theirs),
-        target_to_source=expand(solution.target_to_source, theirs, ours),
-        functional_map=_functional_map(left, right, solution),
-        orientation=chosen.orientation * (-1 if chosen.reflected else 1),
-        residual=_solve.point_residual(left, right, solution.functional_map),
-        confidence=confidence,
-        hypotheses=tuple(
-            Hypothesis(one.rigidity, one.orientation * (-1 if one.reflected else 1))
-            for one in ranked
-        ),
-        faces=None if faces is None else expand_rows(faces, ours, -1),
-        weights=None if weights is None else expand_rows(weights, ours, np.nan),
-        mirrored=expand(
-            _solve.refine(left, right, reversing[0], polish=polish).source_to_target, ours, theirs
+        landing = landing_places(left, right, chosen.registered)
+        faces, weights = closest_faces(*landing, right.faces, chosen.registered.forward)
+        result = replace(
+            result,
+            faces=expand_rows(faces, ours, -1),
+            weights=expand_rows(weights, ours, np.nan),
         )
-        if mirrored
-        else None,
-    )
+    if mirrored:
+        other = refined(sides, turned[0], polish=polish)
+        result = replace(result, mirrored=expand(other.registered.forward, ours, theirs))
+    return result
 
 
 def symmetry(
@@ -192,18 +187,12 @@ def symmetry(
     True
     """
     surface, shape = prepare_shape(mesh, n_eigenpairs, cache, progress)
-    _, maps = _solve.candidates(shape, shape, progress)
-    ranked = _solve.rank(shape, shape, maps, reflected=True)
-    ranked, solution, confidence = decide(shape, shape, ranked, polish=refine, on_step=progress)
-    return Match(
-        source_to_target=expand(solution.source_to_target, surface, surface),
-        target_to_source=expand(solution.target_to_source, surface, surface),
-        functional_map=_functional_map(shape, shape, solution),
-        orientation=-ranked[0].orientation,
-        residual=_solve.point_residual(shape, shape, solution.functional_map),
-        confidence=confidence,
-        hypotheses=tuple(Hypothesis(one.rigidity, -one.orientation) for one in ranked),
-    )
+    sides = make_sides(shape, shape).reflected()
+    found = candidates(sides, progress)
+    chosen = refined(sides, found[0], polish=refine)
+    if progress is not None:
+        progress("refine", 1.0)
+    return _result(surface, shape, surface, shape, chosen, found)
 
 
 def _match_by_icp(ours: Surface, left: Shape, theirs: Surface, right: Shape) -> Match:
@@ -212,23 +201,40 @@ def _match_by_icp(ours: Surface, left: Shape, theirs: Surface, right: Shape) -> 
     found = align(
         forms[0][left.samples[:_POINTS_FOR_ICP]], forms[1][right.samples[:_POINTS_FOR_ICP]]
     )
-    whole = closest_points(found.apply(forms[0]), forms[1])[:2]
-    solution = _solve.Solution(
-        *whole, found.rotation.T, (left.vertices, right.vertices), found.residual
-    )
-    return Match(
-        source_to_target=expand(whole[0], ours, theirs),
-        target_to_source=expand(whole[1], theirs, ours),
-        functional_map=_functional_map(left, right, solution),
-        orientation=orientation_score(left, right, found.rotation.T),
+    forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
+    poses = rough_start(left, right, found.rotation.T)
+    judged = judge(left, right, poses._replace(forward=forward, backward=backward))
+    result = _result(ours, left, theirs, right, judged, [])
+    return replace(
+        result,
         residual=found.residual / float(np.sqrt((1 / right.eigenvalues[:d] ** 2).sum())),
         confidence=float("nan"),
     )
 
 
-def _functional_map(source: Shape, target: Shape, solution: _solve.Solution) -> FloatArray:
-    k = len(solution.functional_map)
-    ours = np.hstack([np.ones((len(source.areas), 1)), source.basis[:, :k]])
-    theirs = np.hstack([np.ones((len(target.areas), 1)), target.basis[:, :k]])
-    pulled = source.areas[:, None] * theirs[solution.source_to_target]
-    return np.asarray(ours.T @ pulled)
+def _result(
+    ours: Surface,
+    left: Shape,
+    theirs: Surface,
+    right: Shape,
+    chosen: Candidate,
+    found: Sequence[Candidate],
+) -> Match:
+    forward, backward = chosen.registered[:2]
+    k = min(left.k, right.k)
+    mine, other = (
+        np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
+    )
+    return Match(
+        source_to_target=expand(forward, ours, theirs),
+        target_to_source=expand(backward, theirs, ours),
+        functional_map=mine.T @ (left.areas[:, None] * other[forward]),
+        orientation=_orientation(chosen),
+        residual=spectral_residual(left, right, chosen.registered),
+        confidence=confidence(found) if found else float("nan"),
+        hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in found),
+    )
+
+
+def _orientation(one: Candidate) -> float:
+    return -one.orientation if one.reflected else one.orientation

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from unbend._types import FloatArray, IntArray
+from unbend._compiled import compiled
+from unbend.matching._kernels import faces_around
 
 
 def closest_faces(
@@ -27,53 +29,66 @@ def closest_faces(
     weights : (n, 3) ndarray of float64
         Barycentric coordinates: non-negative, each row sums to one.
     """
-    corner = np.argsort(triangles.ravel(), kind="stable")
-    start = np.searchsorted(triangles.ravel()[corner], np.arange(len(positions) + 1))
-    fan = start[vertices + 1] - start[vertices]
-    best = np.full(len(points), np.inf)
-    faces = np.zeros(len(points), dtype=np.int64)
-    weights = np.zeros((len(points), 3))
-    for turn in range(int(fan.max(initial=0))):
-        rows = np.flatnonzero(fan > turn)
-        candidates = corner[start[vertices[rows]] + turn] // 3
-        found = project_to_triangles(points[rows], positions[triangles[candidates]])
-        landed = np.einsum("ij,ijk->ik", found, positions[triangles[candidates]])
-        distance = ((landed - points[rows]) ** 2).sum(axis=1)
-        better = distance < best[rows]
-        best[rows[better]] = distance[better]
-        faces[rows[better]] = candidates[better]
-        weights[rows[better]] = found[better]
+    fans = faces_around(triangles, len(positions))
+    return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
+
+
+@compiled
+def _closest_faces(points, positions, triangles, vertices, start, ring):  # type: ignore[no-untyped-def]
+    n = len(points)
+    faces, weights = np.zeros(n, np.int64), np.zeros((n, 3))
+    gram, load, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for i in range(n):
+        best = np.inf
+        for e in range(start[vertices[i]], start[vertices[i] + 1]):
+            corner = triangles[ring[e]]
+            # Squared distance of a point with weights w, about the point: w . gram w.
+            for a in range(3):
+                for b in range(a + 1):
+                    total = 0.0
+                    for c in range(points.shape[1]):
+                        total += (positions[corner[a], c] - points[i, c]) * (
+                            positions[corner[b], c] - points[i, c]
+                        )
+                    gram[a, b] = gram[b, a] = total
+            distance = _least(gram, load, trial)
+            if distance < best:
+                best = distance
+                faces[i] = ring[e]
+                weights[i] = load
     return faces, weights
 
 
-def project_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Barycentric coordinates (n, 3) of the point of each triangle (n, 3, d) nearest to a point."""
-    best = np.full(len(points), np.inf)
-    weights = np.zeros((len(points), 3))
-
-    def offer(candidate: FloatArray, allowed: FloatArray) -> None:
-        position = np.einsum("ij,ijk->ik", candidate, corners)
-        distance = np.where(allowed, ((position - points) ** 2).sum(axis=1), np.inf)
-        better = distance < best
-        best[better] = distance[better]
-        weights[better] = candidate[better]
-
-    tiny = np.finfo(float).tiny
-    for i in range(3):
-        j = (i + 1) % 3
-        edge = corners[:, j] - corners[:, i]
-        along = ((points - corners[:, i]) * edge).sum(axis=1) / np.maximum((edge**2).sum(1), tiny)
-        candidate = np.zeros((len(points), 3))
-        candidate[:, j] = np.clip(along, 0, 1)
-        candidate[:, i] = 1 - candidate[:, j]
-        offer(candidate, np.ones(len(points)))
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    offset = points - corners[:, 0]
-    a, b, c = (first**2).sum(1), (first * second).sum(1), (second**2).sum(1)
-    p, q = (offset * first).sum(1), (offset * second).sum(1)
-    determinant = a * c - b * b
-    safe = np.where(determinant > 0, determinant, 1)
-    u, v = (c * p - b * q) / safe, (a * q - b * p) / safe
-    inside = (determinant > 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
-    offer(np.stack([np.maximum(1 - u - v, 0), u, v], axis=1), inside.astype(float))
-    return weights
+@compiled
+def _least(gram, best, trial):  # type: ignore[no-untyped-def]
+    """Weights on a triangle, into `best`, of the least w . gram w: inside, or on a side."""
+    least = np.inf
+    for a in range(3):
+        b = (a + 1) % 3
+        length = gram[a, a] + gram[b, b] - 2 * gram[a, b]
+        share = (gram[a, a] - gram[a, b]) / length if length > 0 else 0.0
+        share = min(max(share, 0.0), 1.0)
+        value = gram[a, a] - 2 * share * (gram[a, a] - gram[a, b]) + share * share * length
+        if value < least:
+            least = value
+            best[:] = 0.0
+            best[a], best[b] = 1 - share, share
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        trial[a] = (
+            gram[b, b] * gram[c, c]
+            - gram[b, c] ** 2
+            + gram[a, b] * (gram[b, c] - gram[c, c])
+            + gram[a, c] * (gram[b, c] - gram[b, b])
+        )
+    total = trial[0] + trial[1] + trial[2]
+    if total > 0 and trial[0] >= 0 and trial[1] >= 0 and trial[2] >= 0:
+        value = 0.0
+        for a in range(3):
+            for b in range(3):
+                value += trial[a] * trial[b] * gram[a, b] / (total * total)
+        if value < least:
+            least = value
+            for a in range(3):
+                best[a] = trial[a] / total
+    return least

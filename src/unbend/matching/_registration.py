@@ -1,4 +1,4 @@
-"""Polish: move each shape onto the other as rigidly as possible, starting from a spectral map.
+"""Registration: deform each shape onto the other as rigidly as possible, from a rough map.
 
 A map through smooth functions slides a little along featureless parts. Deforming the shapes
 themselves, every neighbourhood turned but hardly stretched (Sorkine & Alexa, "As-rigid-as-possible
@@ -9,127 +9,165 @@ the meshes from where the map stands, so a leg is never caught by the leg beside
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from unbend._types import FloatArray, IntArray
-from unbend.alignment import nearest_rotation
-from unbend.linalg.factorization import factorize
-from unbend.matching._kernels import edge_covariances, rotated_divergence, turn_rotations, walk
+from unbend.alignment import nearest_pairs, nearest_rotation
+from unbend.matching._kernels import (
+    edge_covariances,
+    rotated_divergence,
+    scatter,
+    turn_rotations,
+    walk,
+)
+from unbend.matching._proxy import Proxy
 from unbend.matching._shape import Shape
+from unbend.matching._zoomout import spectral_weights
 from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
-_PULLS = (300.0, 1000.0, 3000.0)
-_STEPS_PER_PULL = 8
-# Rotations are averaged over about this length: limbs turn as wholes, which keeps their ends
-# from sliding, yet joints still bend.
-_TURNING_LENGTH = 0.03
+PULLS = (300.0, 1000.0, 3000.0)
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
+_SAMPLES = 1000
 
 
-class Registered(NamedTuple):
-    """A polished pair of maps.
+class Pose(NamedTuple):
+    """A shape on its way into another's pose.
 
     Attributes
     ----------
-    source_to_target, target_to_source : ndarrays of int64
-    source_places : (n, 6) ndarray of float64
-        Positions of the source's vertices in the target's pose and in its own.
-    target_places : (m, 6) ndarray of float64
-        Positions of the target's vertices in its own pose and in the source's.
+    places : (n, 3) ndarray of float64
+    rotations : (n, 3, 3) ndarray of float64
+        How the neighbourhood of each vertex is turned.
     """
 
-    source_to_target: IntArray
-    target_to_source: IntArray
-    source_places: FloatArray
-    target_places: FloatArray
+    places: FloatArray
+    rotations: FloatArray
 
 
-def register(
-    source: Shape,
-    target: Shape,
-    functional_map: FloatArray,
-    source_to_target: IntArray,
-    target_to_source: IntArray,
-) -> Registered:
-    """Polish a pair of point maps by deformations of both shapes.
+class Registered(NamedTuple):
+    """Two shapes, each in the other's pose, and the maps between them.
+
+    Attributes
+    ----------
+    forward, backward : ndarrays of int64
+        The target vertex of each source vertex, and the other way round.
+    source, target : Pose
+        Of the source in the target's pose, and of the target in the source's.
+    """
+
+    forward: IntArray
+    backward: IntArray
+    source: Pose
+    target: Pose
+
+
+def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Registered:
+    """Poses and maps as a functional map knows them, which may be of few functions.
 
     Parameters
     ----------
     source, target : Shape
     functional_map : (k, k) ndarray of float64
-        Gives the starting poses: the other shape's positions, pulled back smoothly.
-    source_to_target, target_to_source : ndarrays of int64
-        The maps to polish.
+        ``source.basis[:, :k] @ functional_map`` corresponds to ``target.basis[:, :k]``.
     """
-    ours = _Deformation(source, target, functional_map)
-    theirs = _Deformation(target, source, functional_map.T)
-    forward, backward = source_to_target, target_to_source
-    for stage, pull in enumerate(_PULLS):
-        ours.stiffen(pull)
-        theirs.stiffen(pull)
-        for step in range(_STEPS_PER_PULL):
-            if stage + step:
-                forward, backward = _closest(ours, theirs, forward, backward)
-            ours.step(forward, backward)
-            theirs.step(backward, forward)
-    ours.ahead, theirs.ahead = ours.posed, theirs.posed
+    k = len(functional_map)
+    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
+    left = source.basis[:, :k] @ functional_map * weights
+    pairs = nearest_pairs(left[None], target.basis[:, :k] * weights)
+    poses = [
+        _smooth_pose(shape, goal, one)
+        for shape, goal, one in (
+            (source, target, functional_map),
+            (target, source, functional_map.T),
+        )
+    ]
+    return Registered(pairs.forward[0], pairs.backward[0], *poses)
+
+
+def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: Shape) -> Registered:
+    """Carry a registration of two proxies over to the shapes that they stand for."""
+    return Registered(
+        target.kept[found.forward[source.parents]],
+        source.kept[found.backward[target.parents]],
+        _lifted(found.source, source, ours),
+        _lifted(found.target, target, theirs),
+    )
+
+
+def register(
+    source: Shape, target: Shape, start: Registered, pulls: Sequence[float], steps: int
+) -> Registered:
+    """Draw two shapes together: so many steps for each pull, then the closest points.
+
+    Parameters
+    ----------
+    source, target : Shape
+    start : Registered
+        Is not changed.
+    pulls : sequence of float
+        In units of 1 / area.
+    steps : int
+    """
+    forward, backward = start[:2]
+    ours, theirs = _Moving(source, target, start.source), _Moving(target, source, start.target)
+    for pull in pulls:
+        for _ in range(steps):
+            ours.step(pull, forward, backward)
+            theirs.step(pull, backward, forward)
+            forward, backward = _closest(ours, theirs, forward, backward)
+    ours.ahead, theirs.ahead = ours.places, theirs.places
     for _ in range(2):
         forward, backward = _closest(ours, theirs, forward, backward)
     return Registered(
         forward,
         backward,
-        np.hstack([ours.posed, source.vertices]),
-        np.hstack([target.vertices, theirs.posed]),
+        Pose(ours.places, ours.rotations),
+        Pose(theirs.places, theirs.rotations),
     )
 
 
-class _Deformation:
-    """A shape on its way into another's pose.
+def landing_places(
+    source: Shape, target: Shape, found: Registered
+) -> tuple[FloatArray, FloatArray]:
+    """Positions of either shape's vertices, (n, 6) and (m, 6), that correspond where close.
 
-    Attributes
-    ----------
-    posed : (n, 3) ndarray of float64
-    ahead : (n, 3) ndarray of float64
-        Where the last step leads to.
+    Those of the target's pose and of the source's side by side.
     """
+    return (
+        np.hstack([found.source.places, source.vertices]),
+        np.hstack([target.vertices, found.target.places]),
+    )
 
-    def __init__(self, shape: Shape, goal: Shape, functional_map: FloatArray) -> None:
+
+class _Moving:
+    """A shape, its goal and its pose; `ahead` is where the last step leads to."""
+
+    def __init__(self, shape: Shape, goal: Shape, pose: Pose) -> None:
         self.shape, self.goal = shape, goal
-        k = len(functional_map)
-        basis = shape.basis[:, :k]
-        self.posed = self.ahead = basis @ (functional_map @ goal.position_coefficients[:k])
-        self._stiffness = sp.diags(np.asarray(shape.spokes.sum(axis=1)).ravel()) - shape.spokes
-        self._mass = sp.diags(shape.areas)
-        self._average = factorize(self._mass + _TURNING_LENGTH**2 * self._stiffness)
-        smooth = basis @ shape.position_coefficients[:k]
-        self._rotations = nearest_rotation(self._covariances(smooth).transpose(0, 2, 1))
+        self.places = self.ahead = pose.places
+        self.rotations = pose.rotations.copy()
 
-    def stiffen(self, pull: float) -> None:
-        """Set the pull of the steps that follow."""
-        # Both directions pull, each with the whole area: on average twice a vertex's own.
-        self._pull = pull
-        self._system = factorize(self._stiffness + 2 * pull * self._mass)
-
-    def step(self, forward: IntArray, backward: IntArray) -> None:
+    def step(self, pull: float, forward: IntArray, backward: IntArray) -> None:
         """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
         shape, goal, spokes = self.shape, self.goal, self.shape.spokes
-        n = len(shape.vertices)
+        # Both directions pull, each with the whole area: on average twice a vertex's own. What
+        # pulls more or less than that is made up for by a pull to where the vertex is.
         force = shape.areas[:, None] * (goal.vertices[forward] + self.ahead)
-        force += _scatter(backward, goal.areas[:, None] * goal.vertices, n)
-        force -= np.bincount(backward, goal.areas, n)[:, None] * self.ahead
+        pulls, total = scatter(backward, goal.areas, goal.vertices, len(shape.vertices))
+        force += pulls - total[:, None] * self.ahead
         turned = rotated_divergence(
-            spokes.indptr, spokes.indices, spokes.data, shape.vertices, self._rotations
+            spokes.indptr, spokes.indices, spokes.data, shape.vertices, self.rotations
         )
-        before, self.posed = self.posed, self._system.solve(turned + self._pull * force)
-        turn_rotations(self._covariances(shape.vertices), self._rotations)
-        self.ahead = self.posed + _MOMENTUM * (self.posed - before)
+        before, self.places = self.places, shape.pulled(pull).solve(turned + pull * force)
+        turn_rotations(_covariances(shape, shape.vertices, self.places), self.rotations)
+        self.ahead = self.places + _MOMENTUM * (self.places - before)
 
     def rows(self) -> tuple[FloatArray, FloatArray]:
         """Positions and normals ahead, and at rest: (n, 6) each."""
@@ -139,15 +177,9 @@ class _Deformation:
             np.hstack([self.shape.vertices, _NORMAL_WEIGHT * self.shape.normals]),
         )
 
-    def _covariances(self, rest: FloatArray) -> FloatArray:
-        """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
-        spokes = self.shape.spokes
-        cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, self.posed)
-        return self._average.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
-
 
 def _closest(
-    ours: _Deformation, theirs: _Deformation, forward: IntArray, backward: IntArray
+    ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Points of either shape that are close to the other's in both poses."""
     left, right = np.hstack(ours.rows()), np.hstack(theirs.rows()[::-1])
@@ -159,5 +191,36 @@ def _closest(
     )
 
 
-def _scatter(rows: IntArray, values: FloatArray, n: int) -> FloatArray:
-    return np.stack([np.bincount(rows, column, n) for column in values.T], axis=1)
+def _covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
+    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
+    spokes = shape.spokes
+    cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, places)
+    return shape.averaging.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
+
+
+def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
+    k = len(functional_map)
+    basis = shape.basis[:, :k]
+    places = basis @ (functional_map @ goal.position_coefficients[:k])
+    covariances = _covariances(shape, basis @ shape.position_coefficients[:k], places)
+    rotations = nearest_rotation(covariances.transpose(0, 2, 1))
+    return Pose(places, np.ascontiguousarray(rotations))
+
+
+def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
+    parents, rotations = proxy.parents, pose.rotations[proxy.parents]
+    offsets = shape.vertices - proxy.shape.vertices[parents]
+    places = pose.places[parents] + np.einsum("nij,nj->ni", rotations, offsets)
+    return Pose(places, rotations)
+
+
+def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
+    """Symmetric residual over samples of the spectral forms that the maps align, 0 to about 1."""
+    k = min(source.k, target.k)
+    ours, theirs = source.samples[:_SAMPLES], target.samples[:_SAMPLES]
+    rows = np.concatenate([ours, found.backward[theirs]])
+    images = np.concatenate([found.forward[ours], theirs])
+    left, _, right = np.linalg.svd(source.basis[rows, :k].T @ target.basis[images, :k])
+    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
+    aligned = source.basis[ours, :k] @ (left @ right) * weights
+    return float(nearest_pairs(aligned[None], target.basis[theirs, :k] * weights).residual[0])

@@ -13,13 +13,14 @@ class Hypothesis:
 
     Attributes
     ----------
-    rigidity : float
-        Mean logarithm of the share of local shape that no rotation explains; lower is better.
+    energy : float
+        Share of the surfaces' local shape that the map's turned patches leave unexplained, both
+        directions, on coarse copies; lower is better.
     orientation : float
         Share of the surface that is kept right side out, less the rest: -1 to 1.
     """
 
-    rigidity: float
+    energy: float
     orientation: float
 
 

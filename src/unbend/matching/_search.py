@@ -19,8 +19,8 @@ from unbend.matching._shape import Shape
 from unbend.matching._zoomout import orthogonal_maps, spectral_weights
 
 _SIGNED = 6
-_LAST = 30
-_SAMPLES = 300
+_LAST = 20
+_SAMPLES = 250
 _BEAM = 16
 _DESCRIPTOR_WEIGHT = 0.1
 # Two maps of k functions are the same when they differ by less than this, times sqrt(k).
@@ -39,7 +39,7 @@ def search(
     Returns
     -------
     (h, k, k) ndarray of float64
-        Up to `beam` orthogonal maps between the first k (at most 30) non-constant
+        Up to `beam` orthogonal maps between the first k (at most 20) non-constant
         eigenfunctions, closest first.
     """
     available = min(source.k, target.k)

@@ -9,7 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.matching._kernels import farthest_points
+from unbend.linalg.factorization import Factorization, factorize
+from unbend.matching._kernels import faces_around, farthest_points
 from unbend.mesh import vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
@@ -17,6 +18,12 @@ from unbend.mesh import vertex_normals
 _SMALLEST_EIGENVALUE = 0.1
 _SPOKE_FLOOR = 1e-3
 _MOST_SAMPLES = 2000
+# Rotations are averaged over about this length, in sqrt(area): limbs turn as wholes, which keeps
+# their ends from sliding, yet joints still bend.
+_TURNING = 0.03
+# Patches by which maps are judged: about as large as a limb's girth is long, so that a patch has a
+# front and a back.
+_PATCH = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +86,52 @@ class Shape:
         """Positive cotangent weights of the edges, (n, n) in compressed rows."""
         return _spokes(self.vertices, self.faces)
 
+    @cached_property
+    def fans(self) -> tuple[IntArray, IntArray]:
+        """Faces around each vertex, in compressed rows."""
+        fans: tuple[IntArray, IntArray] = faces_around(self.faces, len(self.vertices))
+        return fans
+
+    @cached_property
+    def stiffness(self) -> SparseMatrix:
+        """Laplacian of `spokes`, (n, n)."""
+        return sp.diags(np.asarray(self.spokes.sum(axis=1)).ravel()) - self.spokes
+
+    @cached_property
+    def averaging(self) -> Factorization:
+        """Its solution averages what is given per vertex, times the area, over `_TURNING`."""
+        return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness)
+
+    @cached_property
+    def patches(self) -> Factorization:
+        """The same over `_PATCH`."""
+        return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness)
+
+    def pulled(self, pull: float) -> Factorization:
+        """Stiffness and twice a pull by area: what a step of the registration solves with."""
+        if pull not in self._pulled:
+            self._pulled[pull] = factorize(self.stiffness + sp.diags(2 * pull * self.areas))
+        return self._pulled[pull]
+
+    @cached_property
+    def _pulled(self) -> dict[float, Factorization]:
+        return {}
+
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
         mirrored = self.vertices * np.array([-1.0, 1.0, 1.0])
-        mirror = replace(self, vertices=mirrored, faces=self.faces[:, ::-1])
-        for name in ("samples", "signature", "spokes"):  # what does not depend on handedness
+        mirror = replace(self, vertices=mirrored, faces=np.ascontiguousarray(self.faces[:, ::-1]))
+        # What does not depend on handedness.
+        for name in (
+            "samples",
+            "signature",
+            "spokes",
+            "fans",
+            "stiffness",
+            "averaging",
+            "patches",
+            "_pulled",
+        ):
             mirror.__dict__[name] = getattr(self, name)
         return mirror
 

@@ -1,207 +1,124 @@
-"""The matcher on plain arrays: search, choose, grow, polish."""
+"""The matcher on plain arrays: hypotheses on proxies, the judge, the polish of what it chooses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from unbend._types import FloatArray, IntArray
-from unbend.alignment import nearest_pairs
-from unbend.matching._kernels import walk
-from unbend.matching._registration import register
-from unbend.matching._rigidity import orientation_score, rigidity_score
+from unbend._parallel import run_all
+from unbend._types import FloatArray
+from unbend.alignment import Pairs
+from unbend.matching._judge import Candidate, distinct, judge, ranked
+from unbend.matching._proxy import Proxy, make_proxy
+from unbend.matching._registration import PULLS, lift, register, rough_start
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._zoomout import grow, spectral_weights
+from unbend.matching._tips import maps_from_tips
+from unbend.matching._zoomout import orthogonal_maps
 
-_SIZES = (40, 50, 60, 75, 90, 110, 130, 150, 175, 200, 250, 300, 400, 500)
-_GROWTH_SAMPLES = 1500
-# So many candidates are grown to these sizes, on so many samples, before one is chosen.
-_FINALISTS = 8
-_TRIAL_SIZES, _TRIAL_SAMPLES = (40, 50, 60), 700
-_BLOCK_ROWS = 1024
+_ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
+_STEPS = 8
+# A best map of less energy is that of one body in two poses, and no other source is asked.
+_ALIKE = 0.2
+# After the first, weakest pull so many candidates are followed that lead to different places.
+_FOLLOWED = 8
+# So many of those start anew from smooth maps of their own, of so many functions.
+_REGROWN, _SMOOTH = 4, 30
 
 OnStep = Callable[[str, float], None]
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One functional map and what is known of it.
+class Levels(NamedTuple):
+    """A shape, its proxy, and that one's own, rougher one."""
 
-    Attributes
-    ----------
-    functional_map : (k, k) ndarray of float64
-        Orthogonal; ``source.basis[:, :k] @ functional_map`` corresponds to ``target.basis``.
-    rigidity : float
-        See `rigidity_score`; lower is better.
-    orientation : float
-        See `orientation_score`.
-    reflected : bool
-        Whether the target was taken as its mirror image.
-    """
+    shape: Shape
+    proxy: Proxy
+    rough: Proxy
 
-    functional_map: FloatArray
-    rigidity: float
-    orientation: float
-    reflected: bool = False
+    def reflected(self) -> Levels:
+        """Take the shape as its mirror image."""
+        proxies = (one._replace(shape=one.shape.reflected()) for one in self[1:])
+        return Levels(self.shape.reflected(), *proxies)
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A refined pair of point maps.
+class Sides(NamedTuple):
+    """Two shapes to match; `turned` if the target is the mirror image of what was given."""
 
-    Attributes
-    ----------
-    source_to_target, target_to_source : ndarrays of int64
-    functional_map : (k, k) ndarray of float64
-    landing : pair of ndarrays
-        Positions of the source's vertices (n, d) and the target's (m, d) that correspond where
-        they are close: in one common pose, or in two side by side.
-    residual : float
-        Root mean square distance of corresponding places, both directions.
-    """
+    source: Levels
+    target: Levels
+    turned: bool = False
 
-    source_to_target: IntArray
-    target_to_source: IntArray
-    functional_map: FloatArray
-    landing: tuple[FloatArray, FloatArray]
-    residual: float
+    def reflected(self) -> Sides:
+        """Take the target as its mirror image."""
+        return Sides(self.source, self.target.reflected(), not self.turned)
 
 
-def rank(source: Shape, target: Shape, maps: FloatArray, *, reflected: bool) -> list[Candidate]:
-    """Order the maps that keep the surface right side out, most rigid first.
-
-    The most rigid few are grown a little and scored again; the mean of both scores tells near
-    ties apart. If no map keeps the right side out, all are ranked. With `reflected` the target
-    is taken as its mirror image: the first is then the best map that reverses orientation.
-    """
-    goal = target.reflected() if reflected else target
-    turned = [(orientation_score(source, goal, one), one) for one in maps]
-    kept = [one for orientation, one in turned if orientation > 0]
-    scored = [(rigidity_score(source, goal, one), one) for one in kept or maps]
-    ranked = []
-    for rigidity, one in sorted(scored, key=lambda pair: pair[0])[:_FINALISTS]:
-        grown = _grown(source, target, one, _TRIAL_SIZES, _TRIAL_SAMPLES)
-        mean = (rigidity + rigidity_score(source, goal, grown)) / 2
-        ranked.append(Candidate(grown, mean, orientation_score(source, goal, grown), reflected))
-    return sorted(ranked, key=lambda one: one.rigidity)
+def make_sides(source: Shape, target: Shape) -> Sides:
+    """Make the proxies, and factorise what every hypothesis solves with."""
+    return Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
 
 
-def refine(
-    source: Shape,
-    target: Shape,
-    candidate: Candidate,
-    *,
-    polish: bool = True,
-    on_step: OnStep | None = None,
-) -> Solution:
-    """Bring a candidate to full resolution.
-
-    Parameters
-    ----------
-    source, target : Shape
-    candidate : Candidate
-    polish : bool, default=True
-        Whether to grow the map to all eigenfunctions and polish it by moving each shape onto the
-        other; else the map's nearest neighbours are taken as it stands.
-    on_step : callable, optional
-        Told the stage's name and the share of it that is done.
-    """
-    told = on_step or (lambda stage, share: None)
-    goal = target.reflected() if candidate.reflected else target
-    if not polish:
-        maps = dense_maps(source, goal, candidate.functional_map)
-        told("refine", 1.0)
-        k = len(candidate.functional_map)
-        pulled = candidate.functional_map @ goal.position_coefficients[:k]
-        smooth = target.basis[:, :k] @ goal.position_coefficients[:k]
-        places = source.basis[:, :k] @ pulled, smooth
-        return _solution(source, target, *maps, candidate.functional_map, places)
-    functional_map = _grown(source, target, candidate.functional_map, _SIZES, _GROWTH_SAMPLES)
-    told("refine", 0.4)
-    forward, backward = dense_maps(source, goal, functional_map)
-    found = register(source, goal, functional_map, forward, backward)
-    told("refine", 1.0)
-    places = found.source_places, found.target_places
-    return _solution(source, target, *found[:2], functional_map, places)
+def candidates(sides: Sides, on_step: OnStep | None = None) -> list[Candidate]:
+    """Find the distinct ways in which two shapes may correspond, the best first."""
+    step = None if on_step is None else lambda share: on_step("search", share / 2)
+    found = tried(sides, search(sides.source.shape, sides.target.shape, on_step=step))
+    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    unlike = found[0].energy > _ALIKE
+    if unlike:
+        found = ranked([*found, *tried(sides, maps_from_tips(ours, theirs))])
+    best = distinct(found, theirs, ours.areas)[: _REGROWN if unlike else 1]
+    found = ranked([*found, *run_all(functools.partial(regrown, sides, one) for one in best)])
+    if on_step is not None:
+        on_step("search", 1.0)
+    return distinct(found, theirs, ours.areas)
 
 
-def _solution(
-    source: Shape,
-    target: Shape,
-    forward: IntArray,
-    backward: IntArray,
-    functional_map: FloatArray,
-    places: tuple[FloatArray, FloatArray],
-) -> Solution:
-    ahead = source.areas @ ((places[0] - places[1][forward]) ** 2).sum(axis=1)
-    back = target.areas @ ((places[1] - places[0][backward]) ** 2).sum(axis=1)
-    residual = float(np.sqrt((ahead + back) / 2))
-    return Solution(forward, backward, functional_map, places, residual)
+def tried(sides: Sides, maps: FloatArray) -> list[Candidate]:
+    """Register functional maps on the proxies and rank them; most stop on the rough ones."""
+    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
+    finer = sides.source.proxy.shape, sides.target.proxy.shape
+
+    def begin(one: FloatArray) -> Candidate:
+        found = register(ours, theirs, rough_start(ours, theirs, one), PULLS[:1], _STEPS)
+        return judge(ours, theirs, found, sides.turned)
+
+    def go_on(one: Candidate) -> Candidate:
+        found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
+        return judge(*finer, register(*finer, found, PULLS[1:], _STEPS), sides.turned)
+
+    begun = ranked(run_all(functools.partial(begin, one) for one in maps))
+    followed = distinct(begun, theirs, ours.areas)[:_FOLLOWED]
+    return ranked(run_all(functools.partial(go_on, one) for one in followed))
 
 
-def _grown(
-    source: Shape, target: Shape, start: FloatArray, sizes: Sequence[int], count: int
-) -> FloatArray:
-    smallest, largest = len(start), min(source.k, target.k)
-    wanted = sorted({min(k, largest) for k in sizes if k > smallest})
-    functional_map, _ = grow(
-        (source.eigenvalues, source.basis[source.samples[:count]]),
-        (target.eigenvalues, target.basis[target.samples[:count]]),
-        start,
-        wanted,
-    )
-    return functional_map
+def regrown(sides: Sides, candidate: Candidate) -> Candidate:
+    """Register anew from the smooth functional map of a candidate's own point maps."""
+    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    forward, backward = candidate.registered[:2]
+    size = min(_SMOOTH, ours.k, theirs.k)
+    pairs = Pairs(forward[None], backward[None], np.zeros(1))
+    functional_map = orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0]
+    start = rough_start(ours, theirs, functional_map)
+    return judge(ours, theirs, register(ours, theirs, start, PULLS, _STEPS), sides.turned)
 
 
-def dense_maps(
-    source: Shape, target: Shape, functional_map: FloatArray
-) -> tuple[IntArray, IntArray]:
-    """Nearest neighbours of all vertices, both ways, under a functional map.
-
-    Every vertex is compared with the samples of the other shape, and walks from the nearest of
-    them over the mesh: n log n work where comparing all pairs would be n^2.
-    """
-    k = len(functional_map)
-    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-    left = source.basis[:, :k] @ functional_map * weights
-    right = target.basis[:, :k] * weights
-    ours = source.spokes.indptr, source.spokes.indices
-    theirs = target.spokes.indptr, target.spokes.indices
-    forward = target.samples[_nearest(left, right[target.samples])]
-    backward = source.samples[_nearest(right, left[source.samples])]
-    for _ in range(2):
-        forward = walk(left, right, forward, *ours, *theirs)
-        backward = walk(right, left, backward, *theirs, *ours)
-    return forward, backward
+def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
+    """Bring a candidate from the proxies to the shapes themselves."""
+    if candidate.reflected != sides.turned:
+        sides = sides.reflected()
+    ours, theirs = sides.source.shape, sides.target.shape
+    found = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
+    found = register(ours, theirs, found, PULLS[1:] if polish else (), _STEPS // 2)
+    return judge(ours, theirs, found, candidate.reflected)
 
 
-def point_residual(source: Shape, target: Shape, functional_map: FloatArray) -> float:
-    """Symmetric residual of a functional map over the samples, 0 to about 1."""
-    k = len(functional_map)
-    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-    left = source.basis[source.samples[:_GROWTH_SAMPLES], :k] @ functional_map * weights
-    right = target.basis[target.samples[:_GROWTH_SAMPLES], :k] * weights
-    return float(nearest_pairs(left[None], right).residual[0])
-
-
-def candidates(
-    source: Shape, target: Shape, on_step: OnStep | None = None
-) -> tuple[list[Candidate], FloatArray]:
-    """Search, and rank what was found under the rule that orientation is kept."""
-    step = None if on_step is None else lambda share: on_step("search", share)
-    maps = search(source, target, on_step=step)
-    return rank(source, target, maps, reflected=False), maps
-
-
-def _nearest(points: FloatArray, among: FloatArray) -> IntArray:
-    left = points.astype(np.float32)
-    right = among.astype(np.float32)
-    norms = (right**2).sum(axis=1)
-    result = np.empty(len(left), dtype=np.int64)
-    for i in range(0, len(left), _BLOCK_ROWS):
-        block = slice(i, i + _BLOCK_ROWS)
-        result[block] = np.argmin(norms - 2 * left[block] @ right.T, axis=1)
-    return result
+def _make_levels(shape: Shape) -> Levels:
+    proxy = make_proxy(shape, _PROXY_VERTICES)
+    rough = make_proxy(proxy.shape, _ROUGH_VERTICES)
+    for one in (proxy.shape, rough.shape):  # in threads they would be made several times
+        _ = one.averaging, one.patches, one.normals, one.position_coefficients, one.spokes
+        _ = [one.pulled(pull) for pull in PULLS]
+    return Levels(shape, proxy, rough)

@@ -1,0 +1,231 @@
+"""Coarser meshes whose vertices are some of the fine one's, by collapses of edges.
+
+Every collapse moves a vertex onto a neighbour, the cheapest first: cheap is what leaves the faces'
+planes little [1]_ and is short. A collapse that would pinch the surface, fold it or eat into its
+boundary is not made, so that thin limbs stay tubes and what was separate stays so.
+
+References
+----------
+.. [1] M. Garland and P. Heckbert. Surface simplification using quadric error metrics. SIGGRAPH
+   1997.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from unbend.mesh import Edges, find_edges
+from unbend._types import FloatArray, IntArray
+from unbend._compiled import compiled
+from unbend.matching._kernels import faces_around
+
+# Beside the squared distance from the planes around it, a vertex pays this share of the squared
+# length of its way: where the surface is flat, that alone keeps the coarse vertices even.
+_EVENNESS = 0.1
+# Of the edges, the cheapest of which each round collapses those that do not touch each other.
+_SHARE_OF_EDGES = 0.4
+
+
+class Decimated(NamedTuple):
+    """A coarser mesh.
+
+    Attributes
+    ----------
+    kept : (m,) ndarray of int64
+        Its vertices among the fine mesh's, ascending.
+    faces : (f, 3) ndarray of int64
+        Of the coarse vertices.
+    parents : (n,) ndarray of int64
+        The coarse vertex that each fine vertex became.
+    """
+
+    kept: IntArray
+    faces: IntArray
+    parents: IntArray
+
+
+def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
+    """Collapse edges until so many vertices are left, or no collapse is allowed.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+        Every vertex in use.
+    count : int
+
+    Returns
+    -------
+    Decimated
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.matching._decimation import decimate
+    >>> ball = make_sphere(3)
+    >>> coarse = decimate(ball.vertices, ball.faces, 100)
+    >>> len(coarse.kept), len(coarse.faces)
+    (100, 196)
+    """
+    n = len(vertices)
+    faces = np.array(faces, dtype=np.int64)
+    edges = find_edges(faces, n)
+    boundary = np.zeros(n, dtype=bool)
+    boundary[edges.ends[edges.n_faces != 2].ravel()] = True
+    quadrics = _quadrics(vertices, faces, edges)
+    parents = np.arange(n)
+    left = n
+    while left > count:
+        start, ring = faces_around(faces, n)
+        ends, costs = _costs(vertices, faces, quadrics)
+        cheap = min(int(_SHARE_OF_EDGES * len(costs)) + 1, len(costs) - 1)
+        order = np.argpartition(costs, cheap)[: cheap + 1]
+        order = order[np.argsort(costs[order], kind="stable")]
+        state = vertices, faces, start, ring, ends[order], boundary, quadrics, parents
+        done = _collapse(*state, left - count)
+        if not done:
+            break
+        faces = faces[faces[:, 0] >= 0]
+        left -= done
+    while (parents[parents] != parents).any():
+        parents = parents[parents]
+    kept = np.flatnonzero(parents == np.arange(n))
+    number = np.full(n, -1)
+    number[kept] = np.arange(len(kept))
+    return Decimated(kept, number[faces], number[parents])
+
+
+def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray:
+    """Sum up at each vertex, (n, 11): ten coefficients of squared distances, and the area.
+
+    The distances are from the planes of the faces and, along the boundary, from planes that stand
+    on it, by area and by squared length.
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(twice, np.finfo(float).tiny)[:, None]
+    own = np.column_stack([_squares(normal, corners[:, 0]), np.ones(len(faces))])
+    rows, values = [faces.ravel()], [np.repeat(own * twice[:, None] / 6, 3, axis=0)]
+    for i in range(3):
+        rim = np.flatnonzero(edges.n_faces[edges.of_side[i::3]] == 1)
+        ends = faces[rim, i], faces[rim, (i + 1) % 3]
+        wall = np.cross(normal[rim], vertices[ends[1]] - vertices[ends[0]])
+        squares = np.column_stack([_squares(wall, vertices[ends[0]]), np.zeros(len(rim))])
+        rows += ends
+        values += [squares, squares]
+    place, added = np.concatenate(rows), np.concatenate(values)
+    total = [np.bincount(place, column, len(vertices)) for column in added.T]
+    return np.ascontiguousarray(np.stack(total, axis=1))
+
+
+def _squares(normals: FloatArray, points: FloatArray) -> FloatArray:
+    """Coefficients, (m, 10), of the squared distance from planes, times that of the normals."""
+    planes = np.column_stack([normals, -(normals * points).sum(axis=1)])
+    rows, columns = np.triu_indices(4)
+    return np.asarray(planes[:, rows] * planes[:, columns])
+
+
+@compiled
+def _cost(vertices, quadrics, u, v):  # type: ignore[no-untyped-def]
+    """Cost of moving vertex u onto vertex v."""
+    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    q, r = quadrics[u], quadrics[v]
+    total = (q[0] + r[0]) * x * x + (q[4] + r[4]) * y * y + (q[7] + r[7]) * z * z + q[9] + r[9]
+    total += 2 * ((q[1] + r[1]) * x * y + (q[2] + r[2]) * x * z + (q[5] + r[5]) * y * z)
+    total += 2 * ((q[3] + r[3]) * x + (q[6] + r[6]) * y + (q[8] + r[8]) * z)
+    length = (vertices[u, 0] - x) ** 2 + (vertices[u, 1] - y) ** 2 + (vertices[u, 2] - z) ** 2
+    return max(total, 0.0) + _EVENNESS * q[10] * length
+
+
+@compiled
+def _costs(vertices, faces, quadrics):  # type: ignore[no-untyped-def]
+    """Every side of every face in its cheaper direction, and its cost."""
+    ends = np.empty((3 * len(faces), 2), np.int64)
+    costs = np.empty(3 * len(faces))
+    k = 0
+    for f in range(len(faces)):
+        for c in range(3):
+            u, v = faces[f, c], faces[f, (c + 1) % 3]
+            there = _cost(vertices, quadrics, u, v)
+            back = _cost(vertices, quadrics, v, u)
+            if back < there:
+                u, v = v, u
+            ends[k, 0], ends[k, 1] = u, v
+            costs[k] = min(there, back)
+            k += 1
+    return ends, costs
+
+
+@compiled
+def _turns_over(vertices, faces, f, u, v):  # type: ignore[no-untyped-def]
+    """Whether moving u onto v would turn a face over or flatten it."""
+    c = 0
+    while faces[f, c] != u:
+        c += 1
+    p, q = vertices[faces[f, (c + 1) % 3]], vertices[faces[f, (c + 2) % 3]]
+    o, w = vertices[u], vertices[v]
+    agreement = 0.0
+    for a in range(3):
+        b, d = (a + 1) % 3, (a + 2) % 3
+        before = (p[b] - o[b]) * (q[d] - o[d]) - (p[d] - o[d]) * (q[b] - o[b])
+        after = (p[b] - w[b]) * (q[d] - w[d]) - (p[d] - w[d]) * (q[b] - w[b])
+        agreement += before * after
+    return agreement <= 0
+
+
+@compiled
+def _collapse(vertices, faces, start, ring, ends, boundary, quadrics, parents, most):  # type: ignore[no-untyped-def]
+    """Collapse edges in their order, each unless an earlier one has touched it; count them."""
+    touched = np.zeros(len(vertices), np.bool_)
+    seen = np.full(len(vertices), -1, np.int64)
+    done = 0
+    for k in range(len(ends)):
+        if done == most:
+            break
+        u, v = ends[k, 0], ends[k, 1]
+        if touched[u] or touched[v]:
+            continue
+        # The surface stays one where the ends' common neighbours are the shared faces' tips.
+        shared, common, allowed = 0, 0, True
+        for e in range(start[u], start[u + 1]):
+            f = ring[e]
+            has = False
+            for c in range(3):
+                w = faces[f, c]
+                has |= w == v
+                seen[w] = k
+                allowed &= not touched[w]
+            shared += has
+            allowed = allowed and (has or not _turns_over(vertices, faces, f, u, v))
+        seen[u] = seen[v] = -1
+        for e in range(start[v], start[v + 1]):
+            for c in range(3):
+                w = faces[ring[e], c]
+                if seen[w] == k:
+                    seen[w] = -1
+                    common += 1
+        sides = 1 if boundary[u] else 2
+        if not allowed or shared != sides or common != sides or boundary[u] > boundary[v]:
+            continue
+        for e in range(start[v], start[v + 1]):
+            for c in range(3):
+                touched[faces[ring[e], c]] = True
+        for e in range(start[u], start[u + 1]):
+            f = ring[e]
+            has = False
+            for c in range(3):
+                touched[faces[f, c]] = True
+                has |= faces[f, c] == v
+            if has:
+                faces[f, 0] = -1
+            else:
+                for c in range(3):
+                    if faces[f, c] == u:
+                        faces[f, c] = v
+        quadrics[v] += quadrics[u]
+        parents[u] = v
+        done += 1
+    return done

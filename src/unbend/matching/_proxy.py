@@ -1,0 +1,43 @@
+"""Coarse stand-ins for shapes, on which many hypotheses can be tried."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from unbend._types import IntArray
+from unbend.matching._decimation import decimate
+from unbend.matching._shape import Shape
+
+
+class Proxy(NamedTuple):
+    """A coarse copy of a shape.
+
+    Attributes
+    ----------
+    shape : Shape
+        Its vertices are some of the fine shape's, its basis the fine one's there.
+    kept : (m,) ndarray of int64
+        Those vertices.
+    parents : (n,) ndarray of int64
+        The coarse vertex that stands for each fine one.
+    """
+
+    shape: Shape
+    kept: IntArray
+    parents: IntArray
+
+
+def make_proxy(shape: Shape, count: int) -> Proxy:
+    """Make a copy of so many vertices, or of all if there are no more.
+
+    Areas are gathered, so that what was decimated more does not weigh less.
+    """
+    kept, faces, parents = decimate(shape.vertices, shape.faces, count)
+    areas = np.asarray(np.bincount(parents, shape.areas, len(kept)), dtype=np.float64)
+    basis = np.ascontiguousarray(shape.basis[kept])
+    coarse = Shape(shape.vertices[kept], faces, areas, shape.eigenvalues, basis)
+    # Those of the fine shape are the better ones.
+    coarse.__dict__["position_coefficients"] = shape.position_coefficients
+    return Proxy(coarse, kept, parents)

@@ -1,0 +1,61 @@
+"""Decimation: truths about what a coarser mesh must share with the fine one."""
+
+import numpy as np
+from unbend._topology import find_edges
+
+from unbend.datasets import make_biped, make_sphere
+from unbend.matching._decimation import decimate
+from unbend.mesh import Mesh, vertex_areas
+
+
+def _euler(faces: np.ndarray, n: int) -> int:
+    return n - len(find_edges(faces, n).ends) + len(faces)
+
+
+def test_a_closed_surface_stays_one() -> None:
+    mesh = make_biped("running", n_vertices=3000).mesh
+    kept, faces, parents = decimate(mesh.vertices, mesh.faces, 500)
+    assert len(kept) == 500
+    assert (find_edges(faces, 500).n_faces == 2).all()
+    assert _euler(faces, 500) == 2
+    assert (np.unique(faces) == np.arange(500)).all()
+    assert (parents[kept] == np.arange(500)).all()
+    area = vertex_areas(Mesh(mesh.vertices[kept], faces)).sum()
+    assert 0.93 < area / vertex_areas(mesh).sum() < 1.01
+    # Nobody is moved far: not out of a limb into the one beside it.
+    moved = np.linalg.norm(mesh.vertices[kept][parents] - mesh.vertices, axis=1)
+    assert moved.max() < 0.1 * np.ptp(mesh.vertices, axis=0).max()
+
+
+def test_a_ball_keeps_its_outside_and_its_evenness() -> None:
+    ball = make_sphere(4)
+    kept, faces, _ = decimate(ball.vertices, ball.faces, 200)
+    corners = ball.vertices[kept][faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * corners.mean(axis=1)).sum(axis=1) > 0).all()
+    areas = np.linalg.norm(normals, axis=1) / 2
+    assert areas.max() < 6 * np.median(areas)
+
+
+def test_a_boundary_is_not_eaten_into() -> None:
+    line = np.linspace(0, 1, 21)
+    x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
+    corner = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()
+    lower = np.stack([corner, corner + 21, corner + 1], axis=1)
+    upper = np.stack([corner + 21, corner + 22, corner + 1], axis=1)
+    vertices, faces = np.stack([x, y, 0 * x], axis=1), np.concatenate([lower, upper])
+    kept, coarse, _ = decimate(vertices, faces, 60)
+    assert len(kept) == 60
+    assert _euler(coarse, 60) == 1
+    corners = vertices[kept][coarse]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+    assert np.linalg.norm(normals, axis=1).sum() / 2 > 0.97
+
+
+def test_what_is_small_enough_is_left_alone() -> None:
+    ball = make_sphere(1)
+    kept, faces, parents = decimate(ball.vertices, ball.faces, 1000)
+    assert (kept == np.arange(ball.n_vertices)).all()
+    assert (faces == ball.faces).all()
+    assert (parents == kept).all()
