@@ -146,7 +146,6 @@ def evaluate(
     Examples
     --------
     >>> import numpy as np
-    import numpy.typing as npt
     >>> from unbend.datasets import make_sphere
     >>> from unbend import evaluate
     >>> ball = make_sphere(2)

@@ -65,7 +65,6 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Examples
     --------
     >>> import numpy as np
-    import numpy.typing as npt
     >>> from unbend.datasets import make_sphere
     >>> from unbend import morph
     >>> ball = make_sphere(2)
