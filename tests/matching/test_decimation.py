@@ -1,11 +1,10 @@
 """Decimation: truths about what a coarser mesh must share with the fine one."""
 
 import numpy as np
-from unbend._topology import find_edges
 
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._decimation import decimate
-from unbend.mesh import Mesh, vertex_areas
+from unbend.mesh import Mesh, find_edges, vertex_areas
 
 
 def _euler(faces: np.ndarray, n: int) -> int:

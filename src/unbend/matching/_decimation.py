@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend.mesh import Edges, find_edges
-from unbend._types import FloatArray, IntArray
 from unbend._compiled import compiled
+from unbend._types import FloatArray, IntArray
 from unbend.matching._kernels import faces_around
+from unbend.mesh import Edges, find_edges
 
 # Beside the squared distance from the planes around it, a vertex pays this share of the squared
 # length of its way: where the surface is flat, that alone keeps the coarse vertices even.

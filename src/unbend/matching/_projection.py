@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from unbend._types import FloatArray, IntArray
 from unbend._compiled import compiled
+from unbend._types import FloatArray, IntArray
 from unbend.matching._kernels import faces_around
 
 
