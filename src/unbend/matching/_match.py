@@ -42,10 +42,10 @@ def match(
 ) -> Match:
     """Match two deformable shapes, without landmarks or training.
 
-    The shapes' spectral canonical forms are aligned in growing dimension, many hypotheses at a
-    time; among those that keep the surface right side out, the one that moves patches of the
-    surface most rigidly is taken, and nearly rigid deformations of both shapes polish it. Where
-    two maps move it nearly alike, both are polished, and the one that fits better is taken.
+    Many hypotheses, from alignments of spectral canonical forms in growing dimension and, where
+    the bodies differ, from tips of limbs, are registered on coarse copies of the shapes; among
+    those that keep the surface right side out, the one whose patches, turned and scaled, explain
+    the most of the other shape is taken, and polished on the shapes themselves.
 
     Parameters
     ----------
@@ -59,9 +59,10 @@ def match(
         Eigenpairs of each shape, the constant included, 150 by default; fewer for meshes of few
         vertices. This and all options below but the last two are for ``"progressive"``.
     refine : bool, optional
-        Whether to refine the map beyond the search's 30 eigenfunctions, as is done by default.
+        Whether to polish the map on the full meshes, as is done by default; else it is as exact as
+        their coarse copies.
     allow_mirror : bool, default=False
-        Whether a map may turn the surface inside out when that is the more rigid one.
+        Whether a map may turn the surface inside out when that explains more.
     barycentric : bool, default=False
         Whether to give faces and weights, for accuracy below a vertex.
     mirrored : bool, default=False

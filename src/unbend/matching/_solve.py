@@ -25,8 +25,9 @@ _STEPS = 8
 _ALIKE = 0.2
 # After the first, weakest pull so many candidates are followed that lead to different places.
 _FOLLOWED = 8
-# So many of those start anew from smooth maps of their own, of so many functions.
-_REGROWN, _SMOOTH = 4, 30
+# So many of those start anew from smooth maps of their own: of few functions, and of many, which
+# is better where the two metrics agree and worse where not; the judge tells.
+_REGROWN, _SMOOTH = 4, (30, 120)
 
 OnStep = Callable[[str, float], None]
 
@@ -70,7 +71,8 @@ def candidates(sides: Sides, on_step: OnStep | None = None) -> list[Candidate]:
     if unlike:
         found = ranked([*found, *tried(sides, maps_from_tips(ours, theirs))])
     best = distinct(found, theirs, ours.areas)[: _REGROWN if unlike else 1]
-    found = ranked([*found, *run_all(functools.partial(regrown, sides, one) for one in best)])
+    tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
+    found = ranked([*found, *run_all(tasks)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct(found, theirs, ours.areas)
@@ -94,11 +96,11 @@ def tried(sides: Sides, maps: FloatArray) -> list[Candidate]:
     return ranked(run_all(functools.partial(go_on, one) for one in followed))
 
 
-def regrown(sides: Sides, candidate: Candidate) -> Candidate:
-    """Register anew from the smooth functional map of a candidate's own point maps."""
+def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
+    """Register anew from the functional map, of a size, of a candidate's own point maps."""
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     forward, backward = candidate.registered[:2]
-    size = min(_SMOOTH, ours.k, theirs.k)
+    size = min(size, ours.k, theirs.k)
     pairs = Pairs(forward[None], backward[None], np.zeros(1))
     functional_map = orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0]
     start = rough_start(ours, theirs, functional_map)
