@@ -1,0 +1,67 @@
+"""Points on faces: against least squares over every choice of corners."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from unbend.datasets import make_sphere
+from unbend.matching._projection import closest_faces
+
+pytestmark = pytest.mark.kernels
+
+
+def _nearest_distance(point: np.ndarray, corners: np.ndarray) -> float:
+    """Distance to a triangle: that to the flat through one, two or three corners, if inside."""
+    least = np.inf
+    for count in (1, 2, 3):
+        for some in itertools.combinations(corners, count):
+            origin, sides = some[0], np.array(some)[1:] - some[0]
+            shares = np.linalg.pinv(sides.T) @ (point - origin)
+            if (shares >= 0).all() and shares.sum() <= 1:
+                least = min(least, float(np.linalg.norm(origin + shares @ sides - point)))
+    return least
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_the_nearest_point_of_the_faces_around_a_vertex(d: int) -> None:
+    faces = make_sphere(1).faces
+    rng = np.random.default_rng(d)
+    places = rng.normal(size=(faces.max() + 1, d))
+    points = 1.5 * rng.normal(size=(50, d))
+    vertices = rng.integers(len(places), size=50)
+    found, weights = closest_faces(points, places, faces, vertices)
+    assert (faces[found] == vertices[:, None]).any(axis=1).all()
+    assert (weights >= 0).all()
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    landed = np.einsum("ij,ijk->ik", weights, places[faces[found]])
+    for point, vertex, place in zip(points, vertices, landed, strict=True):
+        fan = places[faces[(faces == vertex).any(axis=1)]]
+        expected = min(_nearest_distance(point, corners) for corners in fan)
+        assert np.linalg.norm(place - point) == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_lies_on_the_surface_stays_there() -> None:
+    ball = make_sphere(1)
+    rng = np.random.default_rng(0)
+    shares = rng.dirichlet(np.ones(3), size=len(ball.faces))
+    points = np.einsum("ij,ijk->ik", shares, ball.vertices[ball.faces])
+    found, weights = closest_faces(points, ball.vertices, ball.faces, ball.faces[:, 1])
+    np.testing.assert_array_equal(found, np.arange(len(ball.faces)))
+    np.testing.assert_allclose(weights, shares, atol=1e-9)
+    every = np.arange(ball.n_vertices)
+    found, weights = closest_faces(ball.vertices, ball.vertices, ball.faces, every)
+    landed = np.einsum("ij,ijk->ik", weights, ball.vertices[ball.faces[found]])
+    np.testing.assert_allclose(landed, ball.vertices, atol=1e-12)
+
+
+def test_a_face_without_area_is_a_line_or_a_point() -> None:
+    places = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0]])
+    face, first = np.array([[0, 1, 2]]), np.zeros(1, dtype=np.int64)
+    for corners, point, nearest in (
+        (places, [1.5, 1, 0], [1.5, 0, 0]),
+        (places, [3.0, 1, 0], [2, 0, 0]),
+        (0 * places + 1, [3.0, 1, 0], [1, 1, 1]),
+    ):
+        _, weights = closest_faces(np.array([point]), np.asarray(corners, float), face, first)
+        np.testing.assert_allclose(weights[0] @ corners, nearest, atol=1e-12)
