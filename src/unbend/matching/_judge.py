@@ -25,6 +25,7 @@ _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead in
 # energy that makes the odds between two maps 2.7 to 1.
 _EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
+_DIGITS = 6  # of energies, that are not rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +63,13 @@ def judge(source: Shape, target: Shape, found: Registered, reflected: bool = Fal
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Lowest energy first, of those that keep the right side out if any does."""
+    """Lowest energy first, of those that keep the right side out if any does.
+
+    Of those that a symmetry of the shapes makes equal, which differ by rounding only, the one that
+    came first stays first.
+    """
     kept = [one for one in candidates if one.orientation > 0]
-    return sorted(kept or candidates, key=lambda one: one.energy)
+    return sorted(kept or candidates, key=lambda one: round(one.energy, _DIGITS))
 
 
 def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) -> list[Candidate]:

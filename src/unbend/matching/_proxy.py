@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._arrays import snap
 from unbend._types import IntArray
 from unbend.matching._decimation import decimate
 from unbend.matching._shape import Shape
@@ -34,7 +35,8 @@ def make_proxy(shape: Shape, count: int) -> Proxy:
 
     Areas are gathered, so that what was decimated more does not weigh less.
     """
-    kept, faces, parents = decimate(shape.vertices, shape.faces, count)
+    # Which of equal edges collapses is then the same on every processor.
+    kept, faces, parents = decimate(snap(shape.vertices), shape.faces, count)
     areas = np.asarray(np.bincount(parents, shape.areas, len(kept)), dtype=np.float64)
     basis = np.ascontiguousarray(shape.basis[kept])
     coarse = Shape(shape.vertices[kept], faces, areas, shape.eigenvalues, basis)

@@ -25,6 +25,7 @@ _BEAM = 16
 _DESCRIPTOR_WEIGHT = 0.1
 # Two maps of k functions are the same when they differ by less than this, times sqrt(k).
 _SAME = 0.15
+_DIGITS = 6  # of squared residuals, that are not rounding: they come of single precision
 
 
 def search(
@@ -61,10 +62,10 @@ def search(
         sized = forms[0][:, :size], forms[1][:, :size]
         starts = np.concatenate([orthogonal_maps(*sized, pairs), _extended(maps, size)])
         pairs = pairs_of(starts)
-        closest = np.argsort(pairs.residual, kind="stable")[: 4 * beam]
+        closest = _closest_first(pairs)[: 4 * beam]
         pairs = pairs_of(orthogonal_maps(*sized, _take(pairs, closest)))
         maps = orthogonal_maps(*sized, pairs)
-        best = _distinct(maps, np.argsort(pairs.residual, kind="stable"), beam)
+        best = _distinct(maps, _closest_first(pairs), beam)
         maps, pairs = maps[best], _take(pairs, best)
         if on_step is not None:
             on_step(size / last)
@@ -89,6 +90,11 @@ def _extended(maps: FloatArray, k: int) -> FloatArray:
     extended[:, :, :old, :old] = maps[:, None]
     extended[:, :, old:, old:] = tails
     return extended.reshape(-1, k, k)
+
+
+def _closest_first(pairs: Pairs) -> npt.NDArray[np.intp]:
+    """Order of squared residuals; of those that a symmetry makes equal the first is first."""
+    return np.argsort((pairs.residual**2).round(_DIGITS), kind="stable")
 
 
 def _take(pairs: Pairs, rows: npt.NDArray[np.intp] | list[int]) -> Pairs:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._arrays import first_largest, snap
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching._kernels import faces_around, farthest_points
@@ -61,9 +62,9 @@ class Shape:
     @cached_property
     def samples(self) -> IntArray:
         """Up to 2000 vertices, each as far as possible from those before it."""
-        start = int(np.argmax((self.vertices**2).sum(axis=1)))
-        count = min(_MOST_SAMPLES, len(self.vertices))
-        chosen: IntArray = farthest_points(self.vertices, count, start)
+        points = snap(self.vertices)  # of equally far ones the first is taken, on every processor
+        start = int(first_largest((points**2).sum(axis=1)))
+        chosen: IntArray = farthest_points(points, min(_MOST_SAMPLES, len(points)), start)
         return chosen
 
     @cached_property

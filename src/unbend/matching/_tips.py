@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
+from unbend._arrays import snap
 from unbend._types import FloatArray, IntArray
 from unbend.matching._shape import Shape
 
@@ -46,7 +47,8 @@ class Tips(NamedTuple):
 
 def find_tips(shape: Shape) -> Tips:
     """Find the local maxima of the mean squared biharmonic distance that are far apart."""
-    remoteness = ((shape.basis / shape.eigenvalues) ** 2).sum(axis=1)
+    # Of equally remote vertices the first is taken, on every processor.
+    remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
     spokes = shape.spokes
     highest = np.maximum.reduceat(remoteness[spokes.indices], spokes.indptr[:-1])
     tips = np.flatnonzero(remoteness >= highest)

@@ -1,0 +1,57 @@
+"""The matcher on plain arrays: what is chosen where a symmetry leaves the choice free."""
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.datasets import make_sphere
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._proxy import make_proxy
+from unbend.matching._shape import Shape
+from unbend.matching._solve import candidates, make_sides
+from unbend.matching._tips import find_tips
+
+
+@pytest.fixture(scope="module")
+def boxes() -> list[Shape]:
+    """A rounded box, which half turns and mirrors leave the same, and as others would round it."""
+    ball = make_sphere(3)
+    box = ball.vertices * [1.6, 1.0, 0.7]
+    found = []
+    for seed in range(4):
+        noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
+        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40, False, None)[1])
+    return found
+
+
+def test_rounding_does_not_choose_what_is_looked_at(boxes: list[Shape]) -> None:
+    first, *others = boxes
+    coarse = make_proxy(first, 200)
+    for shape in others:
+        np.testing.assert_array_equal(shape.samples, first.samples)
+        np.testing.assert_array_equal(find_tips(shape).vertices, find_tips(first).vertices)
+        np.testing.assert_array_equal(make_proxy(shape, 200).kept, coarse.kept)
+
+
+def test_rounding_does_not_choose_among_maps_that_a_symmetry_makes_equal(
+    boxes: list[Shape],
+) -> None:
+    every = np.arange(len(boxes[0].vertices))
+    for shape in boxes[::3]:
+        sides = make_sides(shape, shape)
+        found = candidates(sides)
+        assert max(one.energy for one in found[:4]) < 1e-6  # itself and three half turns
+        np.testing.assert_array_equal(found[0].registered.forward, every)
+
+
+def test_the_mirror_image_of_the_target_gives_the_mirrored_maps(boxes: list[Shape]) -> None:
+    sides = make_sides(boxes[0], boxes[0])
+    turned = candidates(sides.reflected())
+    for one in turned[:4]:
+        assert one.reflected
+        assert one.energy < 1e-6
+        assert one.orientation > 0.99  # of the mirror image, so the map turns inside out
+        images = boxes[0].vertices[one.registered.forward]
+        signs = np.sign((images * boxes[0].vertices).sum(axis=0))
+        np.testing.assert_allclose(images, boxes[0].vertices * signs, atol=1e-9)
+        assert signs.prod() == -1
