@@ -1,9 +1,10 @@
 """Decimation: truths about what a coarser mesh must share with the fine one."""
 
 import numpy as np
+import pytest
 
 from unbend.datasets import make_biped, make_sphere
-from unbend.matching._decimation import decimate
+from unbend.matching._decimation import _cost, _quadrics, _turns_over, decimate
 from unbend.mesh import Mesh, find_edges, vertex_areas
 
 
@@ -58,3 +59,40 @@ def test_what_is_small_enough_is_left_alone() -> None:
     assert (kept == np.arange(ball.n_vertices)).all()
     assert (faces == ball.faces).all()
     assert (parents == kept).all()
+
+
+@pytest.mark.kernels
+def test_a_small_ball_is_decimated_to_a_tetrahedron() -> None:
+    ball = make_sphere(1)
+    kept, faces, parents = decimate(ball.vertices, ball.faces, 4)
+    assert len(kept) == len(faces) == 4
+    assert (find_edges(faces, 4).n_faces == 2).all()
+    assert (parents[kept] == np.arange(4)).all()
+
+
+@pytest.mark.kernels
+def test_the_cost_of_a_collapse_is_the_sum_of_squared_distances() -> None:
+    ball = make_sphere(1)
+    points = ball.vertices + 0.1 * np.random.default_rng(0).normal(size=ball.vertices.shape)
+    quadrics = _quadrics(points, ball.faces, find_edges(ball.faces, ball.n_vertices))
+    corners = points[ball.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.linalg.norm(normals, axis=1)
+    for u, v in ball.faces[::7, :2]:
+        expected = 0.0
+        for end in (u, v):
+            around = (ball.faces == end).any(axis=1)
+            heights = ((points[v] - corners[:, 0]) * normals).sum(axis=1) / double
+            expected += (double / 6 * heights**2)[around].sum()
+        area = double[(ball.faces == u).any(axis=1)].sum() / 6
+        expected += 0.1 * area * ((points[u] - points[v]) ** 2).sum()
+        assert _cost(points, quadrics, u, v) == pytest.approx(expected)
+
+
+@pytest.mark.kernels
+def test_a_face_turns_over_when_a_corner_crosses_the_opposite_side() -> None:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.5], [0.8, 0.8, 0.1]])
+    face = np.array([[0, 1, 2]])
+    assert not _turns_over(points, face, 0, 0, 3)
+    assert _turns_over(points, face, 0, 0, 4)
+    assert _turns_over(points, face, 0, 0, 1)  # nothing is left of it

@@ -1,14 +1,19 @@
 """The judge: truths about its energy."""
 
-import numpy as np
+import functools
 
-from unbend.datasets import make_biped
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.datasets import make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import _unexplained, distinct, judge, ranked
+from unbend.matching._judge import Candidate, _unexplained, confidence, distinct, judge, ranked
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 
 
+@functools.cache
 def _person() -> Shape:
     return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30, True, None)[1]
 
@@ -51,3 +56,59 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
     second = judge(shape, shape, identity._replace(forward=shifted))
     assert distinct([first, first], shape, shape.areas) == [first]
     assert distinct([first, second], shape, shape.areas) == [first, second]
+
+
+@pytest.mark.parametrize("stretch", [1.1, 1.5, 2.0, 4.0])
+def test_the_energy_of_a_stretch_is_bounded_in_closed_form(stretch: float) -> None:
+    # Of a patch's edges a share p lies along the stretch s; its correlation with its image,
+    # (1 + (s - 1) p) / sqrt(1 + (s^2 - 1) p), is least at p = 1 / (s + 1).
+    ball = prepare_shape(make_sphere(3), 10, True, None)[1]
+    for shape in (ball, _person()):
+        energy = _unexplained(shape, shape.vertices * [1, stretch, 1])
+        most = 1 - 2 * np.sqrt(stretch) / (1 + stretch)
+        assert most / 4 < energy < most
+
+
+def test_a_map_to_one_vertex_explains_nothing_and_noise_little() -> None:
+    shape = _person()
+    n = len(shape.vertices)
+    assert abs(_unexplained(shape, shape.vertices[np.zeros(n, dtype=int)]) - 1) < 1e-9
+    chance = np.random.default_rng(0).permutation(n)
+    assert _unexplained(shape, shape.vertices[chance]) > 0.6
+
+
+def test_a_sheet_seen_from_behind_is_inside_out() -> None:
+    line = np.linspace(0, 1, 9)
+    x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
+    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+    lower = np.stack([corner, corner + 9, corner + 1], axis=1)
+    upper = np.stack([corner + 9, corner + 10, corner + 1], axis=1)
+    sheet = Mesh(np.stack([1.4 * x, y, 0 * x], axis=1), np.concatenate([lower, upper]))
+    shape = prepare_shape(sheet, 10, True, None)[1]
+    identity = _identity(shape)
+    assert judge(shape, shape, identity).orientation == pytest.approx(1)
+    flipped = np.arange(81).reshape(9, 9)[::-1].ravel()
+    pose = Pose(shape.vertices[flipped], identity.source.rotations)
+    found = judge(shape, shape, Registered(flipped, flipped, pose, pose))
+    assert found.orientation == pytest.approx(-1)
+    # A sheet does not know its sides by shape: turned over, it is explained all the same.
+    assert found.energy < 1e-9
+
+
+def _judged(energy: float, orientation: float = 1.0) -> Candidate:
+    return Candidate(_identity(_person()), energy, orientation)
+
+
+def test_of_equals_the_first_stays_first() -> None:
+    worse, one, two = _judged(0.3), _judged(0.2 + 1e-12), _judged(0.2)
+    assert ranked([worse, one, two]) == [one, two, worse]
+
+
+def test_maps_of_one_energy_share_the_probability() -> None:
+    sure, unsure = confidence([_judged(0.0)]), confidence([_judged(0.9)])
+    assert sure > 0.999
+    assert unsure < 0.001
+    assert confidence([_judged(0.1)] * 4) == pytest.approx(confidence([_judged(0.1)]) / 4)
+    ahead = [confidence([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
+    assert ahead == sorted(ahead)
+    assert ahead[-1] > 0.98

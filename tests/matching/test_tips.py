@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from unbend.datasets import make_biped
+from unbend import Mesh
+from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._tips import _assignments, find_tips, maps_from_tips
 
@@ -14,6 +15,33 @@ def test_a_person_has_five_tips() -> None:
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
     np.testing.assert_allclose(tips.ways, tips.ways.T)
     assert (tips.ways[~np.eye(5, dtype=bool)] > 0.3).all()
+
+
+def test_a_star_has_a_tip_on_every_ray() -> None:
+    ball = make_sphere(4)
+    angles = 2 * np.pi * np.arange(5) / 5
+    rays = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    reach = 1 + 2 * np.exp(-12 * (1 - ball.vertices @ rays.T)).sum(axis=1)
+    star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40, True, None)[1]
+    tips = find_tips(star)
+    ends = star.vertices[tips.vertices]
+    ends /= np.linalg.norm(ends, axis=1, keepdims=True)
+    order = (rays @ ends.T).argmax(axis=1)  # the tip of each ray
+    assert sorted(order) == list(range(len(ends)))
+    assert (rays * ends[order]).sum(axis=1).min() > 0.99
+    # All ways between rays side by side are about equal, and so are the longer ones.
+    ways = tips.ways[np.ix_(order, order)]
+    beside, beyond = (np.diag(np.roll(ways, -step, axis=1)) for step in (1, 2))
+    for alike in (beside, beyond):
+        assert alike.max() < 1.1 * alike.min()
+    assert beyond.min() > beside.max()
+
+
+def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
+    body = make_octopus("floating", n_vertices=1500)
+    tips = find_tips(prepare_shape(body.mesh, 60, True, None)[1])
+    named = [body.parts[label] for label in body.labels[tips.vertices]]
+    assert len(named) == len(set(named)) == 7  # of its eight arms and its mantle
 
 
 def test_limbs_of_other_lengths_change_little() -> None:

@@ -1,0 +1,197 @@
+"""Registration: what it must not depend on, and truths that it must reach."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.alignment import Pairs
+from unbend.datasets import make_biped, make_quadruped, make_sphere
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._judge import judge
+from unbend.matching._proxy import make_proxy
+from unbend.matching._registration import (
+    PULLS,
+    Pose,
+    Registered,
+    landing_places,
+    lift,
+    register,
+    rough_start,
+    spectral_residual,
+)
+from unbend.matching._shape import Shape
+from unbend.matching._zoomout import orthogonal_maps
+
+
+def _shape(mesh: Mesh) -> Shape:
+    return prepare_shape(mesh, 60, True, None)[1]
+
+
+def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
+    """The functional map under which every vertex has its own number."""
+    every = np.arange(len(source.vertices))[None]
+    pairs = Pairs(every, every, np.zeros(1))
+    return orthogonal_maps(source.basis[:, :k], target.basis[:, :k], pairs)[0]
+
+
+def _registered(source: Shape, target: Shape, functional_map: np.ndarray) -> Registered:
+    return register(source, target, rough_start(source, target, functional_map), PULLS, 8)
+
+
+def _turn(seed: int) -> np.ndarray:
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return turn * np.linalg.det(turn)
+
+
+def _mean_error(point_map: np.ndarray, goal: Shape) -> float:
+    """Mean distance, in sqrt(area), from where vertices of the same number are."""
+    return float(np.linalg.norm(goal.vertices[point_map] - goal.vertices, axis=1).mean())
+
+
+def _agree(one: np.ndarray, other: np.ndarray, goal: Shape) -> bool:
+    """Whether two maps are the same but for what rounding decides: a vertex, or its neighbour."""
+    apart = np.linalg.norm(goal.vertices[one] - goal.vertices[other], axis=1)
+    return bool((one == other).mean() > 0.9 and apart.mean() < 0.004)
+
+
+@pytest.fixture(scope="module")
+def standing() -> Shape:
+    return _shape(make_biped("standing", n_vertices=700).mesh)
+
+
+@pytest.fixture(scope="module")
+def walking() -> Shape:
+    return _shape(make_biped("walking", n_vertices=700).mesh)
+
+
+@pytest.fixture(scope="module")
+def found(standing: Shape, walking: Shape) -> Registered:
+    return _registered(standing, walking, _same_numbers(standing, walking, 12))
+
+
+def test_the_identity_stays_the_identity(standing: Shape) -> None:
+    every = np.arange(700)
+    turns = np.tile(np.eye(3), (700, 1, 1))
+    pose = Pose(standing.vertices, turns)
+    found = register(standing, standing, Registered(every, every, pose, pose), PULLS, 8)
+    np.testing.assert_array_equal(found.forward, every)
+    np.testing.assert_array_equal(found.backward, every)
+    for end in (found.source, found.target):
+        np.testing.assert_allclose(end.places, standing.vertices, atol=1e-9)
+        np.testing.assert_allclose(end.rotations, turns, atol=1e-9)
+    np.testing.assert_array_equal(pose.rotations, turns)  # what was given is not changed
+    assert spectral_residual(standing, standing, found) < 2e-3
+
+
+@pytest.mark.parametrize("make", [make_biped, make_quadruped])
+def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
+    source, target = (_shape(make(pose, n_vertices=700).mesh) for pose in ("standing", "walking"))
+    start = rough_start(source, target, _same_numbers(source, target, 12))
+    found = register(source, target, start, PULLS, 8)
+    for point_map, pose, own, goal in (
+        (found.forward, found.source, source, target),
+        (found.backward, found.target, target, source),
+    ):
+        assert _mean_error(point_map, goal) < 0.005
+        assert np.linalg.norm(pose.places - goal.vertices, axis=1).mean() < 0.005
+        turned = np.linalg.norm(pose.places - own.vertices, axis=1).mean()
+        assert turned > 0.02  # the poses do differ
+        np.testing.assert_allclose(np.linalg.det(pose.rotations), 1)
+    assert _mean_error(found.forward, target) < _mean_error(start.forward, target)
+    assert judge(source, target, found).energy < 0.05
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself
+def test_a_rod_that_is_bent_is_the_same_rod(flat: float) -> None:
+    ball = make_sphere(3)
+    x, y, z = (ball.vertices * [3, 0.6, 0.6 * flat]).T
+    angle, radius = x / 3, 3.0  # two radians in all, along the middle without stretch
+    bent = np.stack([(radius + y) * np.sin(angle), (radius + y) * np.cos(angle), z], axis=1)
+    rod, target = (_shape(Mesh(one, ball.faces)) for one in (np.stack([x, y, z], axis=1), bent))
+    found = _registered(rod, target, _same_numbers(rod, target, 6))
+    assert _mean_error(found.forward, target) < 0.002
+    assert _mean_error(found.backward, rod) < 0.002
+    assert np.linalg.norm(found.source.places - target.vertices, axis=1).mean() < 0.005
+    # Turns of neighbourhoods are those of the arc: at the ends, one radian either way.
+    ends = [int(x.argmax()), int(x.argmin())]
+    cosines = np.einsum("nii->n", found.source.rotations[ends]) / 2 - 0.5
+    spread = np.einsum("ii", found.source.rotations[ends[0]].T @ found.source.rotations[ends[1]])
+    assert np.arccos(spread / 2 - 0.5) == pytest.approx(2.0, abs=0.25)
+    np.testing.assert_allclose(np.arccos(cosines), 1.0, atol=0.25)
+
+
+def test_motions_of_a_shape_do_not_matter(
+    standing: Shape, walking: Shape, found: Registered
+) -> None:
+    turn = _turn(0)
+    moved = replace(walking, vertices=walking.vertices @ turn.T)
+    again = _registered(standing, moved, _same_numbers(standing, walking, 12))
+    assert _agree(again.forward, found.forward, walking)
+    assert _agree(again.backward, found.backward, standing)
+    apart = np.linalg.norm(again.source.places - found.source.places @ turn.T, axis=1)
+    assert apart.mean() < 0.004
+    one, two = judge(standing, walking, found), judge(standing, moved, again)
+    assert two.energy == pytest.approx(one.energy, abs=0.005)
+    assert two.orientation == pytest.approx(one.orientation, abs=0.01)
+
+
+def test_units_do_not_matter(standing: Shape, walking: Shape, found: Registered) -> None:
+    mesh = make_biped("walking", n_vertices=700).mesh
+    grown = _shape(Mesh(250 * mesh.vertices - 40, mesh.faces))
+    np.testing.assert_allclose(grown.vertices, walking.vertices, atol=1e-9)
+    again = _registered(standing, grown, _same_numbers(standing, grown, 12))
+    assert _agree(again.forward, found.forward, walking)
+
+
+def test_the_order_of_vertices_does_not_matter(
+    standing: Shape, walking: Shape, found: Registered
+) -> None:
+    order = np.random.default_rng(1).permutation(700)
+    shuffled = Shape(
+        walking.vertices[order],
+        np.argsort(order)[walking.faces],
+        walking.areas[order],
+        walking.eigenvalues,
+        walking.basis[order],
+    )
+    again = _registered(standing, shuffled, _same_numbers(standing, walking, 12))
+    assert _agree(order[again.forward], found.forward, walking)
+    assert _agree(again.backward, found.backward[order], standing)
+
+
+def test_neither_shape_is_the_first(standing: Shape, walking: Shape, found: Registered) -> None:
+    again = _registered(walking, standing, _same_numbers(walking, standing, 12))
+    assert _agree(again.backward, found.forward, walking)
+    assert _agree(again.forward, found.backward, standing)
+
+
+def test_a_registration_is_carried_from_proxies_to_shapes() -> None:
+    source, target = (make_biped(pose, n_vertices=1500).mesh for pose in ("standing", "walking"))
+    ours, theirs = _shape(source), _shape(target)
+    coarse = make_proxy(ours, 500), make_proxy(theirs, 500)
+    found = _registered(coarse[0].shape, coarse[1].shape, _same_numbers(ours, theirs, 12))
+    fine = lift(found, *coarse, ours, theirs)
+    # Vertices that the proxies have are where the proxies have them.
+    np.testing.assert_array_equal(fine.forward[coarse[0].kept], coarse[1].kept[found.forward])
+    np.testing.assert_allclose(fine.source.places[coarse[0].kept], found.source.places)
+    edges = theirs.vertices[target.faces[:, 0]] - theirs.vertices[target.faces[:, 1]]
+    assert _mean_error(fine.forward, theirs) < 1.5 * np.linalg.norm(edges, axis=1).mean()
+    left, right = landing_places(ours, theirs, fine)
+    assert left.shape == right.shape == (1500, 6)
+    assert np.linalg.norm(left - right, axis=1).mean() < 0.05
+
+
+def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
+    shape = _shape(blob)
+    start = rough_start(shape, shape, np.eye(shape.k))
+    every = np.arange(blob.n_vertices)
+    np.testing.assert_array_equal(start.forward, every)
+    np.testing.assert_array_equal(start.backward, every)
+    turns = np.tile(np.eye(3), (len(every), 1, 1))
+    np.testing.assert_allclose(start.source.rotations, turns, atol=1e-6)
+    smooth = shape.basis @ shape.position_coefficients
+    np.testing.assert_allclose(start.source.places, smooth, atol=1e-9)
+    assert np.linalg.norm(smooth - shape.vertices, axis=1).max() < 0.05

@@ -1,0 +1,73 @@
+"""Hypotheses: the map that is known is among those found, whatever signs and order come in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.datasets import make_quadruped
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._search import _distinct, search
+from unbend.matching._shape import Shape
+
+
+@pytest.fixture(scope="module")
+def shape(blob: Mesh) -> Shape:
+    return prepare_shape(blob, 40, True, None)[1]
+
+
+def test_a_generic_shape_is_found_to_be_itself_first(shape: Shape) -> None:
+    shares: list[float] = []
+    maps = search(shape, shape, on_step=shares.append)
+    assert maps.shape[1:] == (20, 20)
+    np.testing.assert_allclose(maps @ maps.transpose(0, 2, 1), [np.eye(20)] * len(maps), atol=1e-9)
+    np.testing.assert_allclose(maps[0], np.eye(20), atol=1e-6)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+
+
+def test_signs_of_eigenfunctions_are_found_out(shape: Shape) -> None:
+    signs = np.where(np.random.default_rng(0).random(shape.k) < 0.5, -1.0, 1.0)
+    reversed_ = replace(shape, basis=shape.basis * signs)
+    found = search(shape, reversed_)[0]
+    np.testing.assert_allclose(found, np.diag(signs[:20]), atol=1e-6)
+
+
+def test_the_order_of_vertices_does_not_matter(shape: Shape) -> None:
+    order = np.random.default_rng(1).permutation(len(shape.vertices))
+    number = np.argsort(order)
+    shuffled = Shape(
+        shape.vertices[order],
+        number[shape.faces],
+        shape.areas[order],
+        shape.eigenvalues,
+        shape.basis[order],
+    )
+    np.testing.assert_allclose(search(shape, shuffled)[0], np.eye(20), atol=1e-6)
+
+
+def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
+    dog = make_quadruped("standing", n_vertices=1200)
+    shape = prepare_shape(dog.mesh, 40, True, None)[1]
+    maps = search(shape, shape)
+    mirror = shape.basis[:, :20].T @ (shape.areas[:, None] * shape.basis[dog.mirror, :20])
+    for expected in (np.eye(20), mirror):
+        apart = np.linalg.norm(maps - expected, axis=(1, 2)) / np.sqrt(20)
+        assert apart.min() < 0.1
+
+
+def test_few_functions_give_maps_of_few(shape: Shape) -> None:
+    few = replace(shape, basis=shape.basis[:, :7], eigenvalues=shape.eigenvalues[:7])
+    maps = search(few, few, beam=3)
+    assert maps.shape == (3, 7, 7)
+    np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
+
+
+def test_maps_that_hardly_differ_count_once() -> None:
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    angle = 0.05
+    near = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    maps = np.array([near, turn, np.eye(2), -np.eye(2)])
+    assert _distinct(maps, np.array([2, 0, 1, 3]), 4) == [2, 1, 3]
+    assert _distinct(maps, np.array([0, 1, 2, 3]), 2) == [0, 1]

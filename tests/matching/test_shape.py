@@ -1,0 +1,130 @@
+"""What the matcher knows of a surface: truths that its definition gives."""
+
+import numpy as np
+import pytest
+
+from unbend import Mesh
+from unbend.datasets import make_quadruped, make_sphere
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._proxy import make_proxy
+from unbend.matching._shape import Shape
+from unbend.spectral import laplacian
+
+
+def _shape(mesh: Mesh, n_eigenpairs: int = 40) -> Shape:
+    return prepare_shape(mesh, n_eigenpairs, True, None)[1]
+
+
+def _area(shape: Shape) -> float:
+    corners = shape.vertices[shape.faces]
+    sides = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return float(np.linalg.norm(np.cross(*sides), axis=1).sum() / 2)
+
+
+def _volume(shape: Shape) -> float:
+    return float(np.linalg.det(shape.vertices[shape.faces]).sum() / 6)
+
+
+def test_area_is_one_and_functions_are_orthonormal(blob: Mesh) -> None:
+    shape = _shape(Mesh(7 * blob.vertices + 3, blob.faces))
+    assert _area(shape) == pytest.approx(1)
+    assert shape.areas.sum() == pytest.approx(1)
+    np.testing.assert_allclose(shape.areas @ shape.vertices, 0, atol=1e-9)
+    gram = shape.basis.T @ (shape.areas[:, None] * shape.basis)
+    np.testing.assert_allclose(gram, np.eye(shape.k), atol=1e-6)
+    np.testing.assert_allclose(shape.areas @ shape.basis, 0, atol=1e-6)
+
+
+def test_inside_out_becomes_the_mirror_image_outside_out(blob: Mesh) -> None:
+    shape, turned = _shape(blob), _shape(Mesh(blob.vertices, blob.faces[:, ::-1]))
+    assert _volume(shape) > 0
+    assert _volume(turned) == pytest.approx(_volume(shape))
+    np.testing.assert_allclose(turned.vertices, shape.vertices * [-1, 1, 1], atol=1e-9)
+
+
+def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) -> None:
+    shape = _shape(blob)
+    mirror = shape.reflected()
+    fresh = Shape(mirror.vertices, mirror.faces, shape.areas, shape.eigenvalues, shape.basis)
+    assert _volume(mirror) == pytest.approx(_volume(shape))
+    np.testing.assert_allclose(mirror.normals, shape.normals * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_array_equal(mirror.samples, fresh.samples)
+    np.testing.assert_allclose(mirror.stiffness.toarray(), fresh.stiffness.toarray(), atol=1e-9)
+    np.testing.assert_allclose(
+        mirror.position_coefficients, shape.position_coefficients * [-1, 1, 1], atol=1e-9
+    )
+    again = mirror.reflected()
+    np.testing.assert_array_equal(again.vertices, shape.vertices)
+    np.testing.assert_array_equal(again.faces, shape.faces)
+
+
+def test_signatures_are_standard_and_know_no_signs(blob: Mesh) -> None:
+    shape = _shape(blob)
+    np.testing.assert_allclose(shape.areas @ shape.signature, 0, atol=1e-9)
+    assert shape.areas @ (shape.signature**2).sum(axis=1) == pytest.approx(1)
+    flipped = Shape(shape.vertices, shape.faces, shape.areas, shape.eigenvalues, -shape.basis)
+    np.testing.assert_allclose(flipped.signature, shape.signature, atol=1e-12)
+
+
+def test_spokes_are_the_cotangents_of_the_laplacian() -> None:
+    ball = make_sphere(2)  # no angle is obtuse: no weight needs to be held up
+    shape = _shape(ball)
+    expected = laplacian(ball).stiffness.toarray()
+    np.testing.assert_allclose(shape.stiffness.toarray(), expected, atol=1e-4)
+    rows = np.ones(ball.n_vertices)
+    np.testing.assert_allclose(shape.stiffness @ rows, 0, atol=1e-9)
+
+
+def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -> None:
+    shape = _shape(blob)
+    values = np.random.default_rng(0).normal(size=blob.n_vertices)
+    for solver in (shape.averaging, shape.patches):
+        np.testing.assert_allclose(solver.solve(shape.areas), 1, atol=1e-8)
+        averaged = solver.solve(shape.areas * values)
+        assert shape.areas @ averaged == pytest.approx(shape.areas @ values)
+        assert np.ptp(averaged) < np.ptp(values)
+    pulled = shape.pulled(100.0)
+    np.testing.assert_allclose(pulled.solve(200 * shape.areas), 1, atol=1e-8)
+    assert shape.pulled(100.0) is pulled
+
+
+def test_samples_spread_from_the_remotest_vertex() -> None:
+    shape = _shape(make_quadruped("walking", n_vertices=2500).mesh, 10)
+    size = np.linalg.norm(shape.vertices, axis=1)
+    assert size[shape.samples[0]] == pytest.approx(size.max())
+    assert len(np.unique(shape.samples)) == 2000
+
+
+def test_rounding_does_not_choose_the_samples_of_a_symmetric_shape() -> None:
+    mesh = make_sphere(3)
+    box = mesh.vertices * [1.5, 1.0, 0.7]  # every vertex has up to seven mirror images
+    shapes = []
+    for seed in range(4):
+        noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
+        shapes.append(_shape(Mesh(box + noise, mesh.faces), 10))
+    for shape in shapes[1:]:
+        np.testing.assert_array_equal(shape.samples, shapes[0].samples)
+
+
+def test_a_proxy_has_the_whole_area_and_the_functions_of_the_shape() -> None:
+    shape = _shape(make_quadruped("walking", n_vertices=1500).mesh)
+    proxy = make_proxy(shape, 500)
+    coarse = proxy.shape
+    assert len(coarse.vertices) == len(proxy.kept) == 500
+    np.testing.assert_array_equal(coarse.vertices, shape.vertices[proxy.kept])
+    np.testing.assert_array_equal(proxy.parents[proxy.kept], np.arange(500))
+    assert coarse.areas.sum() == pytest.approx(1)
+    np.testing.assert_allclose(coarse.areas, np.bincount(proxy.parents, shape.areas))
+    np.testing.assert_array_equal(coarse.basis, shape.basis[proxy.kept])
+    gram = coarse.basis[:, :10].T @ (coarse.areas[:, None] * coarse.basis[:, :10])
+    np.testing.assert_allclose(gram, np.eye(10), atol=0.1)
+    np.testing.assert_array_equal(coarse.position_coefficients, shape.position_coefficients)
+
+
+def test_a_small_shape_is_its_own_proxy(blob: Mesh) -> None:
+    shape = _shape(blob)
+    proxy = make_proxy(shape, 1000)
+    np.testing.assert_array_equal(proxy.kept, np.arange(blob.n_vertices))
+    np.testing.assert_array_equal(proxy.parents, proxy.kept)
+    np.testing.assert_array_equal(proxy.shape.faces, shape.faces)
+    np.testing.assert_allclose(proxy.shape.areas, shape.areas)

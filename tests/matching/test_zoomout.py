@@ -1,0 +1,33 @@
+"""Maps between eigenbases: truths of orthogonal matrices."""
+
+import numpy as np
+import pytest
+
+from unbend.alignment import Pairs
+from unbend.matching._zoomout import orthogonal_maps, spectral_weights
+
+
+def test_weights_are_of_unit_size_and_of_neither_shape_first() -> None:
+    rng = np.random.default_rng(0)
+    source, target = np.sort(rng.random((2, 12)) + 0.1)
+    weights = spectral_weights(source, target, 8)
+    assert (weights**2).sum() == pytest.approx(1)
+    np.testing.assert_allclose(weights, spectral_weights(target, source, 8))
+    same = spectral_weights(source, source, 8)
+    np.testing.assert_allclose(same / same[0], np.sqrt(source[0] / source[:8]))
+
+
+@pytest.mark.parametrize("determinant", [1, -1])
+def test_the_map_behind_pairs_is_found(determinant: int) -> None:
+    rng = np.random.default_rng(0)
+    source = rng.normal(size=(40, 5))
+    truth = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    truth[0] *= determinant * np.sign(np.linalg.det(truth))
+    order = rng.permutation(40)
+    target = (source @ truth)[order]
+    pairs = Pairs(np.argsort(order)[None], order[None], np.zeros(1))
+    chance = Pairs(*rng.integers(40, size=(2, 1, 40)), np.zeros(1))
+    both = Pairs(*(np.concatenate(one) for one in zip(pairs, chance, strict=True)))
+    maps = orthogonal_maps(source, target, both)
+    np.testing.assert_allclose(maps[0], truth, atol=1e-9)
+    np.testing.assert_allclose(maps[1] @ maps[1].T, np.eye(5), atol=1e-9)
