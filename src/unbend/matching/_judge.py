@@ -41,15 +41,24 @@ class Candidate:
         Share of the surface that stays right side out, less the rest, in the worse direction.
     reflected : bool
         Whether the target was taken as its mirror image.
+    hypothesis : (k, k) ndarray of float64, or None
+        The functional map that was registered.
     """
 
     registered: Registered
     energy: float
     orientation: float
     reflected: bool = False
+    hypothesis: FloatArray | None = None
 
 
-def judge(source: Shape, target: Shape, found: Registered, reflected: bool = False) -> Candidate:
+def judge(
+    source: Shape,
+    target: Shape,
+    found: Registered,
+    reflected: bool = False,
+    hypothesis: FloatArray | None = None,
+) -> Candidate:
     """Judge a registration of two shapes."""
     left, right = landing_places(source, target, found)
     ahead = _images(left, right, target, found.forward)
@@ -59,7 +68,7 @@ def judge(source: Shape, target: Shape, found: Registered, reflected: bool = Fal
         _right_side_out(source, target, found.forward, found.source.places),
         _right_side_out(target, source, found.backward, found.target.places),
     )
-    return Candidate(found, energy, orientation, reflected)
+    return Candidate(found, energy, orientation, reflected, hypothesis)
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -50,8 +50,9 @@ def match(
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts. Each a single connected surface, open or closed,
-        wound consistently. The vertex counts, units, and positions in space may differ.
+        Anything :func:`unbend.as_mesh` accepts. Each a single connected surface with two sides,
+        open or closed; faces wound unlike their neighbours are turned. The vertex counts, units,
+        and positions in space may differ.
     method : {"progressive", "icp"}, default="progressive"
         ``"icp"`` aligns the three-dimensional biharmonic canonical forms by iterative closest
         points, as the paper does: fast, and blind to which limb is which.
@@ -79,7 +80,7 @@ def match(
     Raises
     ------
     MeshError
-        If a mesh cannot be used, has several components, or is wound inconsistently.
+        If a mesh cannot be used, has several components, or has only one side.
     InputError
         If an option is out of range or not for this method, or a shape has no faces.
 

@@ -81,14 +81,31 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
     left = source.basis[:, :k] @ functional_map * weights
     pairs = nearest_pairs(left[None], target.basis[:, :k] * weights)
-    poses = [
-        _smooth_pose(shape, goal, one)
-        for shape, goal, one in (
-            (source, target, functional_map),
-            (target, source, functional_map.T),
-        )
-    ]
-    return Registered(pairs.forward[0], pairs.backward[0], *poses)
+    return Registered(
+        pairs.forward[0], pairs.backward[0], *_smooth_poses(source, target, functional_map)
+    )
+
+
+def smooth_start(
+    source: Shape, target: Shape, functional_map: FloatArray, near: Registered
+) -> Registered:
+    """Take poses as a functional map knows them; its point maps are sought from others near it."""
+    k = len(functional_map)
+    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
+    left = np.ascontiguousarray(source.basis[:, :k] @ functional_map * weights)
+    right = np.ascontiguousarray(target.basis[:, :k] * weights)
+    ours = source.spokes.indptr, source.spokes.indices
+    theirs = target.spokes.indptr, target.spokes.indices
+    forward, backward = near[:2]
+    for _ in range(2):
+        forward = walk(left, right, forward, *ours, *theirs)
+        backward = walk(right, left, backward, *theirs, *ours)
+    return Registered(forward, backward, *_smooth_poses(source, target, functional_map))
+
+
+def _smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
+    ours = _smooth_pose(source, target, functional_map)
+    return ours, _smooth_pose(target, source, functional_map.T)
 
 
 def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: Shape) -> Registered:

@@ -13,11 +13,18 @@ from unbend._types import FloatArray
 from unbend.alignment import Pairs
 from unbend.matching._judge import Candidate, distinct, judge, ranked
 from unbend.matching._proxy import Proxy, make_proxy
-from unbend.matching._registration import PULLS, lift, register, rough_start
+from unbend.matching._registration import (
+    PULLS,
+    Registered,
+    lift,
+    register,
+    rough_start,
+    smooth_start,
+)
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
 from unbend.matching._tips import maps_from_tips
-from unbend.matching._zoomout import orthogonal_maps
+from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
@@ -28,6 +35,8 @@ _FOLLOWED = 8
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
+# Growth on the full meshes multiplies the number of functions by this, over so many samples.
+_GROWTH, _GROWN_OVER = 1.25, 1500
 
 OnStep = Callable[[str, float], None]
 
@@ -85,11 +94,12 @@ def tried(sides: Sides, maps: FloatArray) -> list[Candidate]:
 
     def begin(one: FloatArray) -> Candidate:
         found = register(ours, theirs, rough_start(ours, theirs, one), PULLS[:1], _STEPS)
-        return judge(ours, theirs, found, sides.turned)
+        return judge(ours, theirs, found, sides.turned, one)
 
     def go_on(one: Candidate) -> Candidate:
         found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
-        return judge(*finer, register(*finer, found, PULLS[1:], _STEPS), sides.turned)
+        found = register(*finer, found, PULLS[1:], _STEPS)
+        return judge(*finer, found, sides.turned, one.hypothesis)
 
     begun = ranked(run_all(functools.partial(begin, one) for one in maps))
     followed = distinct(begun, theirs, ours.areas)[:_FOLLOWED]
@@ -104,23 +114,62 @@ def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     pairs = Pairs(forward[None], backward[None], np.zeros(1))
     functional_map = orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0]
     start = rough_start(ours, theirs, functional_map)
-    return judge(ours, theirs, register(ours, theirs, start, PULLS, _STEPS), sides.turned)
+    found = register(ours, theirs, start, PULLS, _STEPS)
+    return judge(ours, theirs, found, sides.turned, candidate.hypothesis)
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
-    """Bring a candidate from the proxies to the shapes themselves."""
+    """Bring a candidate from the proxies to the shapes themselves.
+
+    They are registered from the proxies' poses and, once more, from those of its hypothesis grown
+    through all eigenfunctions, which slides less where the two metrics agree. The judge tells.
+    """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     ours, theirs = sides.source.shape, sides.target.shape
-    found = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
-    found = register(ours, theirs, found, PULLS[1:] if polish else (), _STEPS // 2)
-    return judge(ours, theirs, found, candidate.reflected)
+    lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
+    if not polish:
+        return judge(ours, theirs, lifted, candidate.reflected)
+    run_all(functools.partial(_make_ready, one) for one in (ours, theirs))
+
+    def from_proxies() -> Candidate:
+        found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
+        return judge(ours, theirs, found, candidate.reflected)
+
+    def grown() -> Candidate:
+        assert candidate.hypothesis is not None  # candidates have one
+        start = grown_start(ours, theirs, candidate.hypothesis, lifted)
+        found = register(ours, theirs, start, PULLS, _STEPS)
+        return judge(ours, theirs, found, candidate.reflected)
+
+    return ranked(run_all([from_proxies, grown]))[0]
+
+
+def grown_start(
+    source: Shape, target: Shape, hypothesis: FloatArray, near: Registered
+) -> Registered:
+    """Poses and maps of a hypothesis grown through all functions, maps sought from near ones."""
+    sizes, most = [len(hypothesis)], min(source.k, target.k)
+    while sizes[-1] < most:
+        sizes.append(min(most, round(_GROWTH * sizes[-1])))
+    functional_map, _ = grow(
+        (source.eigenvalues, source.basis[source.samples[:_GROWN_OVER]]),
+        (target.eigenvalues, target.basis[target.samples[:_GROWN_OVER]]),
+        hypothesis,
+        sizes[1:],
+    )
+    return smooth_start(source, target, functional_map, near)
 
 
 def _make_levels(shape: Shape) -> Levels:
     proxy = make_proxy(shape, _PROXY_VERTICES)
     rough = make_proxy(proxy.shape, _ROUGH_VERTICES)
-    for one in (proxy.shape, rough.shape):  # in threads they would be made several times
-        _ = one.averaging, one.patches, one.normals, one.position_coefficients, one.spokes
-        _ = [one.pulled(pull) for pull in PULLS]
+    for one in (proxy.shape, rough.shape):
+        _make_ready(one)
     return Levels(shape, proxy, rough)
+
+
+def _make_ready(shape: Shape) -> None:
+    """Make what several threads would make several times."""
+    _ = shape.averaging, shape.patches, shape.normals, shape.position_coefficients, shape.spokes
+    _ = [shape.pulled(pull) for pull in PULLS]

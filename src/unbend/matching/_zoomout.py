@@ -7,10 +7,12 @@ pairs give a larger matrix, and so on (Melzi et al., "ZoomOut", ACM TOG 2019).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from unbend._types import FloatArray
-from unbend.alignment import Pairs
+from unbend.alignment import Pairs, nearest_pairs
 
 
 def spectral_weights(source: FloatArray, target: FloatArray, k: int) -> FloatArray:
@@ -47,3 +49,52 @@ def orthogonal_maps(source: FloatArray, target: FloatArray, pairs: Pairs) -> Flo
     cross += np.matmul(source[pairs.backward].transpose(0, 2, 1), target)
     left, _, right = np.linalg.svd(cross)
     return np.asarray(np.matmul(left, right))
+
+
+def grow(
+    source: tuple[FloatArray, FloatArray],
+    target: tuple[FloatArray, FloatArray],
+    functional_map: FloatArray,
+    sizes: Sequence[int],
+    *,
+    repeats: int = 1,
+) -> tuple[FloatArray, FloatArray]:
+    """Grow one orthogonal functional map through a sequence of sizes.
+
+    Parameters
+    ----------
+    source, target : pair of ndarrays
+        Non-constant eigenvalues (K,) at unit area, and eigenfunctions (m, K) at sampled points.
+    functional_map : (k, k) ndarray of float64
+        Orthogonal; ``source @ functional_map`` corresponds to ``target``.
+    sizes : sequence of int
+        Growing, the last one at most K.
+    repeats : int, default=1
+        Alternations of pairs and map per size.
+
+    Returns
+    -------
+    functional_map : (sizes[-1], sizes[-1]) ndarray of float64
+    residuals : (len(sizes),) ndarray of float64
+        Symmetric residual after each size.
+
+    References
+    ----------
+    Melzi, Ren, Rodolà, Sharma, Wonka, Ovsjanikov, "ZoomOut: spectral upsampling for efficient
+    shape correspondence", ACM TOG 38(6), 2019.
+    """
+    (source_values, left), (target_values, right) = source, target
+
+    def pairs_of(matrix: FloatArray) -> Pairs:
+        k = len(matrix)
+        weights = spectral_weights(source_values, target_values, k)
+        return nearest_pairs((left[:, :k] @ matrix * weights)[None], right[:, :k] * weights)
+
+    pairs = pairs_of(functional_map)
+    residuals = []
+    for k in sizes:
+        for _ in range(repeats):
+            functional_map = orthogonal_maps(left[:, :k], right[:, :k], pairs)[0]
+            pairs = pairs_of(functional_map)
+        residuals.append(pairs.residual[0])
+    return functional_map, np.array(residuals)
