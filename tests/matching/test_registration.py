@@ -16,6 +16,7 @@ from unbend.matching._registration import (
     PULLS,
     Pose,
     Registered,
+    _Moving,
     landing_places,
     lift,
     register,
@@ -102,6 +103,23 @@ def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
         np.testing.assert_allclose(np.linalg.det(pose.rotations), 1)
     assert _mean_error(found.forward, target) < _mean_error(start.forward, target)
     assert judge(source, target, found).energy < 0.05
+
+
+def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
+    every = np.arange(700)
+    turns = np.tile(np.eye(3), (700, 1, 1))
+    goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
+    moving = _Moving(standing, goal, Pose(standing.vertices, turns))
+    moving.step(300.0, every, every)
+    np.testing.assert_allclose(moving.places, goal.vertices, atol=1e-8)
+    np.testing.assert_allclose(moving.rotations, turns, atol=1e-6)
+    # Where the goal's own vertices do not pull, it goes half the way.
+    empty = np.zeros(0, dtype=np.int64)
+    silent = replace(goal, areas=goal.areas[empty])
+    half = _Moving(standing, silent, Pose(standing.vertices, turns))
+    half.step(300.0, every, empty)
+    between = (standing.vertices + goal.vertices) / 2
+    np.testing.assert_allclose(half.places, between, atol=1e-8)
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself

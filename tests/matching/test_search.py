@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._search import _distinct, search
 from unbend.matching._shape import Shape
@@ -71,3 +71,15 @@ def test_maps_that_hardly_differ_count_once() -> None:
     maps = np.array([near, turn, np.eye(2), -np.eye(2)])
     assert _distinct(maps, np.array([2, 0, 1, 3]), 4) == [2, 1, 3]
     assert _distinct(maps, np.array([0, 1, 2, 3]), 2) == [0, 1]
+
+
+def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
+    ball = make_sphere(2)  # all of its vertices are samples
+    box = Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces)  # itself under three half turns
+    shape = prepare_shape(box, 40, True, None)[1]
+    maps = search(shape, shape)[:4]
+    np.testing.assert_allclose(abs(maps), [np.eye(20)] * 4, atol=1e-3)
+    for seed in range(3):
+        noise = 1e-7 * np.random.default_rng(seed).standard_normal(shape.basis.shape)
+        again = search(shape, replace(shape, basis=shape.basis + noise))[:4]
+        np.testing.assert_allclose(again, maps, atol=1e-3)
