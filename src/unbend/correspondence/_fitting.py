@@ -3,7 +3,8 @@
 Every neighbourhood keeps its shape up to a rotation and a size (Sorkine & Alexa, "As-rigid-as-
 possible surface modeling", SGP 2007); sizes vary slowly, as proportions do. Vertices are drawn to
 closest points on faces, in the manner of Amberg, Romdhani & Vetter, "Optimal step nonrigid ICP
-algorithms for surface registration", CVPR 2007.
+algorithms for surface registration", CVPR 2007. Closest points are found by walking over the
+surface from where the match leads, so a leg is never caught by the leg beside it.
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
 from unbend.alignment import nearest_rotation, procrustes
-from unbend.correspondence._landing import Ground, Landing, land
+from unbend.correspondence._landing import Ground, Landing, land, make_ground
 from unbend.linalg.factorization import factorize
-from unbend.matching import Shape, edge_covariances, rotated_divergence, turn_rotations
-from unbend.mesh import edge_ends, vertex_normals
+from unbend.matching import Shape, edge_covariances, rotated_divergence, scatter, turn_rotations
+from unbend.mesh import Mesh, edge_ends, vertex_areas, vertex_normals
 
-# Stiffness and pull balance over a length: from this, in sqrt(area), to a share of an edge.
-_RIGID, _SOFT = 0.06, 0.02
-_FOLLOWING, _SOFTENING = 8, 30  # steps towards the match, then towards closest points
+# Stiffness and pull balance over a length. The match is followed from the first of these to the
+# second, in sqrt(area); closest points from there to a share of an edge, in so many steps.
+_RIGID, _FIRM, _SOFT = 0.06, 0.03, 0.02
+_FOLLOWING, _SINKING = 12, 30
+_BOTH_WAYS = 0.3  # edges of balance down to which the ground pulls too, which fills tips of limbs
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
-# Pull of every vertex to where it is, in 1 / area: it holds parts that nothing else does.
-_REST = 1.0
+_HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: for parts that nothing else holds
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
 _PRIOR = 0.01  # share in a patch's size that the whole's has, which parts without a partner take
 _OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is none
@@ -62,21 +64,26 @@ class Fit:
         goal: FloatArray,
         matched: BoolArray,
     ) -> None:
-        self.shape = shape
-        self.partners = _spread(partners, matched, shape)
-        self.goal, self.matched = np.where(matched[:, None], goal, 0.0), matched
-        self.ends = edge_ends(shape.faces, len(partners)).T
-        self.rest_covariances = self._covariances(shape.vertices)
-        self.sizes = np.ones(len(partners))
+        self.shape, self.matched = shape, matched
+        self.goal = np.where(matched[:, None], goal, 0.0)
+        self.ends = edge_ends(shape.faces, len(goal)).T
+        self.partners = _spread(partners, matched, shape.vertices, shape.spokes)
+        back = np.full(len(ground.vertices), -1)
+        back[partners[matched]] = np.flatnonzero(matched)
+        self.partners_back = _spread(back, back >= 0, ground.vertices, ground.neighbors)
+        self.weights = vertex_areas(Mesh(ground.vertices, ground.faces))
+        self.rest_squares = np.einsum("iaa->i", self._covariances(shape.vertices))
+        self.sizes = np.ones(len(goal))
         # Displacements as smooth as can be say how neighbourhoods are turned.
         turn, shift = procrustes(shape.vertices[matched], goal[matched], reflect=False)
         self.places = self.ahead = shape.vertices @ turn.T + shift
-        self._settle(_RIGID, shape.stiffness @ self.places, self.goal, matched)
+        pull = shape.areas * matched
+        self._settle(_RIGID, shape.stiffness @ self.places, pull[:, None] * self.goal, pull)
         averaged = shape.averaging.solve(self._covariances(self.places).reshape(-1, 9))
         rotations = nearest_rotation(averaged.reshape(-1, 3, 3).transpose(0, 2, 1))
         self.rotations = np.ascontiguousarray(rotations)
         facing = (self._normals(self.places) * ground.normals[self.partners]).sum(axis=1)
-        self.ground = ground if shape.areas @ (facing * matched) >= 0 else ground.turned()
+        self.ground = ground if pull @ facing >= 0 else ground.turned()
 
     @property
     def edge(self) -> float:
@@ -86,40 +93,70 @@ class Fit:
 
     def run(self, progress: Progress | None) -> None:
         """Follow the match, then sink into the ground."""
-        for _ in range(_FOLLOWING):
-            off = np.linalg.norm(self.goal - self.places, axis=1)
-            self._step(_RIGID, self.goal, self._trusted(off, self.matched))
-        for i, length in enumerate(np.geomspace(_RIGID, _SOFT * self.edge, _SOFTENING)):
+        pull = self.shape.areas * self.matched
+        for length in np.geomspace(_RIGID, _FIRM, _FOLLOWING):
+            self._step(length, pull[:, None] * self.goal, pull)
+        for i, length in enumerate(np.geomspace(_FIRM, _SOFT * self.edge, _SINKING)):
             found = self.land(length)
             self.partners = found.partners
-            self._step(length, found.places, self._trusted(found.distances, found.there))
+            pull = self.shape.areas * self._trusted(found)
+            force = pull[:, None] * found.places
+            if length > _BOTH_WAYS * self.edge:
+                more, back = self._pulled_back(length)
+                force, pull = force + more, pull + back
+            self._step(length, force, pull)
             if progress is not None:
-                progress("register", (i + 1) / _SOFTENING)
+                progress("register", (i + 1) / _SINKING)
         self.ahead = self.places
 
     def land(self, length: float) -> Landing:
         """Closest points on the ground to where the last step leads to."""
-        return land(
+        normals, faces = self._normals(self.ahead), self.shape.faces
+        found = land(
             self.ground,
             self.ahead,
-            self._normals(self.ahead),
+            normals,
             self.shape.spokes,
             self.partners,
             normal_weight=_NORMAL_WEIGHT * length,
             slack=_SLACK * self.edge,
         )
+        # A face that is turned over is let go of, until its stiffness has turned it back.
+        a, b, c = self.ahead[faces].transpose(1, 0, 2)
+        facing = found.facing[faces].sum(axis=1)
+        over = (np.cross(b - a, c - a) * facing).sum(axis=1) < 0
+        found.there[faces[over]] = False
+        return found
 
     def distances(self) -> tuple[FloatArray, BoolArray]:
         """Distance of each vertex to the ground, and whether the ground is there."""
         found = self.land(0.0)
-        # Where the walk ended in a hollow of the distance, or at a rim, another part is closer.
+        # Where the walk ended at a rim, or in a hollow of the distance, another part is closer.
         used = np.unique(self.ground.faces)
         self.partners = used[cKDTree(self.ground.vertices[used]).query(self.places)[1]]
         nearest = self.land(0.0)
         return np.minimum(found.distances, nearest.distances), found.there
 
-    def _step(self, length: float, goal: FloatArray, trusted: BoolArray) -> None:
-        shape, spokes = self.shape, self.shape.spokes
+    def _pulled_back(self, length: float) -> tuple[FloatArray, FloatArray]:
+        """Pull of the ground's vertices on those nearest to where they fall on the shape."""
+        ground = self.ground
+        found = land(
+            make_ground(self.ahead, self.shape.faces),
+            ground.vertices,
+            ground.normals,
+            ground.neighbors,
+            self.partners_back,
+            normal_weight=_NORMAL_WEIGHT * length,
+            slack=_SLACK * self.edge,
+        )
+        self.partners_back = found.partners
+        goal = self.ahead[found.partners] + ground.vertices - found.places
+        pull = self.weights * self._trusted(found)
+        force, total = scatter(found.partners, pull, goal, len(self.places))
+        return force, total
+
+    def _step(self, length: float, force: FloatArray, pull: FloatArray) -> None:
+        shape, spokes, before = self.shape, self.shape.spokes, self.places
         turned = rotated_divergence(
             spokes.indptr,
             spokes.indices,
@@ -127,37 +164,39 @@ class Fit:
             shape.vertices,
             self.sizes[:, None, None] * self.rotations,
         )
-        before = self.places
-        self._settle(length, turned, goal, trusted)
+        self._settle(length, turned, force, pull)
         covariances = self._covariances(self.places)
         averaged = shape.averaging.solve(covariances.reshape(-1, 9)).reshape(-1, 3, 3)
         turn_rotations(averaged, self.rotations)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
-        self._resize(covariances, trusted)
+        self._resize(covariances, pull > 0)
 
     def _settle(
-        self, length: float, turned: FloatArray, goal: FloatArray, trusted: BoolArray
+        self, length: float, turned: FloatArray, force: FloatArray, pull: FloatArray
     ) -> None:
-        """Balance the stiffness with the pull of trusted vertices to their goals."""
-        pull = self.shape.areas * trusted / length**2
-        hold = _REST * self.shape.areas
-        system = factorize(self.shape.stiffness + sp.diags(pull + hold))
-        self.places = system.solve(turned + pull[:, None] * goal + hold[:, None] * self.places)
+        """Balance the stiffness with the pull."""
+        hold = _HOLD * self.shape.areas
+        system = factorize(self.shape.stiffness + sp.diags(pull / length**2 + hold))
+        self.places = system.solve(turned + force / length**2 + hold[:, None] * self.places)
 
-    def _resize(self, covariances: FloatArray, trusted: BoolArray) -> None:
-        """Fit the sizes of patches, those of trusted vertices; others take after them."""
+    def _resize(self, covariances: FloatArray, pulled: BoolArray) -> None:
+        """Fit the sizes of patches to what is pulled; the rest takes after it."""
         stretched = np.einsum("iba,iab->i", self.rotations, covariances)
-        plain = np.einsum("iaa->i", self.rest_covariances)
-        whole = (stretched * trusted).sum() / max(float((plain * trusted).sum()), 1e-300)
-        both = np.stack([stretched, plain], axis=1) * trusted[:, None]
-        both += _PRIOR * plain[:, None] * np.array([whole, 1.0])
+        both = np.stack([stretched, self.rest_squares], axis=1)
+        total = both[pulled].sum(axis=0)
+        if not (total > 0).all():
+            return
+        whole = np.array([total[0] / total[1], 1.0])
+        both = both * pulled[:, None] + _PRIOR * self.rest_squares[:, None] * whole
         above, below = self.shape.patches.solve(both).T
         self.sizes = above / below
 
-    def _trusted(self, distances: FloatArray, there: BoolArray) -> BoolArray:
-        if not there.any():
-            return there
-        return there & (distances <= _OUTLIER * np.median(distances[there]) + self.edge)
+    def _trusted(self, found: Landing) -> BoolArray:
+        """Which pairs are neither across a rim or a fold nor far longer than others."""
+        if not found.there.any():
+            return found.there
+        usual = float(np.median(found.distances[found.there]))
+        return np.asarray(found.there & (found.distances <= _OUTLIER * usual + self.edge))
 
     def _normals(self, places: FloatArray) -> FloatArray:
         return vertex_normals(places, self.shape.faces)
@@ -169,11 +208,13 @@ class Fit:
         )
 
 
-def _spread(partners: IntArray, matched: BoolArray, shape: Shape) -> IntArray:
+def _spread(
+    partners: IntArray, matched: BoolArray, vertices: FloatArray, neighbors: SparseMatrix
+) -> IntArray:
     """Give vertices without a partner that of the nearest vertex that has one."""
-    lengths = shape.spokes.copy()
+    lengths = neighbors.copy()
     i, j = lengths.nonzero()
-    lengths.data = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
+    lengths.data = np.linalg.norm(vertices[i] - vertices[j], axis=1)
     have = np.flatnonzero(matched)
     nearest = dijkstra(lengths, indices=have, min_only=True, return_predecessors=True)[2]
     # Parts that no way leads to have no partner anywhere; they start from any.

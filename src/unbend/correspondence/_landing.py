@@ -48,7 +48,8 @@ class Landing(NamedTuple):
     ----------
     partners : (n,) ndarray of int64
         The vertex nearest to where each point falls.
-    places : (n, 3) ndarray of float64
+    places, facing : (n, 3) ndarray of float64
+        And the surface's unit normals there.
     distances : (n,) ndarray of float64
     there : (n,) ndarray of bool
         Whether the surface is there and its right side is out: a point that falls on a rim from
@@ -57,6 +58,7 @@ class Landing(NamedTuple):
 
     partners: IntArray
     places: FloatArray
+    facing: FloatArray
     distances: FloatArray
     there: BoolArray
 
@@ -120,4 +122,4 @@ def land(
     on_rim |= ((weights == 1) & ground.rim[corners]).any(axis=1)
     there = ~(on_rim & (np.linalg.norm(beyond, axis=1) > slack))
     there &= (facing * normals).sum(axis=1) > _TURNED
-    return Landing(partners, places, np.linalg.norm(offsets, axis=1), there)
+    return Landing(partners, places, facing, np.linalg.norm(offsets, axis=1), there)

@@ -9,6 +9,7 @@ from unbend.matching._archive import (
 from unbend.matching._kernels import (
     edge_covariances,
     rotated_divergence,
+    scatter,
     turn_rotations,
     walk,
 )
@@ -26,6 +27,7 @@ __all__ = [
     "read_functional_map",
     "read_match",
     "rotated_divergence",
+    "scatter",
     "symmetry",
     "turn_rotations",
     "walk",
