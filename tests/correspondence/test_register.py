@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from unbend import Mesh, register
 from unbend.datasets import (
+    add_components,
     cut_discs,
     damaged_truth,
     make_body,
@@ -166,6 +167,20 @@ def test_vertices_that_no_face_uses_go_along() -> None:
     assert np.isnan(found.mesh.vertices[1001]).all()
     assert np.isnan(found.distances[1000:]).all()
     assert not found.covered[1000:].any()
+
+
+def test_parts_without_a_partner_stay_where_they_belong() -> None:
+    whole = add_components(TEMPLATE.mesh, eyeballs=2, cloth=0, random_state=0)
+    eyes = np.arange(1000, whole.mesh.n_vertices)
+    match = np.append(TRUTH, np.full(len(eyes), -1))
+    found = register(whole.mesh, SCAN.mesh, match).mesh.vertices
+    for eye in (eyes[:42], eyes[42:]):  # each as round and as far from its place as before
+        center, before = found[eye].mean(axis=0), whole.mesh.vertices[eye].mean(axis=0)
+        radii = np.linalg.norm(found[eye] - center, axis=1)
+        rest = np.linalg.norm(whole.mesh.vertices[eye] - before, axis=1)
+        np.testing.assert_allclose(radii, rest, rtol=0.25)
+        middle = int(np.linalg.norm(TEMPLATE.mesh.vertices - before, axis=1).argmin())
+        assert np.linalg.norm(found[middle] - center) < 0.5 * rest.mean()
 
 
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:

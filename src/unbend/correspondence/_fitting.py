@@ -9,6 +9,8 @@ surface from where the match leads, so a leg is never caught by the leg beside i
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
@@ -19,16 +21,17 @@ from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._landing import Ground, Landing, land, make_ground
 from unbend.linalg.factorization import factorize
 from unbend.matching import Shape, edge_covariances, rotated_divergence, scatter, turn_rotations
-from unbend.mesh import Mesh, edge_ends, vertex_areas, vertex_normals
+from unbend.mesh import Mesh, edge_ends, find_components, vertex_areas, vertex_normals
 
 # Stiffness and pull balance over a length. The match is followed from the first of these to the
 # second, in sqrt(area); closest points from there to a share of an edge, in so many steps.
 _RIGID, _FIRM, _SOFT = 0.06, 0.03, 0.02
 _FOLLOWING, _SINKING = 12, 30
 _BOTH_WAYS = 0.3  # edges of balance down to which the ground pulls too, which fills tips of limbs
+_JOINT = 1.0  # weight of an edge that joins a part without a partner, an eyeball, to the next part
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
-_HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: for parts that nothing else holds
+_HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: no system is singular then
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
 _PRIOR = 0.01  # share in a patch's size that the whole's has, which parts without a partner take
 _OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is none
@@ -64,7 +67,10 @@ class Fit:
         goal: FloatArray,
         matched: BoolArray,
     ) -> None:
-        self.shape, self.matched = shape, matched
+        parts = find_components(shape.faces, len(goal)).of_vertex
+        self.carried = ~np.isin(parts, parts[matched])
+        shape = self.shape = _joined(shape, self.carried)
+        self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
         self.ends = edge_ends(shape.faces, len(goal)).T
         self.partners = _spread(partners, matched, shape.vertices, shape.spokes)
@@ -99,7 +105,8 @@ class Fit:
         for i, length in enumerate(np.geomspace(_FIRM, _SOFT * self.edge, _SINKING)):
             found = self.land(length)
             self.partners = found.partners
-            pull = self.shape.areas * self._trusted(found)
+            free = self.carried | self._turned_over(found)
+            pull = self.shape.areas * (self._trusted(found) & ~free)
             force = pull[:, None] * found.places
             if length > _BOTH_WAYS * self.edge:
                 more, back = self._pulled_back(length)
@@ -111,22 +118,15 @@ class Fit:
 
     def land(self, length: float) -> Landing:
         """Closest points on the ground to where the last step leads to."""
-        normals, faces = self._normals(self.ahead), self.shape.faces
-        found = land(
+        return land(
             self.ground,
             self.ahead,
-            normals,
+            self._normals(self.ahead),
             self.shape.spokes,
             self.partners,
             normal_weight=_NORMAL_WEIGHT * length,
             slack=_SLACK * self.edge,
         )
-        # A face that is turned over is let go of, until its stiffness has turned it back.
-        a, b, c = self.ahead[faces].transpose(1, 0, 2)
-        facing = found.facing[faces].sum(axis=1)
-        over = (np.cross(b - a, c - a) * facing).sum(axis=1) < 0
-        found.there[faces[over]] = False
-        return found
 
     def distances(self) -> tuple[FloatArray, BoolArray]:
         """Distance of each vertex to the ground, and whether the ground is there."""
@@ -136,6 +136,15 @@ class Fit:
         self.partners = used[cKDTree(self.ground.vertices[used]).query(self.places)[1]]
         nearest = self.land(0.0)
         return np.minimum(found.distances, nearest.distances), found.there
+
+    def _turned_over(self, found: Landing) -> BoolArray:
+        """Vertices of faces that are turned over: let go of, their stiffness turns them back."""
+        faces = self.shape.faces
+        a, b, c = self.ahead[faces].transpose(1, 0, 2)
+        facing = found.facing[faces].sum(axis=1)
+        over = np.zeros(len(self.ahead), dtype=bool)
+        over[faces[(np.cross(b - a, c - a) * facing).sum(axis=1) < 0]] = True
+        return over
 
     def _pulled_back(self, length: float) -> tuple[FloatArray, FloatArray]:
         """Pull of the ground's vertices on those nearest to where they fall on the shape."""
@@ -192,7 +201,7 @@ class Fit:
         self.sizes = above / below
 
     def _trusted(self, found: Landing) -> BoolArray:
-        """Which pairs are neither across a rim or a fold nor far longer than others."""
+        """Which pairs are neither across a rim nor far longer than others."""
         if not found.there.any():
             return found.there
         usual = float(np.median(found.distances[found.there]))
@@ -208,6 +217,19 @@ class Fit:
         )
 
 
+def _joined(shape: Shape, carried: BoolArray) -> Shape:
+    """Join parts that the match says nothing of to the nearest of the others, to go along."""
+    if not carried.any():
+        return shape
+    loose, others = np.flatnonzero(carried), np.flatnonzero(~carried)
+    nearest = others[cKDTree(shape.vertices[others]).query(shape.vertices[loose])[1]]
+    size = shape.spokes.shape
+    links = sp.csr_matrix((np.full(len(loose), _JOINT), (loose, nearest)), shape=size)
+    joined = replace(shape)
+    joined.__dict__["spokes"] = sp.csr_matrix(shape.spokes + links + links.T)
+    return joined
+
+
 def _spread(
     partners: IntArray, matched: BoolArray, vertices: FloatArray, neighbors: SparseMatrix
 ) -> IntArray:
@@ -217,5 +239,5 @@ def _spread(
     lengths.data = np.linalg.norm(vertices[i] - vertices[j], axis=1)
     have = np.flatnonzero(matched)
     nearest = dijkstra(lengths, indices=have, min_only=True, return_predecessors=True)[2]
-    # Parts that no way leads to have no partner anywhere; they start from any.
+    # Parts of a scan that no way leads to have no partner anywhere; they start from any.
     return np.asarray(partners[np.where(nearest < 0, have[0], nearest)], dtype=np.int64)
