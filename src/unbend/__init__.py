@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from unbend.canonical import interpolate as interpolate
     from unbend.canonical.estimator import SpectralMDS as SpectralMDS
     from unbend.correspondence import Evaluation as Evaluation
+    from unbend.correspondence import Registration as Registration
     from unbend.correspondence import evaluate as evaluate
     from unbend.correspondence import morph as morph
+    from unbend.correspondence import register as register
     from unbend.correspondence import similarity as similarity
     from unbend.correspondence import transfer as transfer
     from unbend.distances import distance as distance
@@ -59,6 +61,7 @@ _HOME = {
     "Match": "matching",
     "Mesh": "mesh",
     "MeshLike": "io",
+    "Registration": "correspondence",
     "SpectralMDS": "canonical.estimator",
     "Spectrum": "spectral",
     "align": "alignment",
@@ -79,6 +82,7 @@ _HOME = {
     "read_match": "matching",
     "read_mesh": "io",
     "read_values": "io",
+    "register": "correspondence",
     "similarity": "correspondence",
     "spectrum": "spectral",
     "symmetry": "matching",

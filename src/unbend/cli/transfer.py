@@ -93,7 +93,7 @@ def transfer(
         array = read_values(values, n_vertices=shapes[0].n_vertices)
         chosen = value_kind(array, kind)
         check_storable(out, array, chosen)
-        found = _found(map_file, base, shapes, cache, progress)
+        found = found_match(map_file, base, shapes, cache, progress)
         progress("carrying", 0)
         carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
         write_values(out, carried, shapes[1], kind=chosen)
@@ -119,7 +119,7 @@ def transfer(
     print_rows({"carried": f"{len(carried):,}{width} values ({chosen})", "written": out})
 
 
-def _found(
+def found_match(
     map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Progress
 ) -> Match | IntArray:
     """Read the map, or match the shapes."""

@@ -2,15 +2,18 @@
 
 from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, evaluate
 from unbend.correspondence._morph import morph
+from unbend.correspondence._register import Registration, register
 from unbend.correspondence._similarity import aligned_cosine, similarity
 from unbend.correspondence._transfer import transfer, value_kind
 
 __all__ = [
     "THRESHOLDS",
     "Evaluation",
+    "Registration",
     "aligned_cosine",
     "evaluate",
     "morph",
+    "register",
     "similarity",
     "transfer",
     "value_kind",

@@ -6,17 +6,31 @@ from unbend.matching._archive import (
     write_functional_map,
     write_match,
 )
+from unbend.matching._kernels import (
+    edge_covariances,
+    rotated_divergence,
+    scatter,
+    turn_rotations,
+    walk,
+)
 from unbend.matching._match import match, symmetry
 from unbend.matching._projection import closest_faces
 from unbend.matching._result import Match
+from unbend.matching._shape import Shape
 
 __all__ = [
     "Match",
+    "Shape",
     "closest_faces",
+    "edge_covariances",
     "match",
     "read_functional_map",
     "read_match",
+    "rotated_divergence",
+    "scatter",
     "symmetry",
+    "turn_rotations",
+    "walk",
     "write_functional_map",
     "write_match",
 ]

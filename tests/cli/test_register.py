@@ -1,0 +1,87 @@
+"""``unbend register``: a template onto a torn scan, in files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import read_mesh, write_mesh
+from unbend.cli import app
+from unbend.datasets import cut_discs, damaged_truth, make_quadruped, rest_map
+from unbend.io import write_map
+from unbend.matching import Match, write_match
+
+TEMPLATE = make_quadruped("standing", n_vertices=600)
+SCAN = make_quadruped("walking", n_vertices=550, meshing=1)
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    torn = cut_discs(SCAN.mesh, 0.1, random_state=1)
+    write_mesh(tmp_path / "template.ply", TEMPLATE.mesh)
+    write_mesh(tmp_path / "scan.ply", torn.mesh)
+    write_mesh(tmp_path / "points.xyz", TEMPLATE.mesh.vertices)
+    write_map(tmp_path / "map.npy", damaged_truth(rest_map(TEMPLATE, SCAN), target=torn))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
+    given = ["register", "template.ply", "scan.ply", "--map", "map.npy", "-o", "out.ply"]
+    done = run(*given, "--json")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert 0.8 < told["coverage"] < 0.95
+    assert told["vertices"] == 600
+    assert told["confidence"] is None
+    assert told["distance_covered"]["within_95"] < 0.1 * told["tolerance"]
+    assert told["distance_all"]["mean"] > told["distance_covered"]["mean"]
+    written = read_mesh("out.ply")
+    np.testing.assert_array_equal(written.faces, TEMPLATE.mesh.faces)
+    assert b"property double distance" in (folder / "out.ply").read_bytes()[:400]
+    rows = run(*given).stdout.splitlines()
+    assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
+    assert rows[1].startswith("distance there   mean ")
+    assert rows[3] == "confidence       not estimated"
+    assert rows[-1].startswith("next: unbend match template.ply scan.ply")
+
+
+def test_it_matches_where_no_map_is_given(folder: Path) -> None:
+    done = run("register", "template.ply", "scan.ply", "-o", "out.obj")
+    assert done.exit_code == 0, done.output
+    assert "of the match" in done.stdout
+    assert read_mesh("out.obj").n_vertices == 600
+
+
+def test_it_warns_of_a_doubtful_match(folder: Path) -> None:
+    truth = np.load("map.npy")
+    back = np.zeros(read_mesh("scan.ply").n_vertices, dtype=np.int64)
+    write_match("map.npz", Match(truth, back, np.eye(2), 0.5, 0.1, 0.25))
+    done = run("register", "template.ply", "scan.ply", "--map", "map.npz", "-o", "out.stl")
+    assert done.stderr.startswith("warning: the match is doubtful (confidence 0.25)")
+    assert "confidence       0.25, of the match" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("template.ply scan.ply -o out.npy", 'unknown suffix ".npy"'),
+        ("points.xyz scan.ply --map map.npy -o out.ply", "this is a point cloud"),
+        ("scan.ply template.ply --map map.npy -o out.ply", "map.npy"),
+    ],
+)
+def test_mistakes_get_one_sentence_and_write_nothing(
+    folder: Path, arguments: str, sentence: str
+) -> None:
+    before = sorted(folder.iterdir())
+    done = run("register", *arguments.split())
+    assert done.exit_code == 2, done.output
+    assert sentence in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert sorted(folder.iterdir()) == before

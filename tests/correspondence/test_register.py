@@ -1,0 +1,197 @@
+"""A template laid onto a scan: exact on itself, on the surface elsewhere, smooth over holes."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from unbend import Mesh, register
+from unbend.datasets import (
+    add_components,
+    cut_discs,
+    damaged_truth,
+    make_body,
+    make_quadruped,
+    make_sphere,
+    rest_map,
+    seen_from,
+)
+from unbend.errors import InputError, MeshError
+
+# Two poses of one mesh, and the second pose meshed anew.
+TEMPLATE = make_quadruped("standing", n_vertices=1000)
+POSED = make_quadruped("galloping", n_vertices=1000)
+SCAN = make_quadruped("galloping", n_vertices=1200, meshing=1)
+TRUTH = rest_map(TEMPLATE, SCAN)
+FACES = TEMPLATE.mesh.faces
+EVERY = np.arange(1000)
+
+
+def mean_edge(mesh: Mesh) -> float:
+    sides = mesh.vertices[mesh.faces] - mesh.vertices[mesh.faces[:, [1, 2, 0]]]
+    return float(np.linalg.norm(sides, axis=2).mean())
+
+
+def errors(found, truth) -> np.ndarray:
+    """Distances of vertices to where they belong, in mean edges."""
+    return np.linalg.norm(found.mesh.vertices - truth, axis=1) / mean_edge(found.mesh)
+
+
+def normals(vertices: np.ndarray) -> np.ndarray:
+    a, b, c = vertices[FACES].transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
+def distance_to_faces(points: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """To the closest of many points on all faces: an upper bound, and a fine one."""
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), 40)
+    samples = (shares @ mesh.vertices[mesh.faces]).reshape(-1, 3)
+    return np.array([np.linalg.norm(samples - point, axis=1).min() for point in points])
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return register(TEMPLATE.mesh, SCAN.mesh, TRUTH)
+
+
+@pytest.mark.parametrize(
+    ("scale", "turn", "shift"), [(1, [0, 0, 0], [0, 0, 0]), (70, [1, 2, 0.5], [300, -4, 5])]
+)
+def test_onto_a_copy_it_is_that_copy(scale, turn, shift) -> None:
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+    copy = Mesh(scale * TEMPLATE.mesh.vertices @ rotation.T + shift, FACES)
+    found = register(TEMPLATE.mesh, copy, EVERY)
+    assert errors(found, copy.vertices).max() < 1e-6
+    assert found.coverage == 1
+    assert found.distances.max() < 1e-6 * mean_edge(copy)
+    assert found.tolerance == pytest.approx(0.1 * mean_edge(copy))
+    np.testing.assert_array_equal(found.mesh.faces, FACES)
+
+
+def test_another_pose_and_meshing_is_met_on_its_faces(fitted) -> None:
+    edge = mean_edge(fitted.mesh)
+    assert fitted.distances.max() < 0.01 * edge
+    assert fitted.coverage == 1
+    assert np.isnan(fitted.confidence)
+    # The distances are what they say, by another route; the samples lie within a face apart.
+    some = EVERY[::20]
+    assert distance_to_faces(fitted.mesh.vertices[some], SCAN.mesh).max() < 0.3 * edge
+    assert errors(fitted, POSED.mesh.vertices).mean() < 0.2
+    # The nearest vertices are much farther from the truth than points on faces.
+    rounded = np.linalg.norm(SCAN.mesh.vertices[TRUTH] - POSED.mesh.vertices, axis=1)
+    assert errors(fitted, POSED.mesh.vertices).mean() < 0.5 * rounded.mean() / edge
+    assert ((normals(fitted.mesh.vertices) * normals(POSED.mesh.vertices)).sum(axis=1) > 0).all()
+
+
+def test_a_match_is_found_where_none_is_given() -> None:
+    stages = []
+    found = register(TEMPLATE.mesh, SCAN.mesh, progress=lambda stage, share: stages.append(stage))
+    assert found.confidence > 0.5
+    assert errors(found, POSED.mesh.vertices).mean() < 0.3
+    assert found.distances.max() < 0.01 * mean_edge(found.mesh)
+    assert {"register", "spectrum"} <= set(stages)
+    assert "on the scan, confidence" in repr(found)
+
+
+def test_another_body_is_met_too() -> None:
+    body = make_body("quadruped", 4, "walking", n_vertices=1200, meshing=2)
+    truth = rest_map(TEMPLATE, body)
+    found = register(TEMPLATE.mesh, (9 * body.mesh.vertices, body.mesh.faces), truth)
+    assert found.coverage > 0.99
+    assert np.quantile(found.distances, 0.95) < 0.01 * mean_edge(found.mesh)
+    assert errors(found, 9 * body.mesh.vertices[truth]).mean() < 0.6
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_over_holes_it_goes_on_smoothly(known: bool) -> None:
+    torn = cut_discs(SCAN.mesh, 0.15, 3, random_state=0)
+    left = damaged_truth(TRUTH, target=torn)
+    gone = left < 0
+    if not known:  # everything has a partner, what has none the nearest vertex at the rim
+        places = torn.mesh.vertices
+        apart = np.linalg.norm(places[:, None] - SCAN.mesh.vertices[TRUTH[gone]], axis=2)
+        left[gone] = apart.argmin(axis=0)
+    found = register(TEMPLATE.mesh, torn.mesh, left)
+    assert 0.8 < found.coverage < 0.9
+    assert (found.covered == ~gone).mean() > 0.95
+    assert found.distances[found.covered].max() <= found.tolerance
+    assert ((normals(found.mesh.vertices) * normals(POSED.mesh.vertices)).sum(axis=1) > 0).all()
+    off = errors(found, POSED.mesh.vertices)
+    assert off[found.covered].mean() < 0.2
+    assert off[~found.covered].mean() < 0.3
+
+
+def test_what_a_camera_did_not_see_keeps_its_shape() -> None:
+    seen = seen_from(SCAN.mesh, np.array([1, 0.3, 0.2]))
+    left = damaged_truth(TRUTH, target=seen)
+    found = register(TEMPLATE.mesh, seen.mesh, left)
+    assert not found.covered[left < 0].sum() > 0.1 * (left < 0).sum()
+    assert found.covered[left >= 0].mean() > 0.8
+    vertices = found.mesh.vertices
+    areas = np.linalg.norm(normals(vertices), axis=1)
+    ratio = areas / np.linalg.norm(normals(POSED.mesh.vertices), axis=1)
+    assert ratio.min() > 0.3
+    assert ratio.max() < 3
+    assert ((normals(vertices) * normals(POSED.mesh.vertices)).sum(axis=1) > 0).all()
+
+
+def test_few_partners_are_enough_and_wrong_ones_are_overruled() -> None:
+    chance = np.random.default_rng(0)
+    few = np.where(chance.random(1000) < 0.1, TRUTH, -1)
+    wrong = np.where(chance.random(1000) < 0.05, chance.integers(0, 1200, 1000), TRUTH)
+    for given in (few, wrong):
+        found = register(TEMPLATE.mesh, SCAN.mesh, given)
+        assert found.coverage > 0.98
+        assert errors(found, POSED.mesh.vertices).mean() < 0.3
+
+
+def test_a_scan_wound_inside_out_is_the_same_surface(fitted) -> None:
+    turned = register(TEMPLATE.mesh, (SCAN.mesh.vertices, SCAN.mesh.faces[:, ::-1]), TRUTH)
+    np.testing.assert_allclose(turned.mesh.vertices, fitted.mesh.vertices, atol=1e-6)
+
+
+def test_an_open_template_is_itself() -> None:
+    half = make_sphere(3)
+    cap = Mesh(half.vertices, half.faces[(half.vertices[half.faces, 2] > 0).all(axis=1)])
+    found = register(cap, cap, np.arange(cap.n_vertices))
+    used = np.unique(cap.faces)
+    assert found.coverage == pytest.approx(1)
+    np.testing.assert_allclose(found.mesh.vertices[used], cap.vertices[used], atol=1e-6)
+
+
+def test_vertices_that_no_face_uses_go_along() -> None:
+    vertices = np.vstack([TEMPLATE.mesh.vertices, [[0, 2, 0], [np.nan] * 3]])
+    template = Mesh(vertices, FACES)
+    scan = (3 * TEMPLATE.mesh.vertices + 1, FACES)
+    found = register(template, scan, np.append(EVERY, [-1, -1]))
+    np.testing.assert_allclose(found.mesh.vertices[1000], [1, 7, 1], atol=1e-5)
+    assert np.isnan(found.mesh.vertices[1001]).all()
+    assert np.isnan(found.distances[1000:]).all()
+    assert not found.covered[1000:].any()
+
+
+def test_parts_without_a_partner_stay_where_they_belong() -> None:
+    whole = add_components(TEMPLATE.mesh, eyeballs=2, cloth=0, random_state=0)
+    eyes = np.arange(1000, whole.mesh.n_vertices)
+    match = np.append(TRUTH, np.full(len(eyes), -1))
+    found = register(whole.mesh, SCAN.mesh, match).mesh.vertices
+    for eye in (eyes[:42], eyes[42:]):  # each as round and as far from its place as before
+        center, before = found[eye].mean(axis=0), whole.mesh.vertices[eye].mean(axis=0)
+        radii = np.linalg.norm(found[eye] - center, axis=1)
+        rest = np.linalg.norm(whole.mesh.vertices[eye] - before, axis=1)
+        np.testing.assert_allclose(radii, rest, rtol=0.25)
+        middle = int(np.linalg.norm(TEMPLATE.mesh.vertices - before, axis=1).argmin())
+        assert np.linalg.norm(found[middle] - center) < 0.5 * rest.mean()
+
+
+def test_what_does_not_fit(moebius_strip: Mesh) -> None:
+    body = TEMPLATE.mesh
+    for template, scan, mapping, kind, sentence in (
+        (body.vertices, body, EVERY, InputError, "this is a point cloud"),
+        (body, body.vertices, None, InputError, "this is a point cloud"),
+        (body, body, EVERY[1:], InputError, "the map has 999 rows, but .* has 1000 vertices"),
+        (body, body, EVERY + 1, InputError, "names target vertex 1000"),
+        (body, body, np.full(1000, -1), InputError, "fewer than 4 vertices"),
+        (body, moebius_strip, np.zeros(1000, int), MeshError, "only one side"),
+    ):
+        with pytest.raises(kind, match=sentence):
+            register(template, scan, mapping)
