@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._parallel import run_all
+from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray
 from unbend.alignment import Pairs
 from unbend.matching._judge import Candidate, distinct, judge, ranked
@@ -66,11 +66,13 @@ class Sides(NamedTuple):
         return Sides(self.source, self.target.reflected(), not self.turned)
 
 
+@one_blas_thread()  # the threads are ours
 def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     return Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
 
 
+@one_blas_thread()
 def candidates(sides: Sides, on_step: OnStep | None = None) -> list[Candidate]:
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
@@ -118,6 +120,7 @@ def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     return judge(ours, theirs, found, sides.turned, candidate.hypothesis)
 
 
+@one_blas_thread()
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves.
 
