@@ -72,6 +72,7 @@ class Fit:
         shape = self.shape = _joined(shape, self.carried)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
+        self.own = make_ground(shape.vertices, shape.faces)
         self.ends = edge_ends(shape.faces, len(goal)).T
         self.partners = _spread(partners, matched, shape.vertices, shape.spokes)
         back = np.full(len(ground.vertices), -1)
@@ -150,7 +151,7 @@ class Fit:
         """Pull of the ground's vertices on those nearest to where they fall on the shape."""
         ground = self.ground
         found = land(
-            make_ground(self.ahead, self.shape.faces),
+            self.own._replace(vertices=self.ahead, normals=self._normals(self.ahead)),
             ground.vertices,
             ground.normals,
             ground.neighbors,

@@ -115,6 +115,11 @@ def keep_faces(mesh: Mesh, kept: BoolArray) -> Damaged:
     faces = mesh.faces[kept]
     while (pinched := _pinched(faces, mesh.n_vertices)).any():
         faces = faces[~pinched[faces].any(axis=1)]
+    return largest_piece(mesh, faces)
+
+
+def largest_piece(mesh: Mesh, faces: IntArray) -> Damaged:
+    """Keep the largest connected piece of faces (m, 3) between the vertices of a mesh."""
     left = prepare(Mesh(mesh.vertices, faces, name=mesh.name), component="largest")
     image = np.full(mesh.n_vertices, -1)
     image[left.kept] = np.arange(len(left.kept))

@@ -7,10 +7,9 @@ import numpy as np
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.datasets._measures import along_edges, area, face_normals
-from unbend.datasets.damage import Damaged, unchanged
+from unbend.datasets.damage import Damaged, largest_piece, unchanged
 from unbend.errors import InputError
 from unbend.mesh import Mesh
-from unbend.preparation import prepare
 
 # Of the longest way on the shape: what touches and is farther apart than this is not neighbouring.
 _FAR = 0.5
@@ -110,10 +109,7 @@ def fuse(mesh: Mesh, share: float = 0.01, *, random_state: int | None = None) ->
     one, other = (_patch(mesh, way, goal, _REACH * ways[0, ends[1]]) for way in ways)
     walls = _zip(mesh.vertices, one[1], other[1])
     faces = np.concatenate([mesh.faces[~(one[0] | other[0])], walls])
-    left = prepare(Mesh(mesh.vertices, faces, name=mesh.name), component="largest")
-    image = np.full(mesh.n_vertices, -1)
-    image[left.kept] = np.arange(len(left.kept))
-    return Damaged(left.mesh, left.kept, image)
+    return largest_piece(mesh, faces)
 
 
 def _patch(mesh: Mesh, way: FloatArray, goal: float, furthest: float) -> tuple[BoolArray, IntArray]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.alignment import Pairs
 from unbend.matching._judge import Candidate, distinct, judge, ranked
 from unbend.matching._proxy import Proxy, make_proxy
@@ -37,8 +36,6 @@ _FOLLOWED = 8
 _REGROWN, _SMOOTH = 4, (30, 120)
 # Growth on the full meshes multiplies the number of functions by this, over so many samples.
 _GROWTH, _GROWN_OVER = 1.25, 1500
-
-OnStep = Callable[[str, float], None]
 
 
 class Levels(NamedTuple):
@@ -73,7 +70,7 @@ def make_sides(source: Shape, target: Shape) -> Sides:
 
 
 @one_blas_thread()
-def candidates(sides: Sides, on_step: OnStep | None = None) -> list[Candidate]:
+def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     found = tried(sides, search(sides.source.shape, sides.target.shape, on_step=step))
@@ -155,7 +152,7 @@ def grown_start(
     sizes, most = [len(hypothesis)], min(source.k, target.k)
     while sizes[-1] < most:
         sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    functional_map, _ = grow(
+    functional_map = grow(
         (source.eigenvalues, source.basis[source.samples[:_GROWN_OVER]]),
         (target.eigenvalues, target.basis[target.samples[:_GROWN_OVER]]),
         hypothesis,

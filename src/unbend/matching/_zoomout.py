@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from unbend._types import FloatArray
-from unbend.alignment import Pairs, nearest_pairs
+from unbend.alignment import Pairs, nearest_pairs, nearest_rotation
 
 
 def spectral_weights(source: FloatArray, target: FloatArray, k: int) -> FloatArray:
@@ -47,8 +47,7 @@ def orthogonal_maps(source: FloatArray, target: FloatArray, pairs: Pairs) -> Flo
     """
     cross = np.matmul(source.T, target[pairs.forward])
     cross += np.matmul(source[pairs.backward].transpose(0, 2, 1), target)
-    left, _, right = np.linalg.svd(cross)
-    return np.asarray(np.matmul(left, right))
+    return nearest_rotation(cross, reflect=True)
 
 
 def grow(
@@ -56,9 +55,7 @@ def grow(
     target: tuple[FloatArray, FloatArray],
     functional_map: FloatArray,
     sizes: Sequence[int],
-    *,
-    repeats: int = 1,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatArray:
     """Grow one orthogonal functional map through a sequence of sizes.
 
     Parameters
@@ -69,14 +66,10 @@ def grow(
         Orthogonal; ``source @ functional_map`` corresponds to ``target``.
     sizes : sequence of int
         Growing, the last one at most K.
-    repeats : int, default=1
-        Alternations of pairs and map per size.
 
     Returns
     -------
-    functional_map : (sizes[-1], sizes[-1]) ndarray of float64
-    residuals : (len(sizes),) ndarray of float64
-        Symmetric residual after each size.
+    (sizes[-1], sizes[-1]) ndarray of float64
 
     References
     ----------
@@ -90,11 +83,7 @@ def grow(
         weights = spectral_weights(source_values, target_values, k)
         return nearest_pairs((left[:, :k] @ matrix * weights)[None], right[:, :k] * weights)
 
-    pairs = pairs_of(functional_map)
-    residuals = []
     for k in sizes:
-        for _ in range(repeats):
-            functional_map = orthogonal_maps(left[:, :k], right[:, :k], pairs)[0]
-            pairs = pairs_of(functional_map)
-        residuals.append(pairs.residual[0])
-    return functional_map, np.array(residuals)
+        pairs = pairs_of(functional_map)
+        functional_map = orthogonal_maps(left[:, :k], right[:, :k], pairs)[0]
+    return functional_map
