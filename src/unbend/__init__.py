@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import Diagnosis as Diagnosis
     from unbend.preparation import diagnose as diagnose
+    from unbend.report.pages import match_page as match_page
     from unbend.spectral import Laplacian as Laplacian
     from unbend.spectral import Spectrum as Spectrum
     from unbend.spectral import laplacian as laplacian
@@ -75,6 +76,7 @@ _HOME = {
     "invert_map": "io",
     "laplacian": "spectral",
     "match": "matching",
+    "match_page": "report.pages",
     "morph": "correspondence",
     "procrustes": "alignment",
     "read_functional_map": "matching",

@@ -1,0 +1,176 @@
+"""One HTML file with everything in it: the words, the styles, the scripts and the data."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from unbend._types import FloatArray
+from unbend.io import atomic_write
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'sha256-{style_hash}'; script-src 'sha256-{script_hash}'">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<header>
+<h1>{heading}</h1>
+<p class="lead">{lead}</p>
+<p class="trouble" id="trouble" role="alert" hidden></p>
+<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+</header>
+<main>
+{body}
+</main>
+<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+network.</footer>
+<script type="application/json" id="data">{data}</script>
+<script>{script}</script>
+</body>
+</html>
+"""  # noqa: E501
+
+
+def write_page(
+    path: str | os.PathLike[str],
+    *,
+    title: str,
+    heading: str,
+    lead: str,
+    body: str,
+    data: dict[str, Any],
+    scripts: Sequence[str],
+) -> None:
+    """Write a page to a file that is either complete or not there.
+
+    Parameters
+    ----------
+    path : path
+    title, lead : str
+        Plain text.
+    heading, body : str
+        HTML: what comes from a user has been escaped.
+    data : dict
+        For JSON; the scripts find it unpacked.
+    scripts : sequence of str
+        Names of files beside this one, in their order.
+    """
+    folder = files("unbend.report.pages")
+    style, *parts = (folder.joinpath(name).read_text("utf-8") for name in ("page.css", *scripts))
+    script = "\n".join(parts)
+    text = _PAGE.format(
+        title=escape(title),
+        heading=heading,
+        lead=escape(lead),
+        body=body,
+        version=version("unbend"),
+        # Nothing in JSON needs "<" as it is, and HTML would end the script at "</script>".
+        data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+        style=style,
+        script=script,
+        style_hash=_digest(style),
+        script_hash=_digest(script),
+    )
+    with atomic_write(path) as file:
+        file.write(text.encode("utf-8"))
+
+
+def _digest(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+
+def section(heading: str, *blocks: str) -> str:
+    """Put HTML under a heading of plain text."""
+    return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """Turn plain text into a paragraph."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
+    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
+    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
+    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
+    for first, *others in rows:
+        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
+        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
+    return "<table>" + "\n".join(lines) + "</table>"
+
+
+def canvas(name: str, caption: str, description: str, box: str = "") -> str:
+    """Make a place to draw in, with alternative text and, if named, a box for a vertex's number."""
+    entry = ""
+    if box:
+        entry = f'<label>vertex <input type="number" id="{box}" min="0" step="1"></label>'
+    return (
+        f'<figure><canvas id="{name}" tabindex="0" role="img" aria-label="{escape(description)}">'
+        f"</canvas><figcaption><b>{escape(caption)}</b>{entry}</figcaption></figure>"
+    )
+
+
+def view_controls(up: str) -> str:
+    """Make what every page has to change the view with."""
+    axes = "".join(f"<option{' selected' * (axis == up)}>{axis}</option>" for axis in "xyz")
+    return (
+        '<label><input type="checkbox" id="grid" checked> grid</label>'
+        '<label><input type="checkbox" id="linked" checked> turn together</label>'
+        f'<label>up <select id="up">{axes}</select></label>'
+        '<button type="button" id="reset">Reset view</button>'
+    )
+
+
+def curve_svg(
+    x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
+) -> str:
+    """Draw curves of percentages, the second one dashed."""
+    left, top, width, height = 46.0, 10.0, 430.0, 220.0
+    high = float(x.max())
+
+    def spot(a: float, b: float) -> str:
+        return f"{left + width * a / high:.1f},{top + height * (1 - b / 100):.1f}"
+
+    parts = []
+    for share in range(0, 101, 25):
+        y = top + height * (1 - share / 100)
+        parts.append(f'<path class="axis" d="M{left} {y}h{width}"/>')
+        parts.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{share}</text>')
+    for a in np.linspace(0, high, 5):
+        place = left + width * a / high
+        parts.append(
+            f'<text x="{place:.1f}" y="{top + height + 18}" text-anchor="middle">{a:g}</text>'
+        )
+    middle = left + width / 2
+    parts.append(
+        f'<text x="{middle}" y="{top + height + 38}" text-anchor="middle">{escape(x_label)}</text>'
+        f'<text transform="translate(12 {top + height / 2}) rotate(-90)" text-anchor="middle">'
+        f"{escape(y_label)}</text>"
+    )
+    for i, (name, values) in enumerate(curves):
+        path = "L".join(spot(a, b) for a, b in zip(x, values, strict=True))
+        kind = "curve other" if i else "curve"
+        parts.append(f'<path class="{kind}" d="M{path}"><title>{escape(name)}</title></path>')
+    told = "; ".join(
+        f"{name}: {values[len(x) // 4]:.1f} % within {x[len(x) // 4]:g}, "
+        f"{values[-1]:.1f} % within {high:g}"
+        for name, values in curves
+    )
+    return (
+        f'<svg viewBox="0 0 500 {top + height + 46}" width="500" role="img" '
+        f'aria-label="{escape(told)}">{"".join(parts)}</svg>'
+    )

@@ -1,0 +1,63 @@
+"""What a page shows of a mesh: what faces use, thinned if a browser could not turn all of it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from unbend._arrays import snap
+from unbend._types import FloatArray, IntArray
+from unbend.matching import decimate
+from unbend.mesh import Mesh
+from unbend.report.pages._packing import pack_places, pack_whole
+
+MOST_VERTICES = 60_000
+
+
+class Shown(NamedTuple):
+    """The part of a mesh that a page shows.
+
+    Attributes
+    ----------
+    ids : (m,) ndarray of int64
+        Its vertices among the mesh's, ascending.
+    faces : (f, 3) ndarray of int64
+        Of the shown vertices.
+    stand_ins : (n,) ndarray of int64
+        The shown vertex in whose place each of the mesh's is seen; -1 where no face uses it.
+    """
+
+    ids: IntArray
+    faces: IntArray
+    stand_ins: IntArray
+
+    def told(self, mesh: Mesh) -> tuple[str, ...]:
+        """Say in sentences what is not shown."""
+        if len(self.ids) == mesh.n_vertices:
+            return ()
+        return (
+            f"{len(self.ids):,} of {mesh.n_vertices:,} vertices are drawn; everything was computed "
+            "on all of them",
+        )
+
+    def packed(self, places: FloatArray) -> dict[str, Any]:
+        """Pack places of all vertices, (n, 3), with the faces and, where needed, the numbers."""
+        everything = len(self.ids) == len(self.stand_ins)
+        return {
+            "places": pack_places(places[self.ids]),
+            "faces": pack_whole(self.faces),
+            "ids": None if everything else pack_whole(self.ids),
+        }
+
+
+def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
+    """Choose what is shown of a mesh with faces: no more than so many vertices, if possible."""
+    ids, corners = np.unique(mesh.faces, return_inverse=True)
+    faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
+    kept = np.arange(len(ids))
+    if len(ids) > most:
+        kept, faces, parents = decimate(snap(mesh.vertices[ids]), faces, most)
+    stand_ins = np.full(mesh.n_vertices, -1)
+    stand_ins[ids] = parents
+    return Shown(ids[kept], faces, stand_ins)

@@ -1,0 +1,202 @@
+"""Pages in a real browser, from disk and without a network: what is seen is what was computed.
+
+Skipped where there is no Chromium; ``make test-browser`` installs it and fails without one. The
+screenshots are kept where UNBEND_SCREENSHOTS says.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import Browser, find_browser
+from unbend import Mesh, match_page
+from unbend.datasets import make_quadruped
+from unbend.io import invert_map
+
+PROGRAM = find_browser()
+N = 900
+SHUFFLE = np.random.default_rng(0).permutation(N)
+# Source vertices without a partner: the ones from here on.
+LOST = 880
+
+pytestmark = pytest.mark.skipif(
+    PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"),
+    reason="no Chromium here: make test-browser installs it",
+)
+
+
+@pytest.fixture(scope="module")
+def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = os.environ.get("UNBEND_SCREENSHOTS")
+    if not folder:
+        return tmp_path_factory.mktemp("screenshots")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return Path(folder)
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory):
+    assert PROGRAM, "no Chromium was found"
+    browser = Browser(PROGRAM, tmp_path_factory.mktemp("browser") / "profile")
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(chromium: Browser):
+    """A browser to which nothing bad happens during a test."""
+    chromium.problems.clear()
+    yield chromium
+    assert chromium.problems == []
+
+
+@pytest.fixture(scope="module")
+def dogs() -> tuple[Mesh, Mesh, np.ndarray]:
+    """A dog in two poses, the second one's vertices shuffled, and the map between them."""
+    first, second = (make_quadruped(pose, n_vertices=N).mesh for pose in ("standing", "walking"))
+    forward = np.argsort(SHUFFLE)
+    forward[LOST:] = -1
+    target = Mesh(second.vertices[SHUFFLE], np.argsort(SHUFFLE)[second.faces], name="walking")
+    return Mesh(first.vertices, first.faces, name="standing <b>"), target, forward
+
+
+@pytest.fixture(scope="module")
+def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source, target, forward = dogs
+    path = tmp_path_factory.mktemp("pages") / "match.html"
+    known = np.flatnonzero(forward >= 0)
+    match_page(source, target, forward, path, truth=(known, np.roll(forward[known], 1)))
+    return path
+
+
+def changed(before, after) -> float:
+    """Share of the pixels that differ."""
+    return float((np.abs(before - after).max(axis=2) > 0.05).mean())
+
+
+def drawn(picture) -> float:
+    """Share of the pixels that are not the ground's, whose colours hardly differ from grey."""
+    return float((np.ptp(picture, axis=2) > 0.1).mean())
+
+
+def numbers(browser: Browser) -> list[int]:
+    boxes = "[...document.querySelectorAll('#source-vertex, #target-vertex')]"
+    return browser.run(f"{boxes}.map(box => box.value === '' ? -1 : +box.value)")
+
+
+def test_both_shapes_and_forms_are_drawn(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    for name in ("source", "target", "before", "after"):
+        assert drawn(browser.picture(f"#{name}")) > 0.01, f"{name} is blank"
+    browser.picture(save=screenshots / "match.png")
+    assert "standing <b>" in browser.run("document.querySelector('h1').textContent")
+
+
+def test_a_click_tells_the_partner_on_either_side(browser, match_html, dogs, screenshots) -> None:
+    _, target, forward = dogs
+    backward = invert_map(forward, target)
+    browser.open(match_html)
+    plain = browser.picture("#target")
+    seen = set()
+    for right in (-0.3, 0.0, 0.2):
+        browser.click(*browser.middle("#source", right, 0.1))
+        ours, theirs = numbers(browser)
+        assert ours >= 0
+        assert theirs == forward[ours]
+        seen.add(ours)
+        told = browser.run("document.querySelector('#readout').textContent")
+        assert f"source vertex {ours}" in told
+    assert len(seen) == 3
+    # The partner is marked on the other shape.
+    browser.run("document.activeElement.blur()")
+    assert 0 < changed(plain, browser.picture("#target")) < 0.05
+    browser.picture(save=screenshots / "match-marked.png")
+    browser.click(*browser.middle("#target", 0.0, 0.1))
+    ours, theirs = numbers(browser)
+    assert ours == backward[theirs]
+
+
+def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) -> None:
+    browser.open(match_html)
+    x, y = browser.middle("#source", 0.05, 0.1)
+    browser.click(x, y)
+    assert numbers(browser)[0] >= 0
+    # The mark is drawn where the vertex is.
+    picture = browser.picture("#source")
+    box = browser.run("(b => [b.left, b.top])(part('source').getBoundingClientRect())")
+    row, column = round(y - box[1]), round(x - box[0])
+    near = picture[row - 12 : row + 12, column - 12 : column + 12]
+    orange = np.array([0xD5, 0x5E, 0x00]) / 255
+    assert (np.abs(near - orange).max(axis=2) < 0.06).sum() > 20
+
+
+def test_a_number_can_be_typed(browser, match_html, dogs) -> None:
+    _, target, forward = dogs
+    browser.open(match_html)
+    typed = "(b => {{ b.value = '{}'; b.dispatchEvent(new Event('change')) }})(part('{}-vertex'))"
+    browser.run(typed.format(123, "source"))
+    assert numbers(browser) == [123, forward[123]]
+    browser.run(typed.format(7, "target"))
+    assert numbers(browser) == [invert_map(forward, target)[7], 7]
+    browser.run(typed.format(LOST + 3, "source"))
+    assert numbers(browser) == [LOST + 3, -1]
+    assert "no target vertex" in browser.run("part('readout').textContent")
+    browser.run(typed.format(10**6, "source"))
+    assert "not shown" in browser.run("part('readout').textContent")
+
+
+def test_both_shapes_turn_together_by_mouse_and_keys(browser, match_html) -> None:
+    browser.open(match_html)
+    names = ("source", "target")
+    start = [browser.picture(f"#{name}") for name in names]
+    browser.drag(browser.middle("#source", 0.8, 0.8), 120, 10)
+    turned = [browser.picture(f"#{name}") for name in names]
+    assert min(map(changed, start, turned)) > 0.02
+    browser.run("part('target').focus()")
+    browser.press("ArrowLeft")
+    browser.press("+")
+    assert min(map(changed, turned, [browser.picture(f"#{name}") for name in names])) > 0.02
+    browser.run("part('reset').click()")
+    browser.run("document.activeElement.blur()")
+    assert max(map(changed, start, [browser.picture(f"#{name}") for name in names])) < 0.001
+    # Not linked, the one that is dragged turns alone.
+    browser.run("part('linked').click()")
+    browser.drag(browser.middle("#source", 0.8, 0.8), 120, 10)
+    alone = [browser.picture(f"#{name}") for name in names]
+    assert changed(start[0], alone[0]) > 0.02
+    assert changed(start[1], alone[1]) < 0.001
+
+
+def test_the_slider_morphs_the_source_into_the_target(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    move = "(s => {{ s.value = {}; s.dispatchEvent(new Event('input')) }})(part('morph'))"
+    start = browser.picture("#source")
+    browser.run(move.format(0.5))
+    browser.settle()
+    half = browser.picture("#source", save=screenshots / "match-morph.png")
+    browser.run(move.format(1))
+    browser.settle()
+    end = browser.picture("#source")
+    assert min(changed(start, half), changed(half, end), changed(start, end)) > 0.01
+    # At its end the source stands as the target does, but for what has no partner.
+    target = browser.picture("#target")
+    assert changed(end, target) < 0.3 * changed(start, target)
+    browser.run(move.format(0))
+    browser.settle()
+    assert changed(start, browser.picture("#source")) < 0.001
+
+
+def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    place = browser.picture("#source")
+    browser.run("(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })(part('paint'))")
+    browser.settle()
+    assert changed(place, browser.picture("#source")) > 0.05
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    browser.call("Emulation.setEmulatedMedia", features=dark)
+    browser.settle()
+    page = browser.picture(save=screenshots / "match-dark.png")
+    browser.call("Emulation.setEmulatedMedia", features=[])
+    assert np.median(page) < 0.2
