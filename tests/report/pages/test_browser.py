@@ -5,13 +5,14 @@ screenshots are kept where UNBEND_SCREENSHOTS says.
 """
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from browser import Browser, find_browser
-from unbend import Mesh, match_page
+from unbend import Mesh, canonical_form, distance, form_page, match_page
 from unbend.datasets import make_quadruped
 from unbend.io import invert_map
 
@@ -200,3 +201,56 @@ def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> N
     page = browser.picture(save=screenshots / "match-dark.png")
     browser.call("Emulation.setEmulatedMedia", features=[])
     assert np.median(page) < 0.2
+
+
+@pytest.fixture(scope="module")
+def form_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pages") / "form.html"
+    form_page(dogs[0], canonical_form(dogs[0]), path)
+    return path
+
+
+def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screenshots) -> None:
+    browser.open(form_html)
+    names = ("shape", "form")
+    start = [browser.picture(f"#{name}") for name in names]
+    assert min(map(drawn, start)) > 0.01
+    browser.picture(save=screenshots / "form.png")
+    browser.drag(browser.middle("#form", 0.9, 0.9), 120, 10)
+    assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
+
+
+def test_two_places_tell_their_distances(browser, form_html, dogs, screenshots) -> None:
+    form = canonical_form(dogs[0])
+    browser.open(form_html)
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    first = browser.run("+part('shape-vertex').value")
+    browser.mouse("mouseMoved", *browser.middle("#shape", -0.3, 0.1))
+    browser.settle()
+    browser.settle()
+    told = browser.run("part('readout').textContent")
+    names, far, straight = re.fullmatch(
+        r"(.*): biharmonic distance (\S+), straight in the form (\S+)", told
+    ).groups()
+    ids = [int(one) for one in re.findall(r"\d+", names)]
+    assert ids[0] == first != ids[1]
+    exact = distance(dogs[0], first)[0, ids[1]] / np.sqrt(form.area)
+    assert float(far) == pytest.approx(exact, rel=0.05)
+    apart = np.linalg.norm(form.points[first] - form.points[ids[1]])
+    assert float(straight) == pytest.approx(apart, abs=1e-3)
+
+
+def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, screenshots) -> None:
+    browser.open(form_html)
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    seen = [browser.picture("#shape")]
+    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('paint'))"
+    for kind in ("distance", "function-0", "function-5", "plain"):
+        browser.run(choose.format(kind))
+        browser.settle()
+        seen.append(browser.picture("#shape", save=screenshots / f"form-{kind}.png"))
+    assert min(map(changed, seen, seen[1:])) > 0.02
+    thin = browser.picture("#form")
+    browser.run("(s => { s.value = 4; s.dispatchEvent(new Event('input')) })(part('thicken'))")
+    browser.settle()
+    assert changed(thin, browser.picture("#form")) > 0.002

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 import os
 from collections.abc import Sequence
 from html import escape
@@ -98,11 +99,6 @@ def section(heading: str, *blocks: str) -> str:
     return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
 
 
-def paragraph(text: str, kind: str = "") -> str:
-    """Turn plain text into a paragraph."""
-    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
-
-
 def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
     """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
     top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
@@ -135,42 +131,80 @@ def view_controls(up: str) -> str:
     )
 
 
+def hint(html: str) -> str:
+    """Set a remark in small print; what comes from a user has been escaped."""
+    return f'<p class="hint">{html}</p>'
+
+
 def curve_svg(
     x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
 ) -> str:
     """Draw curves of percentages, the second one dashed."""
-    left, top, width, height = 46.0, 10.0, 430.0, 220.0
-    high = float(x.max())
-
-    def spot(a: float, b: float) -> str:
-        return f"{left + width * a / high:.1f},{top + height * (1 - b / 100):.1f}"
-
-    parts = []
-    for share in range(0, 101, 25):
-        y = top + height * (1 - share / 100)
-        parts.append(f'<path class="axis" d="M{left} {y}h{width}"/>')
-        parts.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{share}</text>')
-    for a in np.linspace(0, high, 5):
-        place = left + width * a / high
-        parts.append(
-            f'<text x="{place:.1f}" y="{top + height + 18}" text-anchor="middle">{a:g}</text>'
-        )
-    middle = left + width / 2
-    parts.append(
-        f'<text x="{middle}" y="{top + height + 38}" text-anchor="middle">{escape(x_label)}</text>'
-        f'<text transform="translate(12 {top + height / 2}) rotate(-90)" text-anchor="middle">'
-        f"{escape(y_label)}</text>"
-    )
+    plot = _Plot(float(x.max()), 100.0, x_label, y_label)
     for i, (name, values) in enumerate(curves):
-        path = "L".join(spot(a, b) for a, b in zip(x, values, strict=True))
+        spots = "L".join(plot.spot(a, b) for a, b in zip(x, values, strict=True))
         kind = "curve other" if i else "curve"
-        parts.append(f'<path class="{kind}" d="M{path}"><title>{escape(name)}</title></path>')
+        plot.parts.append(f'<path class="{kind}" d="M{spots}"><title>{escape(name)}</title></path>')
     told = "; ".join(
         f"{name}: {values[len(x) // 4]:.1f} % within {x[len(x) // 4]:g}, "
-        f"{values[-1]:.1f} % within {high:g}"
+        f"{values[-1]:.1f} % within {x.max():g}"
         for name, values in curves
     )
-    return (
-        f'<svg viewBox="0 0 500 {top + height + 46}" width="500" role="img" '
-        f'aria-label="{escape(told)}">{"".join(parts)}</svg>'
+    return plot.svg(told)
+
+
+def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
+    """Draw a dot for each value, counted from 0."""
+    plot = _Plot(_round_above(len(values) - 1), _round_above(float(values.max())), x_label, y_label)
+    for i, value in enumerate(values):
+        x, y = plot.spot(i, value).split(",")
+        plot.parts.append(
+            f'<circle cx="{x}" cy="{y}" r="3"><title>{i}: {value:.6g}</title></circle>'
+        )
+    return plot.svg(f"{len(values)} values from {values[0]:.4g} to {values[-1]:.4g}")
+
+
+def _round_above(value: float) -> float:
+    """Find a number not below this one whose quarters are short to write."""
+    unit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
+    return float(
+        next(one * unit for one in (1, 1.2, 1.6, 2, 3, 4, 6, 8, 10) if one * unit >= value)
     )
+
+
+class _Plot:
+    """Axes from 0, and what is drawn between them."""
+
+    left, top, width, height = 58.0, 10.0, 420.0, 220.0
+
+    def __init__(self, high: float, top: float, x_label: str, y_label: str) -> None:
+        self.high = high, top
+        self.parts = []
+        for share in np.linspace(0, 1, 5):
+            x, y = self.spot(share * high, share * top).split(",")
+            base = self.top + self.height
+            self.parts += [
+                f'<path class="axis" d="M{self.left} {y}h{self.width}"/>',
+                f'<text x="{self.left - 6}" y="{float(y) + 4}" text-anchor="end">'
+                f"{share * top:.4g}</text>",
+                f'<text x="{x}" y="{base + 18}" text-anchor="middle">{share * high:.4g}</text>',
+            ]
+        self.parts += [
+            f'<text x="{self.left + self.width / 2}" y="{base + 38}" text-anchor="middle">'
+            f"{escape(x_label)}</text>",
+            f'<text transform="translate(12 {self.top + self.height / 2}) rotate(-90)" '
+            f'text-anchor="middle">{escape(y_label)}</text>',
+        ]
+
+    def spot(self, x: float, y: float) -> str:
+        """Place of a point in the drawing."""
+        right, up = x / self.high[0], y / self.high[1]
+        return f"{self.left + self.width * right:.1f},{self.top + self.height * (1 - up):.1f}"
+
+    def svg(self, told: str) -> str:
+        """Put everything together, with alternative text."""
+        tall = self.top + self.height + 46
+        return (
+            f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(told)}">'
+            f"{''.join(self.parts)}</svg>"
+        )

@@ -25,14 +25,13 @@ from unbend.mesh import Mesh, edge_ends, vertex_areas
 from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import write_page
 from unbend.report.pages._packing import pack_places, pack_whole
-from unbend.report.pages._shown import Shown, show
+from unbend.report.pages._shown import Shown, cells_of, faces_within, places_as_colors, show
 
 _SCRIPTS = ("data.js", "scene.js", "page.js", "match.js")
 # The morph between source and target is computed at these shares, and is cubic between them.
 _FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0)
 # Vertices that the truth does not name take the mean error of neighbours, so far from any it names.
 _FILLED_RINGS = 3
-_GRID = 14.0
 # The error that is drawn in the last colour.
 _WORST = 0.1
 
@@ -112,7 +111,6 @@ def match_page(
     target = _standing_alike(target, source, carried)
     ours, theirs = show(source), show(target)
     backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
-    colors = _places_as_colors(source, ours, carried)
     step("page, morph", 0.1)
     frames = _frames(source, target, match, ours, progress=step)
     step("page, canonical forms", 0.6)
@@ -123,13 +121,13 @@ def match_page(
     data: dict[str, Any] = {
         "source": ours.packed(source.vertices)
         | {
-            "colors": pack_places(colors[0][ours.ids]),
+            "colors": pack_places(places_as_colors(source, ours)[ours.ids]),
             "partners": pack_whole(forward[ours.ids]),
             "standIns": pack_whole(_seen_as(forward[ours.ids], theirs)),
         },
         "target": theirs.packed(target.vertices)
         | {
-            "colors": pack_places(colors[1][theirs.ids]),
+            "colors": pack_places(places_as_colors(source, ours, carried)[theirs.ids]),
             "partners": pack_whole(backward[theirs.ids]),
             "standIns": pack_whole(_seen_as(backward[theirs.ids], ours)),
         },
@@ -137,7 +135,7 @@ def match_page(
         "forms": _forms(source, target, forward, ours, theirs),
         "errors": None if errors is None else pack_places(errors[ours.ids][:, None]),
         "error_scale": _WORST,
-        "cells": _cells(source.vertices[ours.ids]),
+        "cells": cells_of(source.vertices[ours.ids]),
     }
     known = match if isinstance(match, Match) else None
     blocks = [
@@ -171,25 +169,6 @@ def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray) -> Mesh:
         turn, shift = procrustes(places[there], carried[there], reflect=False)
         places = places @ turn.T + shift
     return Mesh(places, target.faces, name=target.name, notes=target.notes)
-
-
-def _places_as_colors(
-    source: Mesh, ours: Shown, carried: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Places on the source, 0 to 1 along its sides from the longest, for both shapes."""
-    seen = source.vertices[ours.ids]
-    low, sides = seen.min(axis=0), np.ptp(seen, axis=0)
-    order = np.argsort(-sides, kind="stable")
-    first, second = (
-        ((one - low) / np.maximum(sides, 1e-300))[:, order] for one in (source.vertices, carried)
-    )
-    return first, second
-
-
-def _cells(places: FloatArray) -> list[float]:
-    """How often grid lines that make squares cross the longest and the middle side."""
-    sides = np.sort(np.ptp(places, axis=0))[::-1]
-    return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
 
 
 def _frames(
@@ -238,14 +217,8 @@ def _forms(
     packed: dict[str, Any] = {"rotation": turn.tolist(), "translation": shift.tolist()}
     for name, form, shown in zip(("source", "target"), forms, (ours, theirs), strict=True):
         packed[name] = pack_places(form[shown.ids])
-        packed[f"{name}_faces"] = _faces_within(form[shown.ids], shown.faces)
+        packed[f"{name}_faces"] = faces_within(form[shown.ids], shown.faces)
     return packed
-
-
-def _faces_within(places: FloatArray, faces: IntArray) -> dict[str, Any] | None:
-    """Pack the faces whose corners are finite; None where all are."""
-    inside = np.asarray(np.isfinite(places).all(axis=1))[faces].all(axis=1)
-    return None if inside.all() else pack_whole(faces[inside])
 
 
 def _errors_of_vertices(

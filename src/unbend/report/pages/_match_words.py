@@ -13,7 +13,7 @@ from unbend.mesh import Mesh
 from unbend.report.pages._document import (
     canvas,
     curve_svg,
-    paragraph,
+    hint,
     section,
     table,
     view_controls,
@@ -65,9 +65,11 @@ def forms() -> str:
         + canvas("before", "As they were computed", described + "before they are aligned.")
         + canvas("after", "Aligned by the match", described + "after they are aligned.")
         + "</div>",
-        '<p class="hint"><span class="chip ours"></span>source '
-        '<span class="chip theirs"></span>target. Limbs are threads '
-        "there; every surface is drawn 1.5 pixels thicker on each side than it is.</p>",
+        hint(
+            '<span class="chip ours"></span>source '
+            '<span class="chip theirs"></span>target. Limbs are threads there; every surface is '
+            "drawn 1.5 pixels thicker on each side than it is."
+        ),
     )
 
 
@@ -87,9 +89,11 @@ def errors(found: Evaluation, worst: float) -> str:
         "Errors",
         curve_svg(THRESHOLDS, curves, x, "points within it, %"),
         table(rows),
-        f'<p class="hint">Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
-        "Vertices that the truth does not name take the mean of their neighbours, and are grey far "
-        "from any that it names; the target shows the error of what is mapped to it.</p>",
+        hint(
+            f'Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
+            "Vertices that the truth does not name take the mean of their neighbours, and are grey "
+            "far from any that it names; the target shows the error of what is mapped to it."
+        ),
     )
 
 
@@ -108,11 +112,10 @@ def hypotheses(match: Match) -> str:
     return section(
         "Alternatives",
         table(rows, ("hypothesis", "energy", "beside the least", "orientation")),
-        paragraph(
+        hint(
             "Energy is the share of the surfaces' local shape that a map leaves unexplained; what "
             "is close to the first may well be a symmetry of the shape. Orientation is 1 where a "
-            "map keeps the surface right side out, -1 where it turns it inside out.",
-            "hint",
+            "map keeps the surface right side out, -1 where it turns it inside out."
         ),
     )
 

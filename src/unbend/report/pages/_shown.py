@@ -13,6 +13,7 @@ from unbend.mesh import Mesh
 from unbend.report.pages._packing import pack_places, pack_whole
 
 MOST_VERTICES = 60_000
+_GRID = 14.0
 
 
 class Shown(NamedTuple):
@@ -61,3 +62,27 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
     stand_ins = np.full(mesh.n_vertices, -1)
     stand_ins[ids] = parents
     return Shown(ids[kept], faces, stand_ins)
+
+
+def places_as_colors(mesh: Mesh, shown: Shown, carried: FloatArray | None = None) -> FloatArray:
+    """Places along the sides of what is shown of a mesh, 0 to 1, the longest side first.
+
+    Of its vertices, or of other places in its space that were carried to another shape.
+    """
+    seen = mesh.vertices[shown.ids]
+    sides = np.ptp(seen, axis=0)
+    order = np.argsort(-sides, kind="stable")
+    places = mesh.vertices if carried is None else carried
+    return np.asarray(((places - seen.min(axis=0)) / np.maximum(sides, 1e-300))[:, order])
+
+
+def cells_of(places: FloatArray) -> list[float]:
+    """How often grid lines that make squares cross the longest and the middle side."""
+    sides = np.sort(np.ptp(places, axis=0))[::-1]
+    return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
+
+
+def faces_within(places: FloatArray, faces: IntArray) -> dict[str, Any] | None:
+    """Pack the faces whose corners are finite; None where all are."""
+    inside = np.asarray(np.isfinite(places).all(axis=1))[faces].all(axis=1)
+    return None if inside.all() else pack_whole(faces[inside])
