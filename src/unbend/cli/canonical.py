@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DistanceKind, Interpolation, Method, Weighting
+from unbend.choices import Detail, DistanceKind, Interpolation, Method, Weighting
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -99,6 +99,14 @@ def canonical(
             "place of a larger one, and refine its form on all vertices.",
         ),
     ] = None,
+    detail: Annotated[
+        Detail | None,
+        typer.Option(
+            "--detail",
+            help="preserved: write the surface itself, laid as rigidly as possible into the form's "
+            "pose, in place of the form.",
+        ),
+    ] = None,
     random_state: RandomStateOption = 0,
     cache: CacheOption = True,
     as_json: JsonOption = False,
@@ -111,6 +119,7 @@ def canonical(
     \b
     Examples:
       unbend canonical cat.off -o cat_canonical.ply
+      unbend canonical cat.off -o cat_unbent.ply --detail preserved
       unbend canonical cat.off --report form.html --up z
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
@@ -149,6 +158,7 @@ def canonical(
             random_state=random_state,
             cache=cache,
             n_coarse=n_coarse,
+            detail=detail,
             progress=progress,
         )
         if out is not None:
@@ -175,25 +185,26 @@ def canonical(
 
 
 def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
-    """Write a form in the format that the file's suffix names."""
+    """Write a form, or the surface in its pose, in the format that the file's suffix names."""
     import numpy as np
 
     from unbend.io import atomic_write, write_mesh
     from unbend.mesh import Mesh
 
     suffix = Path(out).suffix.lower()
+    points = form.points if form.surface is None else form.surface
     if suffix in _MESH_SUFFIXES:
         # Faces outside the chosen component have lost their vertices: no viewer could draw them.
-        there = np.isfinite(form.points.sum(axis=1))
+        there = np.isfinite(points.sum(axis=1))
         faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-        write_mesh(out, Mesh(form.points, faces))
+        write_mesh(out, Mesh(points, faces))
         return
     with atomic_write(out) as file:
         if suffix == ".npy":
-            np.save(file, form.points)
+            np.save(file, points)
         else:
-            names = ",".join(f"x{i + 1}" for i in range(form.points.shape[1]))
-            np.savetxt(file, form.points, "%.17g", ",", header=names, comments="")
+            names = ",".join(f"x{i + 1}" for i in range(points.shape[1]))
+            np.savetxt(file, points, "%.17g", ",", header=names, comments="")
 
 
 def _print_json(
