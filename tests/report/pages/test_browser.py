@@ -206,13 +206,13 @@ def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> N
 @pytest.fixture(scope="module")
 def form_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pages") / "form.html"
-    form_page(dogs[0], canonical_form(dogs[0]), path)
+    form_page(dogs[0], canonical_form(dogs[0], detail="preserved"), path)
     return path
 
 
 def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screenshots) -> None:
     browser.open(form_html)
-    names = ("shape", "form")
+    names = ("shape", "form", "surface")
     start = [browser.picture(f"#{name}") for name in names]
     assert min(map(drawn, start)) > 0.01
     browser.picture(save=screenshots / "form.png")

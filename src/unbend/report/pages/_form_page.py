@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import warnings
 from html import escape
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
-from unbend._types import BoolArray, FloatArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
@@ -30,7 +30,7 @@ from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 from unbend.spectral import spectrum
 
-_SCRIPTS = ("data.js", "scene.js", "page.js", "form.js")
+_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "form.js")
 # Eigenfunctions that distances on the page are summed over, and those offered to look at.
 _N_EIGENPAIRS, _OFFERED = 60, 12
 # Distances on the page are exact to this share of the widest coordinate of their embedding.
@@ -55,8 +55,8 @@ def form_page(
     """Write a canonical form as a page that opens in any browser, without a network.
 
     The shape and its form turn together, the same place in the same colour; both can be coloured
-    by the first eigenfunctions and by the biharmonic distance from any vertex. Below are the
-    spectrum and the form's eigenvalues and stress.
+    by the first eigenfunctions and by the biharmonic distance from any vertex. A form with its
+    `surface` shows that too. Below are the spectrum and the form's eigenvalues and stress.
 
     Parameters
     ----------
@@ -118,6 +118,9 @@ def form_page(
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
     places = _turned_to_fit(form.points, mesh.vertices, inside)
+    laid = None
+    if form.surface is not None:
+        laid = _turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside, cache)
     rows = shown.ids
@@ -127,10 +130,8 @@ def form_page(
             "colors": pack_places(places_as_colors(mesh, shown)[rows]),
             "known": pack_whole(inside[rows].astype(np.int64)),
         },
-        "form": {
-            "places": pack_places(places[rows]),
-            "faces": faces_within(places[rows], shown.faces),
-        },
+        "form": _packed(places[rows], shown.faces),
+        "surface": None if laid is None else _packed(laid[rows], shown.faces),
         "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
         "unit": _unit(form, keep_scale),
         "cells": cells_of(mesh.vertices[rows]),
@@ -143,7 +144,7 @@ def form_page(
         f"stress {form.stress:.3f}.",
         body="\n".join(
             [
-                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1])),
+                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), laid is not None),
                 '<div class="columns">',
                 _spectrum(values),
                 _form_facts(form),
@@ -156,12 +157,18 @@ def form_page(
     )
 
 
-def _turned_to_fit(points: FloatArray, vertices: FloatArray, inside: BoolArray) -> FloatArray:
-    """Lay the form's first three dimensions as the shape lies, turned or mirrored as a whole."""
+def _turned_to_fit(
+    points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
+) -> FloatArray:
+    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = points[:, :3]
-    turn, _ = procrustes(places[inside], vertices[inside])
+    turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
     return np.asarray(np.where(inside[:, None], places @ turn.T, np.nan))
+
+
+def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
+    return {"places": pack_places(places), "faces": faces_within(places, faces)}
 
 
 def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
@@ -186,7 +193,7 @@ def _embedding(
     return values, (found.eigenfunctions * weights)[:, 1:]
 
 
-def _pictures(name: str, up: str, n_functions: int) -> str:
+def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
     functions = "".join(
         f'<option value="function-{k}">eigenfunction {k + 1}</option>' for k in range(n_functions)
     )
@@ -202,6 +209,11 @@ def _pictures(name: str, up: str, n_functions: int) -> str:
         '<div class="pair">'
         + canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex")
         + canvas("form", "Its canonical form", f"The canonical form of {name}. {same}")
+        + (
+            canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}")
+            if detailed
+            else ""
+        )
         + f'</div>\n<p class="readout" id="readout" aria-live="polite">{_HINT}</p>'
     )
 

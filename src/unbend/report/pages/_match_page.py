@@ -27,7 +27,7 @@ from unbend.report.pages._document import write_page
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import Shown, cells_of, faces_within, places_as_colors, show
 
-_SCRIPTS = ("data.js", "scene.js", "page.js", "match.js")
+_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "match.js")
 # The morph between source and target is computed at these shares, and is cubic between them.
 _FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0)
 # Vertices that the truth does not name take the mean error of neighbours, so far from any it names.

@@ -8,9 +8,9 @@ start(async (data) => {
   const camera = new Camera();
   camera.up = part("up").value;
   const known = Float32Array.from(shape.known, Number);
-  const views = [shape.places, form.places].map((positions, i) => {
-    const view = new View(part(["shape", "form"][i]), camera, roomFor(positions));
-    const faces = i && form.faces ? form.faces : shape.faces;
+  const views = ["shape", "form", "surface"].filter((name) => data[name]).map((name) => {
+    const positions = data[name].places, faces = data[name].faces || shape.faces;
+    const view = new View(part(name), camera, roomFor(positions));
     view.cells = data.cells;
     view.add({ positions, faces, place: shape.colors, known });
     return view;
