@@ -43,7 +43,7 @@ def test_a_sphere_is_its_own_form_and_stays_as_it_is():
 def test_poses_of_one_shape_become_nearly_one(dogs, unbent):
     for i, j in ((0, 1), (0, 2), (1, 2)):
         before = apart(dogs[i].vertices, dogs[j].vertices)
-        assert apart(unbent[i], unbent[j]) < min(0.6 * before, 0.2)
+        assert apart(unbent[i], unbent[j]) < min(0.7 * before, 0.2)
 
 
 def test_the_surface_is_kept(dogs, unbent):

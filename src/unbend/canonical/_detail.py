@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import nearest_rotation
-from unbend.linalg.factorization import factorize
+from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching import Shape, edge_covariances, rotated_divergence, turn_rotations
 from unbend.mesh import wind_alike
 
@@ -58,11 +58,11 @@ def lay_into_pose(
     patches = factorize(sp.diags(areas) + _PATCH**2 * shape.stiffness)
     averaging = factorize(sp.diags(areas) + _TURNING**2 * shape.stiffness)
 
-    def covariances(places: FloatArray) -> FloatArray:
+    def covariances(places: FloatArray, over: Factorization = averaging) -> FloatArray:
         cross = edge_covariances(*edges, rest, places)
-        return np.asarray(averaging.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3))
+        return np.asarray(over.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3))
 
-    rotations = nearest_rotation(covariances(goal).transpose(0, 2, 1))
+    rotations = nearest_rotation(covariances(goal, patches).transpose(0, 2, 1))
     rotations = np.ascontiguousarray(rotations)
     places = goal * np.sqrt((mass * rest**2).sum() / (mass * goal**2).sum())
     for i, pull in enumerate(_PULLS):
