@@ -37,7 +37,7 @@ def find_browser() -> str | None:
 class Browser:
     """A page in a browser that has no network; everything that goes wrong is in `problems`."""
 
-    def __init__(self, program: str, profile: Path, *, width: int = 1280, height: int = 1000):
+    def __init__(self, program: str, profile: Path, *, width: int = 940, height: int = 720):
         # High descriptors, which the two that Chromium wants cannot overwrite.
         import fcntl
 
