@@ -15,12 +15,14 @@ from browser import Browser, find_browser
 from unbend import Mesh, canonical_form, distance, form_page, match_page
 from unbend.datasets import make_quadruped
 from unbend.io import invert_map
+from unbend.matching import Hypothesis, Match
 
 PROGRAM = find_browser()
 N = 900
 SHUFFLE = np.random.default_rng(0).permutation(N)
 # Source vertices without a partner: the ones from here on.
 LOST = 880
+MIRRORED = np.argsort(SHUFFLE)[::-1].copy()
 
 pytestmark = pytest.mark.skipif(
     PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"),
@@ -68,7 +70,17 @@ def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     source, target, forward = dogs
     path = tmp_path_factory.mktemp("pages") / "match.html"
     known = np.flatnonzero(forward >= 0)
-    match_page(source, target, forward, path, truth=(known, np.roll(forward[known], 1)))
+    found = Match(
+        source_to_target=forward,
+        target_to_source=invert_map(forward, target),
+        functional_map=np.eye(2),
+        orientation=0.9,
+        residual=0.1,
+        confidence=0.9,
+        hypotheses=(Hypothesis(0.2, 0.9), Hypothesis(0.3, 0.8)),
+        mirrored=MIRRORED,
+    )
+    match_page(source, target, found, path, truth=(known, np.roll(forward[known], 1)))
     return path
 
 
@@ -146,6 +158,22 @@ def test_a_number_can_be_typed(browser, match_html, dogs) -> None:
     assert "no target vertex" in browser.run("part('readout').textContent")
     browser.run(typed.format(10**6, "source"))
     assert "not shown" in browser.run("part('readout').textContent")
+
+
+def test_another_map_can_be_chosen(browser, match_html, dogs) -> None:
+    browser.open(match_html)
+    plain = browser.picture("#target")
+    typed = (
+        "(b => { b.value = '123'; b.dispatchEvent(new Event('change')) })(part('source-vertex'))"
+    )
+    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('map'))"
+    browser.run(typed)
+    browser.run(choose.format(1))
+    assert numbers(browser) == [123, MIRRORED[123]]
+    browser.settle()
+    assert changed(plain, browser.picture("#target")) > 0.05
+    browser.run(choose.format(0, "map"))
+    assert numbers(browser) == [123, dogs[2][123]]
 
 
 def test_both_shapes_turn_together_by_mouse_and_keys(browser, match_html) -> None:

@@ -57,14 +57,27 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "points counted</th><td>321" in text
     assert "unbend match a b" in text
     assert "<tr><td>2</td><td>0.3000</td><td>+0.1000</td><td>-0.80</td></tr>" in text
-    assert data_of(page)["errors"] is not None
+    assert data_of(page)["maps"][0]["errors"] is not None
+
+
+def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
+    page = tmp_path / "match.html"
+    one = match(blob, blob, method="icp")
+    match_page(blob, blob, [replace(one, mirrored=np.arange(642)), one], page)
+    assert len(data_of(page)["maps"]) == 3
+    text = page.read_text(encoding="utf-8")
+    choices = ("the best map", "the best map, mirror image", "alternative 2")
+    for i, name in enumerate(choices):
+        assert f'<option value="{i}">{name}</option>' in text
+    match_page(blob, blob, one, page)
+    assert 'id="map"' not in page.read_text(encoding="utf-8")
 
 
 def test_few_partners_leave_no_morph(blob: Mesh, tmp_path: Path) -> None:
     page, nowhere = tmp_path / "match.html", np.full(642, -1)
     nowhere[3] = 5
     match_page(blob, blob, nowhere, page)
-    assert data_of(page)["frames"] == []
+    assert data_of(page)["maps"][0]["frames"] == []
     assert 'id="morph"' not in page.read_text(encoding="utf-8")
     assert "1 of 642 vertices matched" in page.read_text(encoding="utf-8")
 

@@ -26,8 +26,12 @@ _HINT = (
 )
 
 
-def pictures(names: tuple[str, str], up: str, *, morphs: bool, errors: bool) -> str:
+def pictures(
+    names: tuple[str, str], up: str, maps: tuple[str, ...], *, morphs: bool, errors: bool
+) -> str:
     """Make room for both shapes, with what moves and colours them."""
+    choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
+    choice = f'<label>Map <select id="map">{choices}</select></label>' if len(maps) > 1 else ""
     morph = (
         '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
         "</label>"
@@ -47,7 +51,7 @@ def pictures(names: tuple[str, str], up: str, *, morphs: bool, errors: bool) -> 
         for side, name in zip(("source", "target"), names, strict=True)
     ]
     return (
-        f'<div class="controls" role="group" aria-label="Controls">{morph}'
+        f'<div class="controls" role="group" aria-label="Controls">{choice}{morph}'
         '<label>Colours <select id="paint"><option value="0">same place, same colour</option>'
         f'{error}<option value="2">plain</option></select></label>'
         f"{view_controls(up)}</div>\n"
