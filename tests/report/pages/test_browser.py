@@ -248,6 +248,20 @@ def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screensh
     assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
 
 
+def test_a_notebook_shows_the_page(browser, dogs, tmp_path, screenshots) -> None:
+    page = form_page(dogs[0], canonical_form(dogs[0]))
+    cell = tmp_path / "notebook.html"
+    ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
+    cell.write_text(f"<!doctype html><body>{page._repr_html_()}{ready}", encoding="utf-8")
+    browser.open(cell)
+    for _ in range(100):
+        if drawn(browser.picture("iframe")) > 0.01:
+            break
+    else:
+        pytest.fail("the frame is blank")
+    browser.picture(save=screenshots / "notebook.png")
+
+
 def test_two_places_tell_their_distances(browser, form_html, dogs, screenshots) -> None:
     form = canonical_form(dogs[0])
     browser.open(form_html)

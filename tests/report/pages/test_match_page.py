@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,18 @@ def test_a_name_is_never_html(blob: Mesh, tmp_path: Path) -> None:
     assert "<script>alert" not in text
     assert text.count("</title>") == 1
     assert text.count("&lt;script&gt;alert") >= 5
+
+
+def test_a_page_shows_itself_and_can_be_written_later(blob: Mesh, tmp_path: Path) -> None:
+    page = match_page(blob, blob, np.arange(642))
+    assert repr(page) == "Page('blob to blob', 0.1 MB)"
+    page.write(tmp_path / "later.html")
+    match_page(blob, blob, np.arange(642), tmp_path / "now.html")
+    assert (tmp_path / "later.html").read_bytes() == (tmp_path / "now.html").read_bytes()
+    (shown,) = re.findall(r'^<iframe [^>]* srcdoc="([^"]*)"></iframe>$', page._repr_html_())
+    assert unescape(shown) == page.html
+    with pytest.raises(FileError, match=r"\.html"):
+        page.write(tmp_path / "page.txt")
 
 
 def test_nothing_is_asked_of_the_network(blob: Mesh, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
 from importlib.resources import files
@@ -16,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from unbend._types import FloatArray
-from unbend.io import atomic_write
+from unbend.io import atomic_write, check_writable
+
+SUFFIXES = (".html",)
 
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -46,8 +49,46 @@ network.</footer>
 """  # noqa: E501
 
 
-def write_page(
-    path: str | os.PathLike[str],
+@dataclass(frozen=True, repr=False)
+class Page:
+    """A page that holds everything it shows; a notebook shows it as it is.
+
+    Attributes
+    ----------
+    title : str
+    html : str
+        The whole file.
+    """
+
+    title: str
+    html: str
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file that is either complete or not there.
+
+        Parameters
+        ----------
+        path : path
+            The file to write, .html.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        check_writable(path, SUFFIXES)
+        with atomic_write(path) as file:
+            file.write(self.html.encode("utf-8"))
+
+    def __repr__(self) -> str:
+        return f"Page({self.title!r}, {len(self.html) / 1e6:.1f} MB)"
+
+    def _repr_html_(self) -> str:
+        frame = 'sandbox="allow-scripts" style="width: 100%; height: 45rem; border: 0"'
+        return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
+
+
+def make_page(
     *,
     title: str,
     heading: str,
@@ -55,12 +96,11 @@ def write_page(
     body: str,
     data: dict[str, Any],
     scripts: Sequence[str],
-) -> None:
-    """Write a page to a file that is either complete or not there.
+) -> Page:
+    """Put a page together.
 
     Parameters
     ----------
-    path : path
     title, lead : str
         Plain text.
     heading, body : str
@@ -73,7 +113,7 @@ def write_page(
     folder = files("unbend.report.pages")
     style, *parts = (folder.joinpath(name).read_text("utf-8") for name in ("page.css", *scripts))
     script = "\n".join(parts)
-    text = _PAGE.format(
+    html = _PAGE.format(
         title=escape(title),
         heading=heading,
         lead=escape(lead),
@@ -86,8 +126,7 @@ def write_page(
         style_hash=_digest(style),
         script_hash=_digest(script),
     )
-    with atomic_write(path) as file:
-        file.write(text.encode("utf-8"))
+    return Page(title, html)
 
 
 def _digest(text: str) -> str:

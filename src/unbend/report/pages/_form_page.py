@@ -18,13 +18,15 @@ from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, as_mesh, check_writable
 from unbend.mesh import Mesh
 from unbend.report.pages._document import (
+    SUFFIXES,
+    Page,
     canvas,
     dots_svg,
     hint,
+    make_page,
     section,
     table,
     view_controls,
-    write_page,
 )
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
@@ -44,14 +46,14 @@ _HINT = (
 def form_page(
     mesh: MeshLike,
     form: CanonicalForm,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
     up: Axis = "y",
     keep_scale: bool = False,
     command: str = "",
     cache: bool = True,
     progress: Progress | None = None,
-) -> None:
+) -> Page:
     """Write a canonical form as a page that opens in any browser, without a network.
 
     The shape and its form turn together, the same place in the same colour; both can be coloured
@@ -64,8 +66,8 @@ def form_page(
         Anything :func:`unbend.as_mesh` accepts, with faces.
     form : CanonicalForm
         Of that mesh, from :func:`unbend.canonical_form`.
-    path : path
-        The file to write, .html.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
     up : {"x", "y", "z"}, default="y"
         The shape's axis that points upward.
     keep_scale : bool, default=False
@@ -76,6 +78,11 @@ def form_page(
         Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
+
+    Returns
+    -------
+    Page
+        With its `html`.
 
     Raises
     ------
@@ -99,10 +106,10 @@ def form_page(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "form.html")
     ...     form_page(mesh, canonical_form(mesh), path)
-    ...     path.stat().st_size < 200_000
-    True
+    Page('octopus, canonical form', 0.1 MB)
     """
-    check_writable(path, (".html",))
+    if path is not None:
+        check_writable(path, SUFFIXES)
     mesh = as_mesh(mesh)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces to draw")
@@ -136,8 +143,7 @@ def form_page(
         "unit": _unit(form, keep_scale),
         "cells": cells_of(mesh.vertices[rows]),
     }
-    write_page(
-        path,
+    page = make_page(
         title=f"{mesh.name}, canonical form",
         heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
         lead=f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
@@ -155,6 +161,9 @@ def form_page(
         data=data,
         scripts=_SCRIPTS,
     )
+    if path is not None:
+        page.write(path)
+    return page
 
 
 def _turned_to_fit(

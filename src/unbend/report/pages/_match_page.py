@@ -22,7 +22,7 @@ from unbend.io import MeshLike, as_mesh, check_writable
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas
 from unbend.report.pages import _match_words as words
-from unbend.report.pages._document import write_page
+from unbend.report.pages._document import SUFFIXES, Page, make_page
 from unbend.report.pages._maps import pack_map
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
@@ -36,13 +36,13 @@ def match_page(
     source: MeshLike,
     target: MeshLike,
     match: Match | Sequence[Match] | npt.ArrayLike,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
     up: Axis = "y",
     truth: Sequence[npt.ArrayLike] | None = None,
     command: str = "",
     progress: Progress | None = None,
-) -> None:
+) -> Page:
     """Write a match as a page that opens in any browser, without a network: one HTML file.
 
     Both shapes turn together, the same place in the same colour; pointing at one marks the partner
@@ -57,8 +57,8 @@ def match_page(
         From source to target; or the target vertex of each source vertex, -1 where there is none:
         such vertices are grey. Of several matches, and of a match and its mirror image if it was
         asked for, the page lets choose one.
-    path : path
-        The file to write, .html.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
     up : {"x", "y", "z"}, default="y"
         The source's axis that points upward.
     truth : sequence of 2 or 3 (r,) array_like of int, optional
@@ -68,6 +68,11 @@ def match_page(
         What made the match, shown on the page.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
+
+    Returns
+    -------
+    Page
+        With its `html`.
 
     Raises
     ------
@@ -91,10 +96,10 @@ def match_page(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "match.html")
     ...     match_page(mesh, mesh, np.arange(600), path)
-    ...     path.stat().st_size < 200_000
-    True
+    Page('octopus to octopus', 0.1 MB)
     """
-    check_writable(path, (".html",))
+    if path is not None:
+        check_writable(path, SUFFIXES)
     source, target = as_mesh(source), as_mesh(target)
     for mesh in (source, target):
         if mesh.is_point_cloud:
@@ -132,8 +137,7 @@ def match_page(
         "</div>",
         words.facts((source, target), shown, known, command),
     ]
-    write_page(
-        path,
+    page = make_page(
         title=f"{source.name} to {target.name}",
         heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
         lead=_lead(first, target),
@@ -155,6 +159,9 @@ def match_page(
         },
         scripts=_SCRIPTS,
     )
+    if path is not None:
+        page.write(path)
+    return page
 
 
 def _maps(match: Match | Sequence[Match] | npt.ArrayLike) -> dict[str, Match | IntArray]:
