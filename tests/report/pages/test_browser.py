@@ -16,6 +16,8 @@ from unbend import Mesh, canonical_form, distance, form_page, match_page
 from unbend.datasets import make_quadruped
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
+from unbend.report.pages import _match_page
+from unbend.report.pages._shown import show
 
 PROGRAM = find_browser()
 N = 900
@@ -158,6 +160,26 @@ def test_a_number_can_be_typed(browser, match_html, dogs) -> None:
     assert "no target vertex" in browser.run("part('readout').textContent")
     browser.run(typed.format(10**6, "source"))
     assert "not shown" in browser.run("part('readout').textContent")
+
+
+def test_thinned_shapes_tell_the_numbers_of_the_files(
+    browser, dogs, tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_match_page, "show", lambda mesh: show(mesh, 300))
+    source, target, forward = dogs
+    match_page(source, target, forward, tmp_path / "thin.html")
+    shown = show(source, 300).ids
+    assert 0 < len(shown) <= 300
+    browser.open(tmp_path / "thin.html")
+    for right in (-0.3, 0.0, 0.2):
+        browser.click(*browser.middle("#source", right, 0.1))
+        ours, theirs = numbers(browser)
+        assert ours in shown
+        assert theirs == forward[ours]
+    (lost,) = np.setdiff1d(np.arange(N), shown)[:1]
+    browser.run(f"part('source-vertex').value = {lost}")
+    browser.run("part('source-vertex').dispatchEvent(new Event('change'))")
+    assert browser.run("part('readout').textContent") == "that vertex is not shown"
 
 
 def test_another_map_can_be_chosen(browser, match_html, dogs) -> None:
