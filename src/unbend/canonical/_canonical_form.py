@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import is_whole
+from unbend._display import Drawn
 from unbend._options import refuse_given
 from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
@@ -25,7 +26,7 @@ _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class CanonicalForm:
+class CanonicalForm(Drawn):
     """A shape's canonical form and how it was made.
 
     Attributes

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 # A map that is not sure of its side has about as much of the surface on either.
 _CLEAR_SIDE = 0.1
+_SHOWN_MATCHES = 3  # to choose from in a report
 
 
 def match(
@@ -131,6 +132,7 @@ def match(
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
+            n_matches=_SHOWN_MATCHES if report is not None and method != "icp" else 1,
             barycentric=method != "icp" and any((figure, report, _keeps_all(out))),
             cache=cache,
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),

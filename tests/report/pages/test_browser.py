@@ -16,7 +16,7 @@ from unbend import Mesh, canonical_form, distance, form_page, match_page
 from unbend.datasets import make_quadruped
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
-from unbend.report.pages import _match_page
+from unbend.report.pages import _match_page, mesh_page
 from unbend.report.pages._shown import show
 
 PROGRAM = find_browser()
@@ -270,11 +270,22 @@ def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screensh
     assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
 
 
-def test_a_notebook_shows_the_page(browser, dogs, tmp_path, screenshots) -> None:
-    page = form_page(dogs[0], canonical_form(dogs[0]))
+def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
+    mesh_page(dogs[0]).write(tmp_path / "mesh.html")
+    browser.open(tmp_path / "mesh.html")
+    start = browser.picture("#shape")
+    assert drawn(start) > 0.01
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    number = browser.run("+part('vertex').value")
+    assert browser.run("part('readout').textContent") == f"vertex {number}"
+    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    assert changed(start, browser.picture("#shape")) > 0.02
+
+
+def test_a_notebook_shows_what_it_has(browser, dogs, tmp_path, screenshots) -> None:
     cell = tmp_path / "notebook.html"
     ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
-    cell.write_text(f"<!doctype html><body>{page._repr_html_()}{ready}", encoding="utf-8")
+    cell.write_text(f"<!doctype html><body>{dogs[0]._repr_html_()}{ready}", encoding="utf-8")
     browser.open(cell)
     for _ in range(100):
         if drawn(browser.picture("iframe")) > 0.01:

@@ -76,10 +76,11 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
 def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
     page = tmp_path / "match.html"
     one = match(blob, blob, method="icp")
-    match_page(blob, blob, [replace(one, mirrored=np.arange(642)), one], page)
+    two = replace(one, confidence=0.6, alternatives=(one,), mirrored=np.arange(642))
+    match_page(blob, blob, two, page)
     assert len(data_of(page)["maps"]) == 3
     text = page.read_text(encoding="utf-8")
-    choices = ("the best map", "the best map, mirror image", "alternative 2")
+    choices = ("1, confidence 0.60", "2", "mirror image")
     for i, name in enumerate(choices):
         assert f'<option value="{i}">{name}</option>' in text
     match_page(blob, blob, one, page)

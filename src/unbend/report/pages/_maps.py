@@ -18,8 +18,9 @@ from unbend.mesh import Mesh, edge_ends
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import Shown, places_as_colors
 
-# The morph between source and target is computed at these shares, and is cubic between them.
-_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0)
+# The morph between source and target is computed at these shares, and is cubic between them. That
+# along another map than the first has fewer, to keep pages small.
+_FRAMES, _FEW_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 1.0)
 # Vertices that the truth does not name take the mean error of neighbours, so far from any it names.
 _FILLED_RINGS = 3
 
@@ -31,6 +32,8 @@ def pack_map(
     shown: tuple[Shown, Shown],
     forms: tuple[FloatArray, FloatArray],
     truth: Sequence[npt.ArrayLike] | None,
+    *,
+    first: bool,
 ) -> dict[str, Any]:
     """Pack all that a page shows of one map.
 
@@ -45,29 +48,38 @@ def pack_map(
         Canonical forms.
     truth : sequence of 2 or 3 (r,) array_like of int, or None
         See :func:`unbend.match_page`.
+    first : bool
+        Whether it is the map that the page shows first.
     """
     ours, theirs = shown
     forward = as_point_map(match)
     backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
     carried = transfer(source.vertices, match, kind="scalar", source=source, target=target)
     colors = places_as_colors(source, ours, carried)[theirs.ids]
+    shares = _FRAMES if first else _FEW_FRAMES
     errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
     return {
         "source": _links(forward[ours.ids], theirs),
         "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
-        "frames": [pack_places(frame) for frame in _frames(source, target, match, ours)],
+        "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
         "errors": None if errors is None else pack_places(errors[ours.ids][:, None]),
         **_motion(forms, forward),
     }
 
 
 def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
-    """Pack vertices of the other shape, and the shown ones that stand for them; -1 for none."""
+    """Pack partners, -1 for none, and what is seen in their place where that is another vertex."""
     seen = np.where(partners >= 0, other.stand_ins[partners], -1)
-    return {"partners": pack_whole(partners), "standIns": pack_whole(seen)}
+    same = (seen == partners).all()
+    return {
+        "partners": pack_whole(partners),
+        "standIns": None if same else pack_whole(seen),
+    }
 
 
-def _frames(source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown) -> list[FloatArray]:
+def _frames(
+    source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown, shares: Sequence[float]
+) -> list[FloatArray]:
     """Places of the shown vertices on their way to the target; none if too few have an image."""
     images = as_point_map(match)[ours.ids]
     if (images >= 0).sum() < 3:
@@ -81,7 +93,7 @@ def _frames(source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown) ->
             weights=match.weights[ours.ids],
         )
     thin = Mesh(source.vertices[ours.ids], ours.faces)
-    return [morph(thin, target, along, share).vertices for share in _FRAMES]
+    return [morph(thin, target, along, share).vertices for share in shares]
 
 
 def _motion(forms: tuple[FloatArray, FloatArray], forward: IntArray) -> dict[str, Any]:

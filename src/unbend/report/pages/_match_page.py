@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from html import escape
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,7 @@ _WORST = 0.1
 def match_page(
     source: MeshLike,
     target: MeshLike,
-    match: Match | Sequence[Match] | npt.ArrayLike,
+    match: Match | npt.ArrayLike,
     path: str | os.PathLike[str] | None = None,
     *,
     up: Axis = "y",
@@ -53,10 +53,10 @@ def match_page(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, with faces.
-    match : Match, sequence of Match, or (n_source,) array_like of int
+    match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none:
-        such vertices are grey. Of several matches, and of a match and its mirror image if it was
-        asked for, the page lets choose one.
+        such vertices are grey. Of a match's alternatives and its mirror image, if they were asked
+        for, the page lets choose one.
     path : path, optional
         The file to write, .html. In a notebook the page that is returned shows itself.
     up : {"x", "y", "z"}, default="y"
@@ -119,7 +119,7 @@ def match_page(
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        packed.append(pack_map(source, target, one, shown, forms, truth))
+        packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth, source=source)
     known = first if isinstance(first, Match) else None
     blocks = [
@@ -164,17 +164,16 @@ def match_page(
     return page
 
 
-def _maps(match: Match | Sequence[Match] | npt.ArrayLike) -> dict[str, Match | IntArray]:
+def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
     """Name the maps that there are to choose from."""
-    matches: Sequence[Any] = [match]
-    if isinstance(match, Sequence) and match and isinstance(match[0], Match):
-        matches = match
+    if not isinstance(match, Match):
+        return {"as given": as_point_map(match)}
     maps: dict[str, Match | IntArray] = {}
-    for i, one in enumerate(matches):
-        name = f"alternative {i + 1}" if i else "the best map"
-        maps[name] = one if isinstance(one, Match) else as_point_map(one)
-        if isinstance(one, Match) and one.mirrored is not None:
-            maps[f"{name}, mirror image"] = one.mirrored
+    for i, one in enumerate((match, *match.alternatives)):
+        trust = "" if math.isnan(one.confidence) else f", confidence {one.confidence:.2f}"
+        maps[f"{i + 1}{trust}"] = one
+    if match.mirrored is not None:
+        maps["mirror image"] = match.mirrored
     return maps
 
 

@@ -141,6 +141,11 @@ def facts(
         rows += [
             ("confidence", f"{match.confidence:.2f}" if known else "not estimated"),
             ("orientation", f"{match.orientation:+.2f}"),
+            (
+                "area with a partner",
+                f"{match.overlap_source:.0%} of the source's, "
+                f"{match.overlap_target:.0%} of the target's",
+            ),
             ("residual of the aligned forms", f"{match.residual:.3f}"),
         ]
     made = f"<pre><code>{escape(command)}</code></pre>" if command else ""

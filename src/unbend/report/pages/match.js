@@ -19,6 +19,9 @@ start(async (data) => {
   // The map that is shown: for each side, per shown vertex, the partner's number on the other and
   // the shown vertex in whose place it is seen; -1 for none.
   let map = null;
+  for (const one of data.maps) {
+    for (const name of names) one[name].standIns = one[name].standIns || one[name].partners;
+  }
 
   // Marks: what is pointed at, else what was clicked, as {side, vertex}.
   const readout = part("readout"), boxes = names.map((name) => part(`${name}-vertex`));
