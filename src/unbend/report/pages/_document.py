@@ -159,13 +159,13 @@ def canvas(name: str, caption: str, description: str, box: str = "") -> str:
     )
 
 
-def view_controls(up: str) -> str:
-    """Make what every page has to change the view with."""
+def view_controls(up: str, *, several: bool = True) -> str:
+    """Make what every page has to change the view, or several, with."""
     axes = "".join(f"<option{' selected' * (axis == up)}>{axis}</option>" for axis in "xyz")
     return (
         '<label><input type="checkbox" id="grid" checked> grid</label>'
-        '<label><input type="checkbox" id="linked" checked> turn together</label>'
-        f'<label>up <select id="up">{axes}</select></label>'
+        + '<label><input type="checkbox" id="linked" checked> turn together</label>' * several
+        + f'<label>up <select id="up">{axes}</select></label>'
         '<button type="button" id="reset">Reset view</button>'
     )
 

@@ -44,7 +44,7 @@ def mesh_page(mesh: Mesh) -> Page:
         heading=escape(mesh.name),
         lead="; ".join(told),
         body=f"""<div class="controls" role="group" aria-label="Controls">
-{view_controls("y")}</div>
+{view_controls("y", several=False)}</div>
 <div class="pair">{canvas("shape", mesh.name, f"The mesh {mesh.name}.", "vertex")}</div>
 <p class="readout" id="readout" aria-live="polite">{escape(_HINT)}</p>""",
         data={

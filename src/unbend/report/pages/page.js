@@ -52,7 +52,7 @@ function numbering(ids, shown) {
 function listenToControls(views, shapes) {
   const cameras = views.map((view) => view.camera);
   part("reset").addEventListener("click", () => views.forEach((view) => view.camera.reset()));
-  part("linked").addEventListener("change", (event) => {
+  if (part("linked")) part("linked").addEventListener("change", (event) => {
     views.forEach((view, i) => {
       const before = view.camera;
       before.views = before.views.filter((one) => one !== view);
