@@ -38,7 +38,7 @@ class Shown(NamedTuple):
         if len(self.ids) == mesh.n_vertices:
             return ()
         return (
-            f"{len(self.ids):,} of {mesh.n_vertices:,} vertices are drawn; everything was computed "
+            f"{len(self.ids):,} of {mesh.n_vertices:,} vertices are drawn; results were computed "
             "on all of them",
         )
 
