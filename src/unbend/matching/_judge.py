@@ -26,7 +26,7 @@ _SHARE, _APART = 0.03, 0.22
 # energy that makes the odds between two maps 2.7 to 1.
 _EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
-_MISSED, _OFF = 0.06, 0.15
+_MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
 _WITHOUT = 0.25
 _DIGITS = 6  # of energies, that are not rounding

@@ -88,6 +88,11 @@ def errors(found: Evaluation, worst: float) -> str:
         ("points counted", f"{len(found.direct):,}"),
         ("target covered", f"{found.coverage:.1%} of its area"),
     ]
+    if found.overlap.iou < 1:
+        rows += [
+            ("given a partner that have one", f"{found.overlap.precision:.1%}"),
+            ("with a partner that were given one", f"{found.overlap.recall:.1%}"),
+        ]
     x = "geodesic error, in units of the square root of the target's area"
     return section(
         "Errors",
