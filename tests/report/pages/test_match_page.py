@@ -12,6 +12,7 @@ import pytest
 from unbend import Mesh, match, match_page
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
+from unbend.report.pages._match_page import _standing_alike
 from unbend.report.pages._shown import show
 
 EVIL = "<script>alert('x')</script>&\"</title>"
@@ -108,8 +109,22 @@ def test_large_shapes_are_thinned_for_the_eye_alone(blob: Mesh) -> None:
     # What stands for a vertex is near it.
     away = mesh.vertices[1:] - mesh.vertices[shown.ids[shown.stand_ins[1:]]]
     assert np.linalg.norm(away, axis=1).max() < 0.5
-    assert "200 of 643 vertices are drawn" in shown.told(mesh)[0]
+    assert shown.told(mesh) == (
+        "1 vertex, used by no face, not shown",
+        "200 of 642 vertices are drawn; results were computed on all of them",
+    )
     assert len(show(mesh).ids) == 642
+
+
+def test_a_part_is_as_large_as_what_it_matches(blob: Mesh) -> None:
+    half = blob.faces[(blob.vertices[blob.faces][:, :, 0] < 0.3).all(axis=1)]
+    used = np.isin(np.arange(642), half)
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    part = Mesh(30 * blob.vertices @ turn.T, half)
+    carried = np.where(used[:, None], blob.vertices, np.nan)
+    stands = _standing_alike(part, blob, carried, used)
+    apart = np.linalg.norm((stands.vertices - blob.vertices)[used], axis=1)
+    assert apart.max() < 0.1
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.alignment import procrustes
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
@@ -84,7 +84,7 @@ def match_page(
     Notes
     -----
     Of a shape with more than 60,000 vertices so many are drawn; all are computed on. The target is
-    turned as a whole, and scaled to the source's area, to stand as the source does.
+    turned as a whole, and scaled to the area of what is matched, to stand as the source does.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def match_page(
     maps = _maps(match)
     first = next(iter(maps.values()))
     carried = transfer(source.vertices, first, kind="scalar", source=source, target=target)
-    target = _standing_alike(target, source, carried)
+    target = _standing_alike(target, source, carried, as_point_map(first) >= 0)
     shown = show(source), show(target)
     rows = shown[0].ids
     step("page, canonical forms", 0.1)
@@ -183,11 +183,11 @@ def _form(mesh: Mesh) -> FloatArray:
         return canonical_form(mesh, component="largest").points
 
 
-def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray) -> Mesh:
+def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: BoolArray) -> Mesh:
     """Turn, scale and shift the target as a whole to where the map has it on the source."""
-    there = np.isfinite(carried).all(axis=1)
-    areas = [float(vertex_areas(mesh).sum()) for mesh in (source, target)]
-    places = target.vertices * math.sqrt(areas[0] / areas[1])
+    there = np.asarray(np.isfinite(carried).all(axis=1))
+    areas = vertex_areas(source)[matched].sum(), vertex_areas(target)[there].sum()
+    places = target.vertices * (math.sqrt(areas[0] / areas[1]) if min(areas) > 0 else 1.0)
     if there.sum() >= 3:
         turn, shift = procrustes(places[there], carried[there], reflect=False)
         places = places @ turn.T + shift

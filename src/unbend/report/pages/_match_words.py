@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from html import escape
 
-import numpy as np
-
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
@@ -136,11 +134,10 @@ def facts(
     rows = []
     for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
         told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
-        n_unused = int(mesh.n_vertices - len(np.unique(mesh.faces)))
-        if n_unused:
-            told.append(f"{n_unused:,} of the vertices are used by no face and are not shown")
         rows.append((side, "; ".join([mesh.name, *told, *mesh.notes, *part.told(mesh)])))
-    rows.append(("for display", "the target is turned as a whole, and drawn at the source's area"))
+    rows.append(
+        ("for display", "the target is turned as a whole, and brought to the source's size")
+    )
     if match is not None:
         known = not math.isnan(match.confidence)
         rows += [

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from unbend._arrays import snap
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.matching import decimate
 from unbend.mesh import Mesh
@@ -35,12 +36,15 @@ class Shown(NamedTuple):
 
     def told(self, mesh: Mesh) -> tuple[str, ...]:
         """Say in sentences what is not shown."""
-        if len(self.ids) == mesh.n_vertices:
-            return ()
-        return (
-            f"{len(self.ids):,} of {mesh.n_vertices:,} vertices are drawn; results were computed "
-            "on all of them",
-        )
+        told, n_used = [], int((self.stand_ins >= 0).sum())
+        if n_used < mesh.n_vertices:
+            told.append(f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown")
+        if len(self.ids) < n_used:
+            told.append(
+                f"{len(self.ids):,} of {n_used:,} vertices are drawn; results were computed on all "
+                "of them"
+            )
+        return tuple(told)
 
     def packed(self, places: FloatArray) -> dict[str, Any]:
         """Pack places of all vertices, (n, 3), with the faces and, where needed, the numbers."""
