@@ -5,18 +5,19 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
+from unbend.choices import Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe
 from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_form, rank_by_match
-from unbend.collection._rows import Added, Entry, Hit, Matched
+from unbend.collection._rows import Added, Entry, Hit, Info, Matched
 from unbend.collection._store import SMALL, Store, among
 from unbend.errors import FileError, InputError
 from unbend.io import MeshLike, as_mesh, check_writable
@@ -65,6 +66,30 @@ class Collection:
     def path(self) -> str:
         """Where the collection is."""
         return self._store.path
+
+    @property
+    def exists(self) -> bool:
+        """Whether anything was ever added."""
+        return self._store.exists
+
+    def info(self) -> Info:
+        """Size of the collection and how its shapes are described.
+
+        Raises
+        ------
+        FileError
+            If nothing was added yet.
+        """
+        if not self.exists:
+            raise self._empty()
+        return Info(
+            n_shapes=len(self),
+            n_bytes=self._store.n_bytes(),
+            version=self._store.version() or DESCRIPTOR_VERSION,
+            descriptor_length=self._store.width,
+            indexed=self._store.indexed,
+            parameters=self._store.parameters(),
+        )
 
     def __len__(self) -> int:
         return len(self._store)
@@ -127,7 +152,7 @@ class Collection:
         mesh: MeshLike,
         n: int = 10,
         *,
-        rerank: Literal["none", "form", "match"] = "none",
+        rerank: Rerank = "none",
         index: bool = False,
         progress: Progress | None = None,
     ) -> list[Hit]:
@@ -337,10 +362,13 @@ class Collection:
     def _check_filled(self) -> None:
         self._check_version()
         if not len(self):
-            raise FileError(
-                f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES "
-                "adds some"
-            )
+            raise self._empty()
+
+    def _empty(self) -> FileError:
+        return FileError(
+            f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES adds "
+            "some"
+        )
 
     def _check_version(self) -> None:
         version = self._store.version()

@@ -77,9 +77,9 @@ def _hash(path: str) -> tuple[str, str] | Failure:
     try:
         return path, content_hash(path)
     except FileNotFoundError:
-        return Failure(path, f"cannot read {path}: there is no such file")
+        return Failure(path, "there is no such file")
     except OSError as error:
-        return Failure(path, f"cannot read {path}: {error.strerror or error}")
+        return Failure(path, f"it cannot be read: {error.strerror or error}")
 
 
 def content_hash(path: str | os.PathLike[str]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -103,3 +105,29 @@ class Matched:
     skipped: int
     failures: tuple[Failure, ...]
     seconds: float
+
+
+@dataclass(frozen=True)
+class Info:
+    """What a collection is.
+
+    Attributes
+    ----------
+    n_shapes : int
+    n_bytes : int or None
+        On disk; None where it is not on this machine's.
+    version : str
+        Of the descriptors.
+    descriptor_length : int
+    indexed : bool
+        Whether there is an index for approximate search.
+    parameters : mapping of str to int or str
+        What the descriptors and forms were computed with.
+    """
+
+    n_shapes: int
+    n_bytes: int | None
+    version: str
+    descriptor_length: int
+    indexed: bool
+    parameters: Mapping[str, Any]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import timedelta
@@ -96,6 +97,27 @@ class Store:
         """Columns and their types, as Arrow has them."""
         return self._table.schema
 
+    @property
+    def width(self) -> int:
+        """Length of a descriptor."""
+        return int(self.schema.field("descriptor").type.list_size)
+
+    @property
+    def indexed(self) -> bool:
+        """Whether there is an index of the descriptors."""
+        return any("descriptor" in index.columns for index in self._table.list_indices())
+
+    def n_bytes(self) -> int | None:
+        """Size on disk, old versions too; None for an object store."""
+        if "://" in self.path:
+            return None
+        return sum(one.stat().st_size for one in Path(self.path).rglob("*") if one.is_file())
+
+    def parameters(self) -> dict[str, Any]:
+        """Tell what the rows were computed with."""
+        found: dict[str, Any] = json.loads(self.schema.metadata[b"parameters"])
+        return found
+
     def version(self) -> str | None:
         """Version of the descriptors; None where there are none."""
         rows = self._table.search().select(["version"]).limit(1).to_list() if self.exists else []
@@ -146,10 +168,9 @@ class Store:
         """Index the descriptors, or what was added since they were."""
         from lancedb.index import IvfPq
 
-        if not any("descriptor" in index.columns for index in self._table.list_indices()):
-            width = self._table.schema.field("descriptor").type.list_size
-            parts = next(k for k in (8, 4, 2, 1) if width % k == 0)
-            config = IvfPq(distance_type="l2", num_sub_vectors=width // parts)
+        if not self.indexed:
+            parts = next(k for k in (8, 4, 2, 1) if self.width % k == 0)
+            config = IvfPq(distance_type="l2", num_sub_vectors=self.width // parts)
             self._table.create_index("descriptor", config=config)
         self.tidy()
 
@@ -171,8 +192,6 @@ def _check_folder(path: Path) -> None:
 
 
 def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
-    import json
-
     import pyarrow as pa
 
     def fixed(width: int) -> Any:
