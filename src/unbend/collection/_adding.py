@@ -14,8 +14,9 @@ from unbend.collection._files import count_files, find_files, hashed
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
 
-# Rows that wait to be committed together, and how long the first of them may wait.
-_ROWS_PER_COMMIT, _SECONDS_PER_COMMIT = 64, 2.0
+# Rows are committed as they come, but commits are to take no more than a twentieth of the time
+# (an object store is slow), and none follows another at once. No more rows than this wait.
+_COMMITS_SHARE, _SECONDS_BETWEEN, _MOST_ROWS = 1 / 20, 0.25, 4096
 
 File = tuple[str, str]  # path and hash
 
@@ -52,7 +53,8 @@ def add_files(
                     show()
         finally:  # an interrupted run keeps what is finished too
             adding.commit()
-        store.tidy()
+        if store.exists:
+            store.tidy()
     failures = tuple(sorted(adding.failures, key=lambda one: one.path))
     return Added(adding.added, adding.skipped, failures, time.monotonic() - start)
 
@@ -65,7 +67,7 @@ class _Adding:
         self.failures: list[Failure] = []
         self._store = store
         self._rows: list[dict[str, Any]] = []
-        self._oldest = 0.0
+        self._next = 0.0  # when the next commit is due
         self._under_way: set[str] = set()
 
     @property
@@ -91,19 +93,22 @@ class _Adding:
             self._under_way.discard(file[1])
             self.failures.append(value)
             return
-        self._oldest = self._oldest if self._rows else time.monotonic()
         self._rows.append(value)
 
     def commit_if_due(self) -> None:
-        late = self._rows and time.monotonic() - self._oldest > _SECONDS_PER_COMMIT
-        if late or len(self._rows) >= _ROWS_PER_COMMIT:
+        if time.monotonic() >= self._next or len(self._rows) >= _MOST_ROWS:
             self.commit()
 
     def commit(self) -> None:
+        if not self._rows:
+            return
+        start = time.monotonic()
         self._store.commit(self._rows)
         self._under_way.difference_update(row["id"] for row in self._rows)
         self.added += len(self._rows)
         self._rows = []
+        end = time.monotonic()
+        self._next = end + max(_SECONDS_BETWEEN, (end - start) / _COMMITS_SHARE)
 
 
 def _make_row(file: File) -> dict[str, Any] | Failure:

@@ -196,7 +196,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             threads_per_worker=1,
             memory_limit=memory,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # whichever is free
             silence_logs=logging.CRITICAL,
             env={f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF},
         ) as cluster,

@@ -65,24 +65,26 @@ def match_pairs(
     start = time.monotonic()
     folder = _folder(out)
     left = {entry.id: entry for pair in pairs() if not _done(folder, pair) for entry in pair}
-    with engine(workers=workers, scheduler=scheduler) as run:
-        tell = counted(progress, "spectra", len(left))
-        tasks: Iterator[Task] = (Task((entry,), str(folder)) for entry in left.values())
-        failures = [one for one in _each(run, keep_spectrum, tasks, tell) if one is not None]
-        bad = {one.path for one in failures}
-        skipped = sum(1 for pair in pairs() if _done(folder, pair))
-        good = (
-            Task(pair, str(folder))
-            for pair in pairs()
-            if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
-        )
-        tell = counted(progress, "pairs", n_pairs - skipped)
-        matched = 0
-        for failure in _each(run, match_pair, good, tell):
-            if failure is None:
-                matched += 1
-            else:
-                failures.append(failure)
+    skipped = sum(1 for pair in pairs() if _done(folder, pair))
+    failures: list[Failure] = []
+    matched = 0
+    if left:
+        with engine(workers=workers, scheduler=scheduler) as run:
+            tell = counted(progress, "spectra", len(left))
+            shapes = (Task((entry,), str(folder)) for entry in left.values())
+            failures += filter(None, _each(run, keep_spectrum, shapes, tell))
+            bad = {one.path for one in failures}
+            tasks = (
+                Task(pair, str(folder))
+                for pair in pairs()
+                if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
+            )
+            tell = counted(progress, "pairs", n_pairs - skipped)
+            for failure in _each(run, match_pair, tasks, tell):
+                if failure is None:
+                    matched += 1
+                else:
+                    failures.append(failure)
     _write_table(folder, pairs())
     return Matched(matched, skipped, tuple(failures), time.monotonic() - start)
 

@@ -16,6 +16,8 @@ from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
 from unbend.errors import FileError, MissingExtraError
 
 _TABLE = "shapes"
+# Two processes that add one path at once then have one row: the later merges into the earlier's.
+_KEY = {"lance-schema:unenforced-primary-key": "true"}
 SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
 # Versions of the table that readers may still be at; older ones make room.
 _KEPT_VERSIONS = timedelta(hours=1)
@@ -73,8 +75,8 @@ class Store:
             return
         data = _arrow(rows)
         if not self.exists:
-            self._table = self._connect(self.path).create_table(_TABLE, data)
-            return
+            database = self._connect(self.path)
+            self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
         merge = self._table.merge_insert("path")
         merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
         self._commits += 1
@@ -85,12 +87,14 @@ class Store:
         """Merge small files, bring the indices up to date, and drop old versions."""
         from lancedb.index import BTree
 
-        if not self.exists:
-            return
-        indexed = {column for index in self._table.list_indices() for column in index.columns}
-        for column in {"id", "path"} - indexed:
-            self._table.create_index(column, config=BTree())
-        self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
+        try:
+            indexed = {column for index in self._table.list_indices() for column in index.columns}
+            for column in {"id", "path"} - indexed:
+                self._table.create_index(column, config=BTree())
+            self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
+        except RuntimeError as error:
+            if "conflict" not in str(error):  # another process came first, and may tidy too
+                raise
 
     @property
     def schema(self) -> Any:
@@ -200,7 +204,7 @@ def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
     schema = pa.schema(
         [
             ("id", pa.string()),
-            ("path", pa.string()),
+            pa.field("path", pa.string(), nullable=False, metadata=_KEY),
             ("n_vertices", pa.int64()),
             ("n_faces", pa.int64()),
             ("area", pa.float64()),
