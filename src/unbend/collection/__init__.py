@@ -1,0 +1,5 @@
+"""Many shapes: what describes each, how well that finds its kind, and statistics over them."""
+
+from unbend.collection._retrieval import Retrieval, retrieval_measures
+
+__all__ = ["Retrieval", "retrieval_measures"]
