@@ -66,7 +66,7 @@ def test_mistakes() -> None:
 def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_engine, "_PATIENCE_SECONDS", 2)
     with (
-        pytest.raises(InputError, match="no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
+        pytest.raises(InputError, match="no Dask scheduler answers"),
         engine(scheduler="tcp://127.0.0.1:1"),
     ):
         pass

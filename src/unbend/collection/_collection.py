@@ -13,7 +13,8 @@ from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, make_basis, wave_quantiles
+from unbend.collection._entry import sample_form
 from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_form, rank_by_match
@@ -195,15 +196,16 @@ class Collection:
         if index:
             self._store.build_index()
         query = as_mesh(mesh)
+        basis = make_basis(query)
         most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
-        found = self._store.nearest(describe(query), most, index=index)
+        found = self._store.nearest(wave_quantiles(basis), most, index=index)
         hits = [
             Hit(one["id"], one["path"], float(np.sqrt(max(one["_distance"], 0)))) for one in found
         ]
         if rerank == "none":
             return hits
         if rerank == "form":
-            return rank_by_form(query, hits, self._store)[:n]
+            return rank_by_form(sample_form(basis), hits, self._store)[:n]
         return rank_by_match(query, hits, progress)[:n]
 
     def distances(self) -> tuple[list[Entry], FloatArray]:

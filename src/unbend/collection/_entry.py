@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import first_largest
 from unbend._types import FloatArray
-from unbend.canonical import canonical_form, spread_samples
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe
+from unbend.canonical import spread_samples
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, Basis, make_basis, wave_quantiles
 from unbend.collection._rows import Failure
 from unbend.errors import UnbendError
 from unbend.io import read_mesh
@@ -50,8 +51,8 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             mesh = read_mesh(path)
-            descriptor = describe(mesh)
-            form = sample_form(mesh)
+            basis = make_basis(mesh)
+            descriptor, form = wave_quantiles(basis), sample_form(basis)
         if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
             return Failure(path, "its description is not finite; try unbend check on it")
         notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])
@@ -63,7 +64,7 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
             "area": float(vertex_areas(mesh).sum()) if mesh.n_faces else 0.0,
             "notes": "; ".join(note.removeprefix(f"{mesh.name}: ") for note in notes),
             "version": DESCRIPTOR_VERSION,
-            "descriptor": descriptor.astype(np.float32),
+            "descriptor": descriptor,
             "form": form.astype(np.float32).ravel(),
             "thumbnail": thumbnail(mesh),
         }
@@ -73,28 +74,29 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
         return Failure(path, f"{type(error).__name__}: {error}".split("\n", 1)[0])
 
 
-def sample_form(mesh: Mesh) -> FloatArray:
-    """Canonical form of the largest component at its farthest points, the same number for all.
+def sample_form(basis: Basis) -> FloatArray:
+    """Take the canonical form at its farthest points, the same number for all shapes.
+
+    Weighted by area, the exact form of biharmonic distances is the eigenfunctions, each divided
+    by its eigenvalue.
 
     Parameters
     ----------
-    mesh : Mesh
+    basis : Basis
 
     Returns
     -------
     (FORM_POINTS, FORM_COMPONENTS) ndarray of float64
-        Centred. Points repeat where the surface has fewer vertices.
+        Points repeat where the surface has fewer vertices.
     """
-    found = canonical_form(
-        mesh, n_components=FORM_COMPONENTS, weighting="area", component="largest", cache=False
-    )
-    points = found.points[np.isfinite(found.points).all(axis=1)]
-    n = len(points)
-    start = int((points**2).sum(axis=1).argmax())
+    kept = slice(1, 1 + FORM_COMPONENTS)
+    points = basis.functions[:, kept] / basis.values[kept]
+    points = np.pad(points, ((0, 0), (0, FORM_COMPONENTS - points.shape[1])))
+    start = int(first_largest((points**2).sum(axis=1)))
     taken = spread_samples(
         lambda sources: np.linalg.norm(points[None] - points[sources, None], axis=2),
-        n,
-        min(n, FORM_POINTS),
+        len(points),
+        min(len(points), FORM_POINTS),
         start,
     ).indices
     return points[np.resize(taken, FORM_POINTS)]

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from unbend._types import Progress
+from unbend._types import FloatArray, Progress
 from unbend.alignment import align
-from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, sample_form
+from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store
 from unbend.errors import UnbendError
@@ -19,9 +19,8 @@ from unbend.matching import match
 from unbend.mesh import Mesh
 
 
-def rank_by_form(query: Mesh, hits: Sequence[Hit], store: Store) -> list[Hit]:
+def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
     """Rank by the root mean square distance of canonical forms, aligned as well as they can be."""
-    own = sample_form(query)
     rows = store.of_ids(["form"], [hit.id for hit in hits])
     forms = [np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows]
     return _ranked(hits, [align(own, form).residual for form in forms])
