@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._parallel import n_threads
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
 from unbend.errors import FileError, MissingExtraError
 
@@ -20,7 +21,7 @@ _TABLE = "shapes"
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
 SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
 # Versions of the table that readers may still be at; older ones make room.
-_KEPT_VERSIONS = timedelta(hours=1)
+_KEPT_VERSIONS = timedelta(minutes=15)
 # Small commits that pile up before they are merged into one file.
 _COMMITS_UNMERGED = 200
 _ROWS_AT_ONCE = 4096
@@ -45,6 +46,8 @@ class Store:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        # Lance leaves two processors to others, which on a machine of two leaves it one.
+        os.environ.setdefault("LANCE_CPU_THREADS", str(n_threads()))
         try:
             import lancedb
         except ImportError:
