@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from unbend.canonical import farthest_point_sampling as farthest_point_sampling
     from unbend.canonical import interpolate as interpolate
     from unbend.canonical.estimator import SpectralMDS as SpectralMDS
+    from unbend.collection import Collection as Collection
     from unbend.correspondence import Evaluation as Evaluation
     from unbend.correspondence import Registration as Registration
     from unbend.correspondence import evaluate as evaluate
@@ -55,6 +56,7 @@ __version__ = "0.2.0"
 _HOME = {
     "Alignment": "alignment",
     "CanonicalForm": "canonical",
+    "Collection": "collection",
     "Diagnosis": "preparation",
     "Evaluation": "correspondence",
     "Laplacian": "spectral",

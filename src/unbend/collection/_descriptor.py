@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,6 +11,7 @@ from unbend._types import FloatArray
 from unbend.collection._whole import whole_surface
 from unbend.io import MeshLike, as_mesh
 from unbend.linalg.lanczos import smallest_eigenpairs
+from unbend.mesh import Mesh
 
 DESCRIPTOR_VERSION = "wave-kernel-1"
 
@@ -60,9 +63,35 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     >>> bool(3 * apart(sitting - running) < apart(sitting - octopus))
     True
     """
-    _, stiffness, areas = whole_surface(as_mesh(mesh))
+    return wave_quantiles(make_basis(as_mesh(mesh)))
+
+
+class Basis(NamedTuple):
+    """Eigenpairs of all of a mesh as one connected surface of unit area.
+
+    Attributes
+    ----------
+    values : (k,) ndarray of float64
+        The first is 0.
+    functions : (n, k) ndarray of float64
+    areas : (n,) ndarray of float64
+    """
+
+    values: FloatArray
+    functions: FloatArray
+    areas: FloatArray
+
+
+def make_basis(mesh: Mesh) -> Basis:
+    """Compute the eigenpairs that a shape is described by."""
+    _, stiffness, areas = whole_surface(mesh)
     k = min(_N_EIGENPAIRS, len(areas) // 2)
-    values, functions = smallest_eigenpairs(stiffness, areas, k, tol=1e-5)
+    return Basis(*smallest_eigenpairs(stiffness, areas, k, tol=1e-5), areas)
+
+
+def wave_quantiles(basis: Basis) -> npt.NDArray[np.float32]:
+    """Descriptor of a shape whose eigenpairs are known; see :func:`descriptor`."""
+    values, functions, areas = basis
     quantiles = _quantiles(np.log(_wave_kernel(values[1:], functions[:, 1:]) + _LEAST), areas)
     return np.asarray(quantiles.ravel() / np.sqrt(quantiles.size), dtype=np.float32)
 

@@ -1,0 +1,276 @@
+"""Work on many shapes at once: in this process, in local processes, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import queue
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from unbend._memory import available_memory
+from unbend._parallel import n_threads
+from unbend._types import Progress
+from unbend.errors import InputError, MissingExtraError, UnbendError
+
+# Tasks given out for each thread of the cluster: one is computed, one waits beside it.
+_TASKS_PER_THREAD = 2
+# Memory that a worker with all its libraries loaded needs to get anywhere.
+_WORKER_BYTES = 2**29
+_HEARTBEAT_SECONDS = 0.5
+_PATIENCE_SECONDS = 60
+_THREADS_OF = ("OMP", "OPENBLAS", "MKL", "NUMBA")
+
+
+class Outcome(NamedTuple):
+    """What came of an item: a value, or the reason why there is none."""
+
+    item: Any
+    value: Any
+    reason: str | None = None
+
+
+Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
+
+
+@contextmanager
+def engine(*, workers: int | None = None, scheduler: str | None = None) -> Iterator[Run]:
+    """Make workers ready for as long as the ``with`` block lasts.
+
+    What it yields calls a function on every item, and tells what came of them as it comes. No
+    more items are taken than are worked on, so that there may be any number of them; an item that
+    is None only lets results pass, from an iterable that takes its time.
+
+    A worker that dies is replaced. Items that it was given are tried once more at the end, one at
+    a time: where the worker dies again, the item is the reason.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of local processes; by default as many as the machine and its control groups have
+        processors and memory for. 0: work in this process, which a crash then ends.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://host:port``, whose workers to use instead.
+
+    Yields
+    ------
+    callable
+        Of a function that workers can import, which raises nothing, and an iterable of items;
+        gives lists of :class:`Outcome`, in any order, perhaps empty.
+
+    Raises
+    ------
+    InputError
+        If `workers` is negative or given beside `scheduler`, or nobody answers at that address.
+    MissingExtraError
+        If Dask is not installed.
+    """
+    if workers is not None and workers < 0:
+        raise InputError(f"workers must be 0 or more, not {workers}")
+    if workers is not None and scheduler is not None:
+        raise InputError("a scheduler has workers of its own; leave out workers")
+    if workers == 0:
+        yield _here
+        return
+    with _client(workers, scheduler) as client:
+        yield functools.partial(_there, client)
+
+
+def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list[Outcome]]:
+    for item in items:
+        yield [] if item is None else [Outcome(item, function(item))]
+
+
+def _there(
+    client: Any, function: Callable[[Any], Any], items: Iterable[Any]
+) -> Iterator[list[Outcome]]:
+    suspects: list[Any] = []
+    yield from _stream(client, function, items, suspects, None)
+    again: list[Any] = []
+    yield from _stream(client, function, suspects, again, 1)
+    yield [
+        Outcome(item, None, "the worker process died of it twice: out of memory, or a crash")
+        for item in again
+    ]
+
+
+def _stream(
+    client: Any,
+    function: Callable[[Any], Any],
+    items: Iterable[Any],
+    suspects: list[Any],
+    at_once: int | None,
+) -> Iterator[list[Outcome]]:
+    """Keep so many tasks under way; collect the items whose worker died."""
+    from distributed import KilledWorker
+
+    source = iter(items)
+    pending: dict[Any, Any] = {}
+    finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    room, exhausted, checked = at_once or _room(client), False, time.monotonic()
+    while pending or not exhausted:
+        passing = False
+        while not exhausted and not passing and len(pending) < room:
+            try:
+                item = next(source)
+            except StopIteration:
+                exhausted = True
+            else:
+                passing = item is None
+                if item is not None:
+                    future = client.submit(function, item, pure=False)
+                    pending[future] = item
+                    future.add_done_callback(finished.put)
+        results: list[Outcome] = []
+        for future in _arrived(finished, 0 if passing or not pending else _HEARTBEAT_SECONDS):
+            item = pending.pop(future)
+            if future.status == "finished":
+                results.append(Outcome(item, future.result()))
+            elif future.status == "error" and isinstance(future.exception(), KilledWorker):
+                suspects.append(item)
+            elif future.status == "error":
+                error = future.exception()
+                results.append(Outcome(item, None, f"{type(error).__name__}: {error}"))
+            else:
+                raise UnbendError(
+                    "the Dask scheduler went away; what was finished is kept, and the same "
+                    "command goes on from there"
+                )
+        yield results
+        if at_once is None and time.monotonic() - checked > 10 * _HEARTBEAT_SECONDS:
+            room, checked = _room(client), time.monotonic()  # workers come and go
+
+
+def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
+    """Whatever is in a queue, after waiting a while for the first."""
+    found = []
+    try:
+        found.append(finished.get(timeout=patience) if patience else finished.get_nowait())
+        while True:
+            found.append(finished.get_nowait())
+    except queue.Empty:
+        return found
+
+
+def _room(client: Any) -> int:
+    return _TASKS_PER_THREAD * max(sum(map(int, client.nthreads().values())), 1)
+
+
+@contextmanager
+def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise MissingExtraError("dask", "collection") from None
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=_PATIENCE_SECONDS // 4, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"no Dask scheduler answers at {scheduler!r}: start one with dask scheduler, and "
+                "give the address that it prints, as tcp://host:port"
+            ) from error
+        with client:
+            _wait_for_workers(client, f"dask worker {scheduler} starts one")
+            yield client
+        return
+    count, share, memory = _local_shape(workers)
+    settings = {
+        # The engine tries again by itself, apart from others that only stood beside.
+        "distributed.scheduler.allowed-failures": 0,
+        # Rows are small: what grows is what the mesh at hand takes, which cannot be spilled.
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
+        "distributed.worker.memory.terminate": 0.95,
+    }
+    with (
+        dask.config.set(settings),
+        _main_left_alone(),
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            memory_limit=memory,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",  # whichever is free
+            silence_logs=logging.CRITICAL,
+            env={f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF},
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        _wait_for_workers(client, "the machine is too busy, or out of memory")
+        yield client
+
+
+def _wait_for_workers(client: Any, hint: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE_SECONDS)
+    except TimeoutError:
+        raise UnbendError(f"no Dask worker came in {_PATIENCE_SECONDS} seconds: {hint}") from None
+
+
+def _local_shape(workers: int | None) -> tuple[int, int, int]:
+    """Workers, threads of each, and bytes of each, that this machine has room for."""
+    cores, free = n_threads(), available_memory() or 2**33
+    count = workers or max(min(cores, free // _WORKER_BYTES), 1)
+    return count, max(cores // count, 1), free // count
+
+
+@contextmanager
+def _main_left_alone() -> Iterator[None]:
+    """Keep worker processes from running the user's script again: they need nothing of it."""
+    main = sys.modules["__main__"]
+    names: dict[str, Any] = vars(main)
+    kept: dict[str, Any] = {
+        name: names.pop(name) for name in ("__file__", "__spec__") if name in names
+    }
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        names.update(kept)
+
+
+def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
+    """Make of a progress callback one that takes counts, and tells the rate and the time left.
+
+    Parameters
+    ----------
+    progress : callable or None
+    noun : str
+        What is counted, in the plural.
+    total : int
+
+    Returns
+    -------
+    callable
+        Of the number that is computed, the number that needed no computing, and the number of
+        failures among the first.
+    """
+    start = time.monotonic()
+
+    def tell(computed: int, skipped: int, failed: int) -> None:
+        if progress is None:
+            return
+        done = computed + skipped
+        words = [f"{done:,} of {total:,} {noun}"]
+        if failed:
+            words.append(f"{failed:,} failed")
+        if computed:
+            rate = computed / max(time.monotonic() - start, 1e-9)
+            words.append(f"{rate:.3g} a second")
+            if done < total:
+                words.append(f"{_clock((total - done) / rate)} left")
+        progress(", ".join(words), done / max(total, 1))
+
+    return tell
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
