@@ -68,7 +68,8 @@ class _Adding:
         self._store = store
         self._rows: list[dict[str, Any]] = []
         self._next = 0.0  # when the next commit is due
-        self._under_way: set[str] = set()
+        self._under_way: set[str] = set()  # hashes given out ...
+        self._committed: set[str] = set()  # ... of which the store has got these since it was asked
 
     @property
     def computed(self) -> int:
@@ -79,6 +80,8 @@ class _Adding:
         for files in hashed(find_files(given)):
             self.failures += [one for one in files if isinstance(one, Failure)]
             readable = [one for one in files if not isinstance(one, Failure)]
+            self._under_way -= self._committed
+            self._committed.clear()
             known = self._store.known("id", [digest for _, digest in readable])
             for path, digest in readable:
                 if digest in known or digest in self._under_way:
@@ -104,7 +107,7 @@ class _Adding:
             return
         start = time.monotonic()
         self._store.commit(self._rows)
-        self._under_way.difference_update(row["id"] for row in self._rows)
+        self._committed.update(row["id"] for row in self._rows)
         self.added += len(self._rows)
         self._rows = []
         end = time.monotonic()
