@@ -77,7 +77,7 @@ def test_a_surface_is_joined_where_it_was_cut_apart(person, apart):
     faces = person.faces.copy()
     faces[upper] += person.n_vertices
     lifted = np.add(person.vertices, [0, 1e-3, 0])
-    assert apart(Mesh(np.concatenate([person.vertices, lifted]), faces)) < 1
+    assert apart(Mesh(np.concatenate([person.vertices, lifted]), faces)) < 0.05
 
 
 def test_a_few_large_triangles_are_a_box_like_any_other():

@@ -5,6 +5,13 @@ from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
 from unbend.collection._groups import find_groups
 from unbend.collection._retrieval import Retrieval, retrieval_measures
 from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
+from unbend.collection._statistics import (
+    LeftOut,
+    MeanShape,
+    Statistics,
+    mean_shape,
+    shape_statistics,
+)
 
 __all__ = [
     "DESCRIPTOR_VERSION",
@@ -14,9 +21,14 @@ __all__ = [
     "Failure",
     "Hit",
     "Info",
+    "LeftOut",
     "Matched",
+    "MeanShape",
     "Retrieval",
+    "Statistics",
     "descriptor",
     "find_groups",
+    "mean_shape",
     "retrieval_measures",
+    "shape_statistics",
 ]

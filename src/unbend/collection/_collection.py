@@ -13,7 +13,7 @@ from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, make_basis, wave_quantiles
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis
 from unbend.collection._entry import sample_form
 from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
@@ -198,7 +198,7 @@ class Collection:
         query = as_mesh(mesh)
         basis = make_basis(query)
         most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
-        found = self._store.nearest(wave_quantiles(basis), most, index=index)
+        found = self._store.nearest(describe(basis), most, index=index)
         hits = [
             Hit(one["id"], one["path"], float(np.sqrt(max(one["_distance"], 0)))) for one in found
         ]

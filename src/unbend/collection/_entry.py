@@ -13,7 +13,7 @@ import numpy as np
 from unbend._arrays import first_largest
 from unbend._types import FloatArray
 from unbend.canonical import spread_samples
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, Basis, make_basis, wave_quantiles
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, Basis, describe, make_basis
 from unbend.collection._rows import Failure
 from unbend.errors import UnbendError
 from unbend.io import read_mesh
@@ -52,7 +52,7 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
             warnings.simplefilter("always")
             mesh = read_mesh(path)
             basis = make_basis(mesh)
-            descriptor, form = wave_quantiles(basis), sample_form(basis)
+            descriptor, form = describe(basis), sample_form(basis)
         if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
             return Failure(path, "its description is not finite; try unbend check on it")
         notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])

@@ -22,6 +22,8 @@ from unbend.spectral import laplacian
 
 # A piece with less of the area is dust, unless half of the area is.
 _DUST = 1e-3
+# Rims of two pieces that are so near at unit area are one seam.
+_SEAM = 3e-3
 # Longest edge at unit area. Even triangles with such edges have about 900 vertices.
 _LONGEST = 0.036
 _ROUNDS = 12
@@ -72,7 +74,7 @@ def whole_surface(mesh: Mesh) -> Whole:
             raise MeshError(f"{mesh.name}: a shape needs at least 4 points")
         one = Mesh(points / np.abs(points).max(), name=mesh.name)
     else:
-        one = _refined(*_closed(*_welded(mesh)))
+        one = _refined(*_closed(*_stitched(*_welded(mesh))))
     operator = laplacian(one, laplacian="robust")
     area = operator.areas.sum()
     points = one.vertices / np.sqrt(area)
@@ -114,13 +116,38 @@ def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     return _at_unit_area(vertices, faces)
 
 
+def _rim(vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Edges with a single face, (r, 2)."""
+    edges = find_edges(faces, len(vertices))
+    return np.asarray(edges.ends[edges.n_faces == 1])
+
+
+def _stitched(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Join pieces where vertices on the rims of two are each the other's nearest."""
+    rim = np.unique(_rim(vertices, faces))
+    piece = find_components(faces, len(vertices)).of_vertex[rim]
+    if not len(rim) or (piece == piece[0]).all():
+        return vertices, faces
+    partner, least = np.full(len(rim), -1), np.full(len(rim), _SEAM)
+    near = cKDTree(vertices[rim]).query_pairs(_SEAM, output_type="ndarray")
+    near = near[piece[near[:, 0]] != piece[near[:, 1]]]
+    lengths = np.linalg.norm(np.diff(vertices[rim[near]], axis=1)[:, 0], axis=1)
+    for (i, j), length in zip(near.tolist(), lengths, strict=True):
+        for here, there in ((i, j), (j, i)):
+            if length < least[here]:
+                partner[here], least[here] = there, length
+    paired = np.flatnonzero((partner >= 0) & (partner[partner] == np.arange(len(rim))))
+    image = np.arange(len(vertices))
+    image[rim[paired]] = rim[np.minimum(paired, partner[paired])]
+    return _at_unit_area(vertices, proper_faces(image[faces]))
+
+
 def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Close each rim by a fan around its middle; a sheet becomes a closed surface, flat on itself.
 
     A rim is a connected group of edges with a single face.
     """
-    edges = find_edges(faces, len(vertices))
-    rim = edges.ends[edges.n_faces == 1]
+    rim = _rim(vertices, faces)
     if not len(rim):
         return vertices, faces
     group = np.unique(group_rows(rim, len(vertices))[: len(rim)], return_inverse=True)[1]
