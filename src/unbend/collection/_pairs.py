@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._types import Progress
-from unbend.collection._engine import Run, counted, engine
+from unbend.collection._engine import Run, engine
 from unbend.collection._files import content_hash
+from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.errors import FileError, UnbendError
 from unbend.io import atomic_write, read_mesh
