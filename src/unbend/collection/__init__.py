@@ -3,15 +3,10 @@
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
 from unbend.collection._groups import find_groups
+from unbend.collection._mean import MeanShape, mean_shape
 from unbend.collection._retrieval import Retrieval, retrieval_measures
 from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
-from unbend.collection._statistics import (
-    LeftOut,
-    MeanShape,
-    Statistics,
-    mean_shape,
-    shape_statistics,
-)
+from unbend.collection._statistics import Statistics, shape_statistics
 
 __all__ = [
     "DESCRIPTOR_VERSION",
@@ -21,7 +16,6 @@ __all__ = [
     "Failure",
     "Hit",
     "Info",
-    "LeftOut",
     "Matched",
     "MeanShape",
     "Retrieval",
