@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import os
 import queue
 import sys
 import time
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from unbend._memory import available_memory
-from unbend._parallel import n_threads
+from unbend._parallel import n_cores
 from unbend._types import Progress
 from unbend.errors import InputError, MissingExtraError, UnbendError
 
@@ -190,7 +191,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     }
     with (
         dask.config.set(settings),
-        _main_left_alone(),
+        _setting(share),
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
@@ -198,7 +199,6 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # whichever is free
             silence_logs=logging.CRITICAL,
-            env={f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF},
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
@@ -215,24 +215,31 @@ def _wait_for_workers(client: Any, hint: str) -> None:
 
 def _local_shape(workers: int | None) -> tuple[int, int, int]:
     """Workers, threads of each, and bytes of each, that this machine has room for."""
-    cores, free = n_threads(), available_memory() or 2**33
+    cores, free = n_cores(), available_memory() or 2**33
     count = workers or max(min(cores, free // _WORKER_BYTES), 1)
     return count, max(cores // count, 1), free // count
 
 
 @contextmanager
-def _main_left_alone() -> Iterator[None]:
-    """Keep worker processes from running the user's script again: they need nothing of it."""
-    main = sys.modules["__main__"]
-    names: dict[str, Any] = vars(main)
-    kept: dict[str, Any] = {
-        name: names.pop(name) for name in ("__file__", "__spec__") if name in names
-    }
-    main.__spec__ = None
+def _setting(share: int) -> Iterator[None]:
+    """Put things as processes started meanwhile shall find them, and back in the end.
+
+    They are held to their share of threads, which libraries read as they are loaded; and they do
+    not run the user's script again, of which they need nothing.
+    """
+    names: dict[str, Any] = vars(sys.modules["__main__"])
+    hidden: list[str] = [name for name in ("__file__", "__spec__") if name in names]
+    main = {name: names.pop(name) for name in hidden}
+    names["__spec__"] = None
+    before = dict(os.environ)
+    os.environ.update({f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF})
     try:
         yield
     finally:
-        names.update(kept)
+        names.update(main)
+        for name in set(os.environ) - set(before):  # Dask adds some of its own
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._parallel import n_cores
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
 from unbend.errors import FileError, MissingExtraError
 
@@ -20,12 +21,11 @@ _TABLE = "shapes"
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
 SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
 # Versions of the table that readers may still be at; older ones make room.
-_KEPT_VERSIONS = timedelta(hours=1)
+_KEPT_VERSIONS = timedelta(minutes=15)
 # Small commits that pile up before they are merged into one file.
 _COMMITS_UNMERGED = 200
 _ROWS_AT_ONCE = 4096
-# Of an approximate search: the cells that are looked into, and the candidates for each hit.
-_PROBES, _REFINED = 40, 10
+_PROBES = 20  # cells, of some thousand rows each, that an approximate search looks into
 
 
 class Store:
@@ -45,6 +45,8 @@ class Store:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        # Lance leaves two processors to others, which on a machine of two leaves it one.
+        os.environ.setdefault("LANCE_CPU_THREADS", str(n_cores()))
         try:
             import lancedb
         except ImportError:
@@ -160,22 +162,16 @@ class Store:
         """Rows with the nearest descriptors, the nearest first, with their `_distance` squared."""
         query = self._table.search(descriptor, vector_column_name="descriptor")
         query = query.distance_type("l2").select(["id", "path", "_distance"]).limit(n)
-        # An index finds candidates by rounded descriptors; they are then compared exactly.
-        if index:
-            query = query.nprobes(_PROBES).refine_factor(_REFINED)
-        else:
-            query = query.bypass_vector_index()
+        query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
         found: list[dict[str, Any]] = query.to_list()
         return found
 
     def build_index(self) -> None:
         """Index the descriptors, or what was added since they were."""
-        from lancedb.index import IvfPq
+        from lancedb.index import IvfFlat
 
         if not self.indexed:
-            parts = next(k for k in (8, 4, 2, 1) if self.width % k == 0)
-            config = IvfPq(distance_type="l2", num_sub_vectors=self.width // parts)
-            self._table.create_index("descriptor", config=config)
+            self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
         self.tidy()
 
 
