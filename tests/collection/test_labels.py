@@ -2,7 +2,7 @@
 
 import pytest
 
-from unbend.collection._labels import read_labels
+from unbend.collection import read_labels
 from unbend.errors import FileError
 
 
@@ -18,7 +18,8 @@ def table(tmp_path):
 def test_paths_may_be_whole_or_from_the_table_or_an_end(table, tmp_path):
     paths = [str(tmp_path / "a" / "0.off"), "/far/b/0.off", "/far/c/1.off", "/far/c/2.off"]
     found = read_labels(
-        table(f"label,note,path\ncat,,{paths[0]}\ncat,,a/0.off\ndog,x,b/0.off\nbird,,1.off\n"), paths
+        table(f"label,note,path\ncat,,{paths[0]}\ncat,,a/0.off\ndog,x,b/0.off\nbird,,1.off\n"),
+        paths,
     )
     assert found == ["cat", "dog", "bird", None]
 

@@ -39,7 +39,7 @@ def read_labels(table: str | os.PathLike[str], paths: Sequence[str]) -> list[str
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from unbend.collection._labels import read_labels
+    >>> from unbend.collection import read_labels
     >>> table = Path(tempfile.mkdtemp()) / "labels.csv"
     >>> _ = table.write_text("path,label\ncat0.off,cat\n")
     >>> read_labels(table, ["/shapes/cat0.off", "/shapes/dog1.off"])

@@ -30,8 +30,7 @@ def evaluate(
     """  # noqa: D301
     import numpy as np
 
-    from unbend.collection import retrieval_measures
-    from unbend.collection._labels import read_labels
+    from unbend.collection import read_labels, retrieval_measures
 
     entries, distances = opened(store).distances()
     found = read_labels(labels, [entry.path for entry in entries])

@@ -62,8 +62,7 @@ def mean(
       unbend collection mean people --template anna.ply -o statistics
       unbend collection mean skulls --template skull.ply -o form --scale --n-components 10
     """  # noqa: D301
-    from unbend.collection import mean_shape
-    from unbend.collection._mean_files import write_mean
+    from unbend.collection import mean_shape, write_mean
 
     collection = opened(store)
     paths = sorted(entry.path for entry in collection)
