@@ -3,15 +3,12 @@
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
 from unbend.collection._groups import find_groups
+from unbend.collection._labels import read_labels
+from unbend.collection._mean import MeanShape, mean_shape
+from unbend.collection._mean_files import write_mean
 from unbend.collection._retrieval import Retrieval, retrieval_measures
 from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
-from unbend.collection._statistics import (
-    LeftOut,
-    MeanShape,
-    Statistics,
-    mean_shape,
-    shape_statistics,
-)
+from unbend.collection._statistics import Statistics, shape_statistics
 
 __all__ = [
     "DESCRIPTOR_VERSION",
@@ -21,7 +18,6 @@ __all__ = [
     "Failure",
     "Hit",
     "Info",
-    "LeftOut",
     "Matched",
     "MeanShape",
     "Retrieval",
@@ -29,6 +25,8 @@ __all__ = [
     "descriptor",
     "find_groups",
     "mean_shape",
+    "read_labels",
     "retrieval_measures",
     "shape_statistics",
+    "write_mean",
 ]

@@ -7,23 +7,19 @@ scaled where sizes do not matter, to fit their mean, and the mean is taken anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import is_whole
-from unbend._types import FloatArray, Progress
+from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.correspondence import register
-from unbend.errors import InputError, UnbendError
-from unbend.io import MeshLike, as_mesh
-from unbend.mesh import Mesh, vertex_areas
+from unbend.errors import InputError
 
 _ROUNDS = 100
 _SETTLED = 1e-9
-# A component below this share of the variance of all is rounding.
+# A component with less of the mean's own extent, squared, is rounding.
 _NOTHING = 1e-12
 
 
@@ -68,58 +64,6 @@ class Statistics:
             )
         moved: FloatArray = self.mean + deviations * self.components[component]
         return moved
-
-
-@dataclass(frozen=True, eq=False)
-class LeftOut:
-    """A shape that statistics were taken without.
-
-    Attributes
-    ----------
-    name : str
-    reason : str
-    """
-
-    name: str
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class MeanShape:
-    """Statistics of shapes, on the vertices of a template.
-
-    Attributes
-    ----------
-    template : Mesh
-    statistics : Statistics
-        Of the shapes that count, in their order.
-    names : tuple of str
-        Of these shapes.
-    confidences, coverages : (n_shapes,) ndarray of float64
-        Of their registrations.
-    left_out : tuple of LeftOut
-        The others, and why.
-    """
-
-    template: Mesh
-    statistics: Statistics
-    names: tuple[str, ...]
-    confidences: FloatArray
-    coverages: FloatArray
-    left_out: tuple[LeftOut, ...]
-
-    @property
-    def mean(self) -> Mesh:
-        """The mean shape, with the template's faces."""
-        return self._mesh(self.statistics.mean, "mean")
-
-    def at(self, component: int, deviations: float) -> Mesh:
-        """Return the mean moved along a component by standard deviations, as a mesh."""
-        points = self.statistics.at(component, deviations)
-        return self._mesh(points, f"component {component + 1} at {deviations:+g}")
-
-    def _mesh(self, points: FloatArray, name: str) -> Mesh:
-        return Mesh(points, self.template.faces, name=name)
 
 
 def shape_statistics(
@@ -229,109 +173,3 @@ def _fit_together(points: FloatArray, mass: FloatArray) -> FloatArray:
         if ((mean - before) ** 2).sum() <= _SETTLED**2 * (mean**2).sum():
             break
     return mean
-
-
-def mean_shape(
-    meshes: Iterable[MeshLike],
-    template: MeshLike,
-    *,
-    names: Sequence[str] | None = None,
-    n_components: int | None = None,
-    scale: bool = False,
-    min_confidence: float = 0.5,
-    min_coverage: float = 0.5,
-    cache: bool = True,
-    progress: Progress | None = None,
-) -> MeanShape:
-    """Mean, principal components and variability of shapes, on the vertices of a template.
-
-    Every shape is given the template's vertices by :func:`unbend.register`. Shapes that do not
-    match it are left out and listed.
-
-    Parameters
-    ----------
-    meshes : iterable of mesh-like
-        One after the other; only their registrations are kept.
-    template : mesh-like
-        A shape of the same kind, in about the same pose. What counts is its vertices.
-    names : sequence of str, optional
-        Of the shapes; by default the meshes' own.
-    n_components, scale
-        See :func:`shape_statistics`. Points count by their area on the template.
-    min_confidence : float, default=0.5
-        A match less sure than this is no basis for statistics.
-    min_coverage : float, default=0.5
-        Least share of the template's area that must lie on the shape.
-    cache : bool, default=True
-        Whether a match keeps eigenpairs on disk; see :func:`unbend.spectrum`.
-    progress : callable, optional
-        Called with a shape's name and the share of all that is done.
-
-    Returns
-    -------
-    MeanShape
-
-    Raises
-    ------
-    InputError
-        If fewer than 2 shapes are left; the message says why the first was left out.
-    MeshError
-        If the template cannot be used.
-
-    See Also
-    --------
-    shape_statistics : The same for vertices that correspond already.
-
-    Examples
-    --------
-    >>> from unbend.collection import mean_shape
-    >>> from unbend.datasets import make_biped
-    >>> people = [make_biped("standing", n_vertices=500, legs=legs).mesh for legs in (0.9, 1.1)]
-    >>> found = mean_shape(people, make_biped("standing", n_vertices=500).mesh)
-    >>> found.mean, found.left_out
-    (Mesh(500 vertices, 996 faces), ())
-    """
-    template = as_mesh(template)
-    shapes = list(meshes) if names is None else meshes
-    found, kept, left_out = [], [], []
-    for i, given in enumerate(shapes):
-        name = names[i] if names is not None else ""
-        try:
-            mesh = as_mesh(given)
-            name = name or mesh.name
-            if progress is not None:
-                total = len(names) if names is not None else len(shapes)  # type: ignore[arg-type]
-                progress(name, i / total)
-            one = register(template, mesh, cache=cache)
-        except UnbendError as error:
-            left_out.append(LeftOut(name or f"shape {i}", str(error)))
-            continue
-        if one.confidence < min_confidence:
-            left_out.append(LeftOut(name, f"the match's confidence is {one.confidence:.2f}"))
-        elif one.coverage < min_coverage:
-            left_out.append(LeftOut(name, f"{one.coverage:.0%} of the template lies on it"))
-        else:
-            found.append(one)
-            kept.append(name)
-    if len(found) < 2:
-        why = f"; {left_out[0].name} was left out: {left_out[0].reason}" if left_out else ""
-        raise InputError(f"statistics need at least 2 shapes, and {len(found)} is left{why}")
-    statistics = shape_statistics(
-        [_turned(one.mesh.vertices, template.vertices) for one in found],
-        weights=vertex_areas(template),
-        n_components=n_components,
-        scale=scale,
-    )
-    return MeanShape(
-        template,
-        statistics,
-        tuple(kept),
-        np.array([one.confidence for one in found]),
-        np.array([one.coverage for one in found]),
-        tuple(left_out),
-    )
-
-
-def _turned(points: FloatArray, template: FloatArray) -> FloatArray:
-    """Turn a registered shape as the template stands, so that the mean stands so too."""
-    return np.asarray(points @ procrustes(points, template, reflect=False)[0].T)

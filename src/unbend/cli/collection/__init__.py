@@ -6,12 +6,14 @@ import typer
 
 from unbend.cli.collection import (
     add,
+    evaluate,
     export,
     groups,
     info,
     list_,
     match,
     matrix,
+    mean,
     remove,
     search,
 )
@@ -29,4 +31,6 @@ app.command()(search.search)
 app.command()(matrix.matrix)
 app.command()(groups.groups)
 app.command()(match.match)
+app.command()(evaluate.evaluate)
+app.command()(mean.mean)
 app.command()(export.export)
