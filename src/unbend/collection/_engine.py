@@ -6,6 +6,7 @@ import functools
 import logging
 import os
 import queue
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -217,11 +218,17 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # whichever is free
             silence_logs=logging.CRITICAL,
+            preload=[__name__],
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
+
+
+def dask_setup(worker: Any) -> None:
+    """Leave Ctrl-C to the parent, which ends its workers; Dask calls this in each as it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _wait_for_workers(client: Any, hint: str) -> None:
