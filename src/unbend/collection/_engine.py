@@ -24,6 +24,10 @@ _THREADS_PER_ITEM = 50  # see _plan
 _WORKER_BYTES = 2**29
 _HEARTBEAT_SECONDS = 0.5
 _PATIENCE_SECONDS = 60
+_DEADLY = (
+    "the worker process died of it twice: of a crash, or for want of memory, of which fewer "
+    "workers have more each"
+)
 _THREADS_OF = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 
@@ -93,10 +97,7 @@ def _there(
     yield from _stream(client, function, items, suspects, alone=False)
     again: list[Any] = []
     yield from _stream(client, function, suspects, again, alone=True)
-    yield [
-        Outcome(item, None, "the worker process died of it twice: out of memory, or a crash")
-        for item in again
-    ]
+    yield [Outcome(item, None, _DEADLY) for item in again]
 
 
 def _stream(
