@@ -6,8 +6,8 @@ import sys
 # None in sys.modules: the import fails as where the package is not installed.
 CORE_INSTALL = """
 import inspect, sys
-optional = "sklearn matplotlib pygeodesic pooch fast_simplification lancedb dask distributed pyarrow"
-for package in optional.split():
+optional = "sklearn matplotlib pygeodesic pooch fast_simplification lancedb dask distributed"
+for package in [*optional.split(), "pyarrow"]:
     sys.modules[package] = None
 import unbend
 names = dict(inspect.getmembers(unbend))

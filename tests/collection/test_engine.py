@@ -9,7 +9,7 @@ import pytest
 
 from unbend._parallel import n_cores
 from unbend.collection import _engine
-from unbend.collection._engine import counted, engine
+from unbend.collection._engine import engine
 from unbend.errors import InputError
 
 # The function that is run is `eval`, and the items are what it evaluates: any worker knows it.
@@ -29,27 +29,25 @@ def test_this_process_will_do() -> None:
         assert results(run, ["1 + 1", None, "2 * 3"]) == {"1 + 1": (2, None), "2 * 3": (6, None)}
 
 
-def test_what_kills_its_worker_is_named_and_all_else_goes_on() -> None:
-    items = [f"{i} * {i}" for i in range(12)]
-    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
-    with engine(workers=2) as run:
-        found = results(run, [*items, "1 / 0"])
-    assert found.pop("1 / 0") == (None, "ZeroDivisionError: division by zero")
-    reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
-    assert reasons == {"the worker process died of it twice: out of memory, or a crash"}
-    assert found == {f"{i} * {i}": (i * i, None) for i in range(12)}
-
-
-def test_workers_have_their_share_and_this_process_stays_as_it_is(
+def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
     monkeypatch.setenv("OMP_NUM_THREADS", "6")
     before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
+    items = [f"{i} * {i}" for i in range(12)]
+    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
     names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
-    share = str(max(n_cores() // 2, 1))
     with engine(workers=2) as run:
-        found = results(run, [f"__import__('os').environ['{name}']" for name in names])
-    assert [value for value, _ in found.values()] == [share] * 4
+        found = results(run, items)
+        broken = results(run, ["1 / 0"])
+        threads = results(run, [f"__import__('os').environ['{name}']" for name in names])
+    reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
+    assert reasons == {_engine._DEADLY}
+    assert found == {f"{i} * {i}": (i * i, None) for i in range(12)}
+    assert broken == {"1 / 0": (None, "ZeroDivisionError: division by zero")}
+    # Workers have their share of threads, and this process stays as it was.
+    assert [value for value, _ in threads.values()] == [str(max(n_cores() // 2, 1))] * 4
     assert dict(os.environ) == before
     assert dict(vars(sys.modules["__main__"])) == main
 
@@ -95,14 +93,3 @@ def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _engine._local_shape(2) == (2, 4, 2**31)
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**30)
     assert _engine._local_shape(None) == (2, 4, 2**29)
-
-
-def test_progress_tells_the_rate_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr(_engine.time, "monotonic", lambda: now[0])
-    told = []
-    tell = counted(lambda stage, share: told.append((stage, share)), "shapes", 2000)
-    now[0] = 10.0
-    tell(100, 900, 3)
-    assert told == [("1,000 of 2,000 shapes, 3 failed, 10 a second, 1:40 left", 0.5)]
-    assert _engine._clock(3 * 3600 + 62) == "3:01:02"

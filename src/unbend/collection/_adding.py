@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from unbend._types import Progress
-from unbend.collection._engine import counted, engine
+from unbend.collection._engine import engine
 from unbend.collection._entry import make_row
 from unbend.collection._files import count_files, find_files, hashed
+from unbend.collection._progress import counted
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
 

@@ -50,14 +50,15 @@ class Collection:
     >>> from unbend import Collection, write_mesh
     >>> from unbend.datasets import make_quadruped
     >>> folder = Path(tempfile.mkdtemp())
-    >>> for pose in ("standing", "walking"):
-    ...     write_mesh(folder / f"{pose}.ply", make_quadruped(pose, n_vertices=300).mesh)
+    >>> for species in ("dog", "giraffe"):
+    ...     animal = make_quadruped("walking", species=species, n_vertices=600)
+    ...     write_mesh(folder / f"{species}.ply", animal.mesh)
     >>> shapes = Collection(folder / "shapes")
     >>> shapes.add(folder, workers=0).added
     2
-    >>> found = shapes.search(make_quadruped("galloping", n_vertices=250).mesh, n=1)
-    >>> Path(found[0].path).suffix
-    '.ply'
+    >>> (found,) = shapes.search(make_quadruped("galloping", n_vertices=500).mesh, n=1)
+    >>> Path(found.path).name
+    'dog.ply'
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

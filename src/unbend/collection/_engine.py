@@ -6,6 +6,7 @@ import functools
 import logging
 import os
 import queue
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -14,15 +15,19 @@ from typing import Any, NamedTuple
 
 from unbend._memory import available_memory
 from unbend._parallel import n_cores
-from unbend._types import Progress
 from unbend.errors import InputError, MissingExtraError, UnbendError
 
 # Tasks given out for each thread of the cluster: one is computed, one waits beside it.
 _TASKS_PER_THREAD = 2
+_THREADS_PER_ITEM = 50  # see _plan
 # Memory that a worker with all its libraries loaded needs to get anywhere.
 _WORKER_BYTES = 2**29
 _HEARTBEAT_SECONDS = 0.5
 _PATIENCE_SECONDS = 60
+_DEADLY = (
+    "the worker process died of it twice: of a crash, or for want of memory, of which fewer "
+    "workers have more each"
+)
 _THREADS_OF = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 
@@ -89,13 +94,10 @@ def _there(
     client: Any, function: Callable[[Any], Any], items: Iterable[Any]
 ) -> Iterator[list[Outcome]]:
     suspects: list[Any] = []
-    yield from _stream(client, function, items, suspects, None)
+    yield from _stream(client, function, items, suspects, alone=False)
     again: list[Any] = []
-    yield from _stream(client, function, suspects, again, 1)
-    yield [
-        Outcome(item, None, "the worker process died of it twice: out of memory, or a crash")
-        for item in again
-    ]
+    yield from _stream(client, function, suspects, again, alone=True)
+    yield [Outcome(item, None, _DEADLY) for item in again]
 
 
 def _stream(
@@ -103,46 +105,58 @@ def _stream(
     function: Callable[[Any], Any],
     items: Iterable[Any],
     suspects: list[Any],
-    at_once: int | None,
+    *,
+    alone: bool,
 ) -> Iterator[list[Outcome]]:
-    """Keep so many tasks under way; collect the items whose worker died."""
-    from distributed import KilledWorker
-
+    """Keep all threads busy, or with `alone` one; collect the items whose worker died."""
     source = iter(items)
-    pending: dict[Any, Any] = {}
+    pending: dict[Any, list[Any]] = {}
     finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    room, exhausted, checked = at_once or _room(client), False, time.monotonic()
+    room, size = (1, 1) if alone else _plan(client)
+    exhausted, planned = False, time.monotonic()
     while pending or not exhausted:
         passing = False
-        while not exhausted and not passing and len(pending) < room:
-            try:
-                item = next(source)
-            except StopIteration:
-                exhausted = True
-            else:
+        while not (exhausted or passing) and len(pending) < room:
+            lot = []
+            for item in source:
                 passing = item is None
-                if item is not None:
-                    future = client.submit(function, item, pure=False)
-                    pending[future] = item
-                    future.add_done_callback(finished.put)
+                if not passing:
+                    lot.append(item)
+                if passing or len(lot) == size:
+                    break
+            else:
+                exhausted = True
+            if lot:
+                future = client.submit(_call, function, lot, pure=False)
+                pending[future] = lot
+                future.add_done_callback(finished.put)
         results: list[Outcome] = []
         for future in _arrived(finished, 0 if passing or not pending else _HEARTBEAT_SECONDS):
-            item = pending.pop(future)
-            if future.status == "finished":
-                results.append(Outcome(item, future.result()))
-            elif future.status == "error" and isinstance(future.exception(), KilledWorker):
-                suspects.append(item)
-            elif future.status == "error":
-                error = future.exception()
-                results.append(Outcome(item, None, f"{type(error).__name__}: {error}"))
-            else:
-                raise UnbendError(
-                    "the Dask scheduler went away; what was finished is kept, and the same "
-                    "command goes on from there"
-                )
+            results += _outcomes(future, pending.pop(future), suspects)
         yield results
-        if at_once is None and time.monotonic() - checked > 10 * _HEARTBEAT_SECONDS:
-            room, checked = _room(client), time.monotonic()  # workers come and go
+        if not alone and time.monotonic() - planned > 10 * _HEARTBEAT_SECONDS:
+            (room, size), planned = _plan(client), time.monotonic()  # workers come and go
+
+
+def _call(function: Callable[[Any], Any], items: list[Any]) -> list[Any]:
+    return [function(item) for item in items]
+
+
+def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]:
+    from distributed import KilledWorker
+
+    if future.status == "finished":
+        return [Outcome(item, value) for item, value in zip(lot, future.result(), strict=True)]
+    if future.status != "error":
+        raise UnbendError(
+            "the Dask scheduler went away; what was finished is kept, and the same command goes on "
+            "from there"
+        )
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        suspects += lot
+        return []
+    return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
 
 
 def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
@@ -156,8 +170,14 @@ def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
         return found
 
 
-def _room(client: Any) -> int:
-    return _TASKS_PER_THREAD * max(sum(map(int, client.nthreads().values())), 1)
+def _plan(client: Any) -> tuple[int, int]:
+    """Choose how many tasks are under way, and how many items each has.
+
+    A scheduler can give out some hundred tasks a second: where there are many threads, each takes
+    several items at once.
+    """
+    threads = max(sum(map(int, client.nthreads().values())), 1)
+    return _TASKS_PER_THREAD * threads, 1 + threads // _THREADS_PER_ITEM
 
 
 @contextmanager
@@ -199,11 +219,17 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # whichever is free
             silence_logs=logging.CRITICAL,
+            preload=[__name__],
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
+
+
+def dask_setup(worker: Any) -> None:
+    """Leave Ctrl-C to the parent, which ends its workers; Dask calls this in each as it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _wait_for_workers(client: Any, hint: str) -> None:
@@ -240,44 +266,3 @@ def _setting(share: int) -> Iterator[None]:
         for name in set(os.environ) - set(before):  # Dask adds some of its own
             del os.environ[name]
         os.environ.update(before)
-
-
-def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
-    """Make of a progress callback one that takes counts, and tells the rate and the time left.
-
-    Parameters
-    ----------
-    progress : callable or None
-    noun : str
-        What is counted, in the plural.
-    total : int
-
-    Returns
-    -------
-    callable
-        Of the number that is computed, the number that needed no computing, and the number of
-        failures among the first.
-    """
-    start = time.monotonic()
-
-    def tell(computed: int, skipped: int, failed: int) -> None:
-        if progress is None:
-            return
-        done = computed + skipped
-        words = [f"{done:,} of {total:,} {noun}"]
-        if failed:
-            words.append(f"{failed:,} failed")
-        if computed:
-            rate = computed / max(time.monotonic() - start, 1e-9)
-            words.append(f"{rate:.3g} a second")
-            if done < total:
-                words.append(f"{_clock((total - done) / rate)} left")
-        progress(", ".join(words), done / max(total, 1))
-
-    return tell
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -15,7 +15,6 @@ from unbend._types import FloatArray
 from unbend.canonical import spread_samples
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, Basis, describe, make_basis
 from unbend.collection._rows import Failure
-from unbend.errors import UnbendError
 from unbend.io import read_mesh
 from unbend.mesh import Mesh, vertex_areas
 from unbend.report.raster import rasterize, rgb_of, view_rotation
@@ -68,10 +67,8 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
             "form": form.astype(np.float32).ravel(),
             "thumbnail": thumbnail(mesh),
         }
-    except UnbendError as error:
-        return Failure(path, str(error))
     except Exception as error:  # of whatever kind: it is this mesh's, and others go on
-        return Failure(path, f"{type(error).__name__}: {error}".split("\n", 1)[0])
+        return Failure.of(path, error)
 
 
 def sample_form(basis: Basis) -> FloatArray:

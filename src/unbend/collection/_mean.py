@@ -12,7 +12,8 @@ import numpy as np
 
 from unbend._types import FloatArray, Progress
 from unbend.alignment import procrustes
-from unbend.collection._engine import counted, engine
+from unbend.collection._engine import engine
+from unbend.collection._progress import counted
 from unbend.collection._rows import Failure
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.correspondence import register

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._types import Progress
-from unbend.collection._engine import Run, counted, engine
+from unbend.collection._engine import Run, engine
 from unbend.collection._files import content_hash
+from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
-from unbend.errors import FileError, UnbendError
+from unbend.errors import FileError
 from unbend.io import atomic_write, read_mesh
 from unbend.matching import match, prepare_spectrum, read_match, write_match
 from unbend.mesh import Mesh
@@ -125,10 +126,8 @@ def _tried(task: Task, work: Callable[[], None]) -> Failure | None:
     try:
         with _cache_in(task.out):
             work()
-    except UnbendError as error:
-        return Failure(_name(task.entries), str(error))
     except Exception as error:  # of whatever kind: it is these meshes', and others go on
-        return Failure(_name(task.entries), f"{type(error).__name__}: {error}".split("\n", 1)[0])
+        return Failure.of(_name(task.entries), error)
     return None
 
 

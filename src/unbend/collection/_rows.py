@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from unbend.errors import UnbendError
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -67,6 +69,12 @@ class Failure:
 
     path: str
     reason: str
+
+    @classmethod
+    def of(cls, path: str, error: Exception) -> Failure:
+        """Give an error's sentence as the reason, and its kind where it is none of ours."""
+        kind = "" if isinstance(error, UnbendError) else f"{type(error).__name__}: "
+        return cls(path, f"{kind}{error}".split("\n", 1)[0])
 
 
 @dataclass(frozen=True)

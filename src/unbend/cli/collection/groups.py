@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, print_json
+from unbend.cli._common import JsonOption, print_json, write_table
 from unbend.cli.collection._common import StoreArgument, opened, shown
 
 
@@ -45,7 +45,7 @@ def groups(
     numbers = find_groups(distances, n).tolist()
     pairs = [(entry.path, number) for entry, number in zip(entries, numbers, strict=True)]
     if csv is not None:
-        _write_csv(csv, pairs)
+        write_table(csv, [("path", "group"), *pairs])
     members: list[list[str]] = [[] for _ in range(max(numbers) + 1)]
     for path, number in pairs:
         members[number].append(path)
@@ -56,17 +56,3 @@ def groups(
         typer.echo(f"group {number}: {len(paths):,}")
         for path in paths:
             typer.echo(f"  {shown(path)}")
-
-
-def _write_csv(out: str, pairs: list[tuple[str, int]]) -> None:
-    import csv
-    import io
-
-    from unbend.io import atomic_write
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["path", "group"])
-    writer.writerows(pairs)
-    with atomic_write(out) as file:
-        file.write(text.getvalue().encode())

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, print_json
+from unbend.cli._common import JsonOption, print_json, write_table
 from unbend.cli.collection._common import StoreArgument, opened, shown
-
-if TYPE_CHECKING:
-    from unbend.collection import Entry
 
 _MOST_PRINTED = 24
 
@@ -44,7 +41,8 @@ def matrix(
         check_writable(csv, (".csv",))
     entries, distances = opened(store).distances()
     if csv is not None:
-        _write_csv(csv, entries, distances)
+        rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
+        write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
     if figure is not None:
         from unbend.report.collection_figures import draw_distances
 
@@ -63,19 +61,3 @@ def matrix(
             f"compared {len(entries):,} shapes, too many to print: "
             + (", ".join(filter(None, (csv, figure))) or "add --csv OUT or --figure PNG")
         )
-
-
-def _write_csv(out: str, entries: list[Entry], distances: Any) -> None:
-    import csv
-    import io
-
-    from unbend.io import atomic_write
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["path", *(entry.path for entry in entries)])
-    writer.writerows(
-        [entry.path, *row.tolist()] for entry, row in zip(entries, distances, strict=True)
-    )
-    with atomic_write(out) as file:
-        file.write(text.getvalue().encode())
