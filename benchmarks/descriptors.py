@@ -4,14 +4,14 @@
 
 Sets, each a collection of its own:
 
-``known``   remeshed TOSCA, where UNBEND_DATA names its folder, and our own ten species in eight
-            random poses and four meshings each: 5 and 10 classes.
+``known``   remeshed TOSCA, where UNBEND_DATA names its folder, and our own ten species in six
+            random poses and three meshings each: 5 and 10 classes.
 ``meshed``, ``coarse``, ``holed``, ``noisy``   the same asked for by copies: meshed anew, with a
             third of the vertices, with 4 holes of 6 % of the area together, with noise of 0.15 mean
             edges. A copy's own original is left out of its list.
 ``tosca``   with --tosca: all of TOSCA, reduced to 4,000 vertices; poses of 9 classes.
-``things``  22 kinds of creatures and wares in ten proportions, a quarter in pieces, some open, and
-            12 bodies of random proportions of each of our 3 kinds: 25 classes, 256 shapes.
+``things``  22 kinds of creatures and wares in eight proportions, a quarter in pieces, some open,
+            and 8 bodies of random proportions of each of our 3 kinds: 25 classes of 8.
 ``even``, ``odd``   two halves of the kinds of ``things``: what is best on one must be on the other.
 
 Columns are nearest neighbour, first tier, and mean average precision. ``cpu`` is the median time
@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -46,7 +47,6 @@ from unbend.collection._descriptor import (
     Basis,
     heat_kernel,
     log_covariance,
-    make_basis,
     quantiles,
     wave_kernel,
 )
@@ -60,6 +60,7 @@ from unbend.datasets import (
     make_octopus,
     make_quadruped,
 )
+from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.mesh import vertex_areas
 from unbend.preparation import prepare
 
@@ -69,7 +70,7 @@ SPECIES = {
     make_octopus: ("octopus", "squid"),
 }
 LEVELS = (np.arange(16) + 0.5) / 16
-SAMPLES = 1000
+SAMPLES, N_EIGENPAIRS = 1000, 100
 TIMES = np.geomspace(2e-3, 0.3, 8)
 ENERGIES = np.log(4 * np.pi) + np.linspace(np.log(0.8), np.log(80), 12)
 
@@ -81,6 +82,14 @@ class Shape(NamedTuple):
     kind: str
     mesh: Mesh
     origin: str = ""
+
+
+class Known(NamedTuple):
+    """What descriptors are taken of: a mesh, and all of it as one surface."""
+
+    mesh: Mesh
+    points: FloatArray
+    basis: Basis
 
 
 def logs(values: FloatArray) -> FloatArray:
@@ -98,26 +107,28 @@ def spread(points: FloatArray) -> FloatArray:
     return logs(np.quantile(cdist(points, points)[np.triu_indices(len(points), 1)], LEVELS))
 
 
-def shape_dna(mesh: Mesh, basis: Basis) -> FloatArray:
-    return basis.values[2:31] / basis.values[1]
+def shape_dna(shape: Known) -> FloatArray:
+    return shape.basis.values[2:31] / shape.basis.values[1]
 
 
-def weyl(mesh: Mesh, basis: Basis) -> FloatArray:
-    values = basis.values[1:41]
+def weyl(shape: Known) -> FloatArray:
+    values = shape.basis.values[1:41]
     return np.log(values / (4 * np.pi * np.arange(1, len(values) + 1)))
 
 
-def biharmonic(mesh: Mesh, basis: Basis) -> FloatArray:
-    return spread(basis.functions[sampled(basis.areas), 1:] / basis.values[1:])
+def biharmonic(shape: Known) -> FloatArray:
+    return spread(shape.basis.functions[sampled(shape.basis.areas), 1:] / shape.basis.values[1:])
 
 
-def diffusion(when: float, mesh: Mesh, basis: Basis) -> FloatArray:
-    return spread(basis.functions[sampled(basis.areas)] * np.exp(-basis.values * when))
+def diffusion(when: float, shape: Known) -> FloatArray:
+    return spread(
+        shape.basis.functions[sampled(shape.basis.areas)] * np.exp(-shape.basis.values * when)
+    )
 
 
-def geodesic(mesh: Mesh, basis: Basis) -> FloatArray:
+def geodesic(shape: Known) -> FloatArray:
     """Of the largest component: there is no way to another."""
-    part = prepare(mesh, component="largest").mesh
+    part = prepare(shape.mesh, component="largest").mesh
     areas = vertex_areas(part)
     sources = np.unique(sampled(areas)[:: SAMPLES // 50])
     lengths = distance(part, sources, distance="geodesic") / np.sqrt(areas.sum())
@@ -125,43 +136,46 @@ def geodesic(mesh: Mesh, basis: Basis) -> FloatArray:
     return logs(quantiles(lengths.reshape(-1, 1), rows, LEVELS))
 
 
-def form_moments(mesh: Mesh, basis: Basis) -> FloatArray:
+def form_moments(shape: Known) -> FloatArray:
     """Deviations of the first 12 coordinates, whose shape is that of the eigenfunctions.
 
     And the skewness and kurtosis of the first 3.
     """
-    third, fourth = (basis.areas @ basis.functions[:, 1:4] ** power for power in (3, 4))
-    return np.concatenate([-np.log(basis.values[1:13]), np.abs(third), np.log(fourth)])
+    third, fourth = (shape.basis.areas @ shape.basis.functions[:, 1:4] ** power for power in (3, 4))
+    return np.concatenate([-np.log(shape.basis.values[1:13]), np.abs(third), np.log(fourth)])
 
 
-def heat_quantiles(mesh: Mesh, basis: Basis) -> FloatArray:
-    heat = np.log(np.maximum(heat_kernel(basis, TIMES), 1e-6))
-    return quantiles(heat, basis.areas, LEVELS)
+def heat_quantiles(shape: Known) -> FloatArray:
+    heat = np.log(np.maximum(heat_kernel(shape.basis, TIMES), 1e-6))
+    return quantiles(heat, shape.basis.areas, LEVELS)
 
 
-def heat_covariance(mesh: Mesh, basis: Basis) -> FloatArray:
-    return log_covariance(np.log(np.maximum(heat_kernel(basis, TIMES), 1e-6)), basis.areas)
+def heat_covariance(shape: Known) -> FloatArray:
+    return log_covariance(
+        np.log(np.maximum(heat_kernel(shape.basis, TIMES), 1e-6)), shape.basis.areas
+    )
 
 
-def wave_quantiles(mesh: Mesh, basis: Basis) -> FloatArray:
-    return quantiles(np.log(wave_kernel(basis, ENERGIES, 0.7) + 1e-6), basis.areas, LEVELS)
+def wave_quantiles(shape: Known) -> FloatArray:
+    return quantiles(
+        np.log(wave_kernel(shape.basis, ENERGIES, 0.7) + 1e-6), shape.basis.areas, LEVELS
+    )
 
 
-def wave_covariance(width: float, mesh: Mesh, basis: Basis) -> FloatArray:
-    waves = np.log(wave_kernel(basis, ENERGIES, width) + 1e-6)
-    return log_covariance(waves, basis.areas)
+def wave_covariance(width: float, shape: Known) -> FloatArray:
+    waves = np.log(wave_kernel(shape.basis, ENERGIES, width) + 1e-6)
+    return log_covariance(waves, shape.basis.areas)
 
 
-def straight(mesh: Mesh, basis: Basis) -> FloatArray:
+def straight(shape: Known) -> FloatArray:
     """Straight distances, which know the pose (D2 of Osada et al. 2002)."""
-    whole = whole_surface(mesh)
-    return spread(whole.points[sampled(whole.areas)])
+    return spread(shape.points[sampled(shape.basis.areas)])
 
 
-def bulk(mesh: Mesh, basis: Basis) -> FloatArray:
+def bulk(shape: Known) -> FloatArray:
     """Tell how flat, round or long the surface lies in space around its points, at four sizes."""
-    points, areas = whole_surface(mesh).points, basis.areas
-    points = points - areas @ points
+    basis, areas = shape.basis, shape.basis.areas
+    points = shape.points - areas @ shape.points
     i, j = np.triu_indices(3)
     moments = np.column_stack([points, points[:, i] * points[:, j]])
     shares = basis.functions.T @ (areas[:, None] * moments)
@@ -175,7 +189,8 @@ def bulk(mesh: Mesh, basis: Basis) -> FloatArray:
     return log_covariance(np.concatenate(columns, axis=1), areas)
 
 
-Part = Callable[[Mesh, Basis], FloatArray]
+WAVES = partial(wave_covariance, 0.7)
+Part = Callable[[Known], FloatArray]
 CANDIDATES: dict[str, list[tuple[float, Part]]] = {
     "ShapeDNA, 30 eigenvalues / first": [(1, shape_dna)],
     "40 eigenvalues / Weyl, logs": [(1, weyl)],
@@ -190,16 +205,16 @@ CANDIDATES: dict[str, list[tuple[float, Part]]] = {
     "heat kernel, covariance": [(1, heat_covariance)],
     "wave kernel, quantiles": [(1, wave_quantiles)],
     "wave kernel 0.35, covariance": [(1, partial(wave_covariance, 0.35))],
-    "wave kernel 0.7, covariance": [(1, partial(wave_covariance, 0.7))],
+    "wave kernel 0.7, covariance": [(1, WAVES)],
     "heat quantiles + eigenvalues": [(1, heat_quantiles), (1, weyl)],
-    "waves + heat quantiles (chosen)": [(1, partial(wave_covariance, 0.7)), (1, heat_quantiles)],
+    "waves + heat quantiles (chosen)": [(1, WAVES), (1, heat_quantiles)],
     "chosen + 0.4 bulk": [
-        (1, partial(wave_covariance, 0.7)),
+        (1, WAVES),
         (1, heat_quantiles),
         (0.4, bulk),
     ],
     "chosen + 0.4 straight": [
-        (1, partial(wave_covariance, 0.7)),
+        (1, WAVES),
         (1, heat_quantiles),
         (0.4, straight),
     ],
@@ -247,7 +262,7 @@ def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
             known.append(Shape(path.stem, f"TOSCA {kind}", read_mesh(path)))
     for make, species in SPECIES.items():
         for kind in species:
-            for i in range(8):
+            for i in range(6):
                 n = (1500, 2000, 3000, 5000)[i % 4]
                 one = make(None, n_vertices=n, species=kind, meshing=i // 2, random_state=i)
                 known.append(Shape(f"{kind}{i}", kind, one.mesh))
@@ -264,11 +279,11 @@ def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
     sets["things"] = [
         Shape(f"thing {kind}{i}", kind, make_thing(kind, i))
         for kind in [*BODIES, *WARES]
-        for i in range(10)
+        for i in range(8)
     ] + [
         Shape(f"body {kind}{i}", kind, make_body(kind, i, n_vertices=1500, random_state=i).mesh)
         for kind in ("quadruped", "biped", "octopus")
-        for i in range(12)
+        for i in range(8)
     ]
     return sets
 
@@ -276,16 +291,26 @@ def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
 def measure(names: list[str], shape: Shape) -> tuple[dict[str, FloatArray], dict[str, float]]:
     """Describe a shape by each candidate; and seconds of processor time."""
     warnings.simplefilter("ignore")
-    found, seconds = {}, {}
     start = time.process_time()
-    basis = make_basis(shape.mesh)
+    points, stiffness, areas = whole_surface(shape.mesh)
+    k = min(N_EIGENPAIRS, len(areas) // 2)
+    pairs = smallest_eigenpairs(stiffness, areas, k, tol=1e-5)
+    known = Known(shape.mesh, points, Basis(*pairs, areas))
     shared = time.process_time() - start
-    for name in names:
+    blocks: dict[Part, FloatArray] = {}
+    seconds: dict[Part, float] = {}
+    for part in {part for name in names for _, part in CANDIDATES[name]}:
         start = time.process_time()
-        blocks = [(weight, part(shape.mesh, basis).ravel()) for weight, part in CANDIDATES[name]]
-        found[name] = np.concatenate([weight * one / np.sqrt(one.size) for weight, one in blocks])
-        seconds[name] = time.process_time() - start + shared
-    return found, seconds
+        block = part(known).ravel()
+        blocks[part] = block / np.sqrt(block.size)
+        seconds[part] = time.process_time() - start
+    found = {
+        name: np.concatenate([weight * blocks[part] for weight, part in CANDIDATES[name]])
+        for name in names
+    }
+    return found, {
+        name: shared + sum(seconds[part] for _, part in CANDIDATES[name]) for name in names
+    }
 
 
 def find(shapes: list[Shape], asking: list[Shape], vectors: dict[str, FloatArray]) -> Retrieval:
@@ -310,7 +335,10 @@ def main() -> None:
     sets = list_sets(options.tosca)
     every = [shape for shapes in sets.values() for shape in shapes]
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-        rows = list(pool.map(partial(measure, names), every, chunksize=4))
+        rows = []
+        for row in pool.map(partial(measure, names), every, chunksize=4):
+            rows.append(row)
+            print(f"{len(rows)} of {len(every)}", end="\r", file=sys.stderr, flush=True)
     kinds = list(dict.fromkeys(shape.kind for shape in sets["things"]))
     for half, start in (("even", 0), ("odd", 1)):
         sets[half] = [one for one in sets["things"] if one.kind in kinds[start::2]]

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from unbend.canonical import interpolate as interpolate
     from unbend.canonical.estimator import SpectralMDS as SpectralMDS
     from unbend.collection import Collection as Collection
+    from unbend.collection import descriptor as descriptor
+    from unbend.collection import mean_shape as mean_shape
+    from unbend.collection import retrieval_measures as retrieval_measures
+    from unbend.collection import shape_statistics as shape_statistics
     from unbend.correspondence import Evaluation as Evaluation
     from unbend.correspondence import Registration as Registration
     from unbend.correspondence import evaluate as evaluate
@@ -69,6 +73,7 @@ _HOME = {
     "align": "alignment",
     "as_mesh": "io",
     "canonical_form": "canonical",
+    "descriptor": "collection",
     "diagnose": "preparation",
     "distance": "distances",
     "evaluate": "correspondence",
@@ -77,6 +82,7 @@ _HOME = {
     "invert_map": "io",
     "laplacian": "spectral",
     "match": "matching",
+    "mean_shape": "collection",
     "morph": "correspondence",
     "procrustes": "alignment",
     "read_functional_map": "matching",
@@ -85,6 +91,8 @@ _HOME = {
     "read_mesh": "io",
     "read_values": "io",
     "register": "correspondence",
+    "retrieval_measures": "collection",
+    "shape_statistics": "collection",
     "similarity": "correspondence",
     "spectrum": "spectral",
     "symmetry": "matching",

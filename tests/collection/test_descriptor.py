@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from unbend import Mesh
 from unbend.collection import descriptor
+from unbend.collection._whole import whole_surface
 from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
 from unbend.errors import MeshError
 
@@ -62,7 +64,7 @@ def test_seams_repeated_faces_and_loose_vertices_change_nothing(person, apart):
 
 def test_dust_changes_nothing(person, apart):
     chance = np.random.default_rng(0)
-    places = chance.normal(size=(100, 1, 3)) + 0.002 * chance.normal(size=(100, 3, 3))
+    places = chance.normal(size=(30, 1, 3)) + 0.002 * chance.normal(size=(100, 3, 3))
     assert apart(two(person, places.reshape(-1, 3), np.arange(300).reshape(-1, 3))) < 1e-2
 
 
@@ -78,6 +80,29 @@ def test_a_surface_is_joined_where_it_was_cut_apart(person, apart):
     faces[upper] += person.n_vertices
     lifted = np.add(person.vertices, [0, 1e-3, 0])
     assert apart(Mesh(np.concatenate([person.vertices, lifted]), faces)) < 0.05
+
+
+def test_a_thousand_pieces_are_one_surface(person):
+    # Every face is a piece of its own, a little smaller than it was.
+    corners = person.vertices[person.faces]
+    apart = corners + 0.1 * (corners.mean(axis=1, keepdims=True) - corners)
+    faces = np.arange(3 * person.n_faces).reshape(-1, 3)
+    found = whole_surface(Mesh(apart.reshape(-1, 3), faces))
+    count, _ = connected_components(found.stiffness, directed=False)
+    assert count == 1
+    assert found.areas.sum() == pytest.approx(1)
+
+
+def test_pieces_far_apart_are_linked(person):
+    far = two(person, np.add(person.vertices, 100), person.faces)
+    assert connected_components(whole_surface(far).stiffness, directed=False)[0] == 1
+
+
+def test_spikes_are_not_cut_into_too_many_pieces(person):
+    spikes = np.random.default_rng(0).normal(size=(30, 1, 3))
+    spikes = spikes + np.array([[0, 0, 0], [0, 1e3, 0], [0, 1e3, 1e-4]])
+    spiky = two(person, spikes.reshape(-1, 3), np.arange(90).reshape(-1, 3))
+    assert len(whole_surface(spiky).points) <= 20_000
 
 
 def test_a_few_large_triangles_are_a_box_like_any_other():

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from unbend._memory import check_memory
 from unbend._types import FloatArray
 from unbend.collection._whole import whole_surface
 from unbend.io import MeshLike, as_mesh
@@ -58,7 +59,7 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     Raises
     ------
     MeshError
-        If the mesh has no area.
+        If the mesh has no area, or its computation does not fit into the memory that is free.
 
     Notes
     -----
@@ -102,6 +103,7 @@ def make_basis(mesh: Mesh) -> Basis:
     """Compute the eigenpairs that a shape is described by."""
     _, stiffness, areas = whole_surface(mesh)
     k = min(_N_EIGENPAIRS, len(areas) // 2)
+    check_memory(mesh.name, len(areas), 4 * k + 75)
     return Basis(*smallest_eigenpairs(stiffness, areas, k, tol=1e-5), areas)
 
 

@@ -27,9 +27,14 @@ _SEAM = 3e-3
 # Longest edge at unit area. Even triangles with such edges have about 900 vertices.
 _LONGEST = 0.036
 _ROUNDS = 12
+# More vertices than these, and four times as many as there were, are not made: spikes need them.
+_MOST = 20_000
 # Pieces touch where vertices are so near, at unit area; where none are, this many links join them.
 _TOUCH = 0.02
 _LINKS = 8
+# Where there are more pieces than these, many are joined at once to one of so many neighbours.
+_FEW = 16
+_NEIGHBOURS = 16, 64, 256
 # Weight of a link: that of an edge between two right angles opposite to 45 degrees is 1.
 _LINK_WEIGHT = 0.5
 
@@ -163,11 +168,12 @@ def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
 
 def _refined(vertices: FloatArray, faces: IntArray) -> Mesh:
     """Split edges until none is long; large flat faces are to carry short waves too."""
+    most = max(_MOST, 4 * len(vertices))
     for _ in range(_ROUNDS):
         edges = find_edges(faces, len(vertices))
         tails, heads = vertices[edges.ends].transpose(1, 0, 2)
         long = np.linalg.norm(heads - tails, axis=1) > _LONGEST
-        if not long.any():
+        if not long.any() or len(vertices) + long.sum() > most:
             break
         middle = np.full(len(long), -1)
         middle[long] = len(vertices) + np.arange(long.sum())
@@ -207,28 +213,53 @@ def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
     """Laplacian of the links that make one piece of several.
 
     Vertices of two pieces that are near each other are linked. What is still apart is linked to
-    its nearest neighbour, the smallest first.
+    what is nearest to it.
     """
     n = len(points)
     count, piece = connected_components(stiffness, directed=False)
     links = [np.empty((0, 2), dtype=np.int64)]
     if count > 1:
-        near = cKDTree(points).query_pairs(_TOUCH, output_type="ndarray")
+        tree = cKDTree(points)
+        touching = min(_TOUCH, 2 / np.sqrt(n))  # no farther than the next vertices but one
+        near = tree.query_pairs(touching, output_type="ndarray")
         links.append(near[piece[near[:, 0]] != piece[near[:, 1]]])
-        piece = piece_of = _merged(piece, links[-1])
-        while (sizes := np.bincount(piece_of)).size > 1:
-            mine = piece_of == sizes.argmin()
+        piece = _merged(piece, links[-1])
+        for k in _NEIGHBOURS:
+            if piece.max() > _FEW:
+                apart, there = tree.query(points, min(k, n))
+                links.append(_to_others(piece, apart, there))
+                piece = _merged(piece, links[-1])
+        while piece.max() > 0:
+            mine = piece == np.bincount(piece).argmin()
             inner, outer = np.flatnonzero(mine), np.flatnonzero(~mine)
             apart, there = cKDTree(points[outer]).query(points[inner])
             nearest = np.argsort(apart, kind="stable")[:_LINKS]
             nearest = nearest[apart[nearest] <= apart[nearest[0]] + _TOUCH]
             links.append(np.column_stack([inner[nearest], outer[there[nearest]]]))
-            piece_of = _merged(piece_of, links[-1])
+            piece = _merged(piece, links[-1])
     ends = np.concatenate(links)
     weights = np.full(len(ends), _LINK_WEIGHT)
     graph = sp.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
     graph = graph + graph.T
     return sp.diags_array(graph.sum(axis=1)) - graph
+
+
+def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
+    """Of each piece, its vertex nearest to another and that one, among neighbours that are known.
+
+    Parameters
+    ----------
+    piece : (n,) ndarray of int64
+    apart, there : (n, k) ndarrays
+        Distances and numbers of the neighbours of each vertex, the nearest first.
+    """
+    other = piece[there] != piece[:, None]
+    rows = np.flatnonzero(other.any(axis=1))
+    first = other[rows].argmax(axis=1)
+    order = np.lexsort((apart[rows, first], piece[rows]))
+    rows, first = rows[order], first[order]
+    best = np.flatnonzero(np.diff(piece[rows], prepend=-1))
+    return np.column_stack([rows[best], there[rows[best], first[best]]])
 
 
 def _merged(piece: IntArray, links: IntArray) -> IntArray:
