@@ -11,6 +11,7 @@ Method = Literal["auto", "exact", "sampled"]
 Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
+Partial = Literal["auto", "none", "source", "target", "both"]
 GeodesicKind = Literal["geodesic", "geodesic-exact"]
 Experiment = Literal[
     "table1", "table2", "figure1", "figure3", "robustness", "efficiency", "convergence", "all"

@@ -11,7 +11,7 @@ from unbend import read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._common import warn_if_doubtful
 from unbend.cli.match import describe_side
-from unbend.datasets import make_quadruped, rest_map
+from unbend.datasets import keep, make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
 from unbend.matching import read_match
 
@@ -75,12 +75,41 @@ def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
     faces = np.vstack([half.faces, SOURCE.mesh.faces + 500])
     write_mesh(tmp_path / "two.ply", (both, faces))
     arguments = ["match", tmp_path / "two.ply", folder / "b.ply", "--method", "icp"]
-    refused = run(*arguments)
-    assert refused.exit_code == 2
-    assert "components" in refused.stderr
+    whole = right(*arguments)
+    assert "matched 1,300 vertices" in whole.stdout
+    assert "its largest component is matched, 800 of 1300 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
     assert "matched 800 of 1,300 vertices" in done.stdout
     assert "next: add -o MAP.npz" in done.stdout
+
+
+def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Path) -> None:
+    legless = keep(TARGET.mesh, TARGET.labels != TARGET.parts.index("left_foreleg"))
+    write_mesh(tmp_path / "torn.ply", legless.mesh)
+    truth = rest_map(SOURCE, TARGET)
+    (tmp_path / "hints.csv").write_text(f"source,target\n5,{legless.image[truth[5]]}\n")
+    assert legless.image[truth[5]] >= 0
+    out = tmp_path / "map.npz"
+    told = json.loads(
+        right(
+            *("match", folder / "a.ply", tmp_path / "torn.ply", "-o", out, "--partial", "target"),
+            *("--landmarks", tmp_path / "hints.csv", "--n-matches", "2"),
+            *("--figure", tmp_path / "torn.png", "--json"),
+        ).stdout
+    )
+    written = read_match(out)
+    lost = SOURCE.labels == SOURCE.parts.index("left_foreleg")
+    assert (written.source_to_target[lost] < 0).mean() > 0.8
+    assert told["matched"] == int((written.source_to_target >= 0).sum()) < 800
+    assert 0.8 < told["overlap_source"] == written.overlap_source < 1
+    assert told["overlap_target"] == 1
+    assert told["missed_landmarks"] == []
+    (other,) = told["alternatives"]
+    assert other["confidence"] <= told["confidence"]
+    assert other["out"] == str(tmp_path / "map-2.npz")
+    assert len(read_match(other["out"]).source_to_target) == 800
+    spoken = right("match", folder / "a.ply", tmp_path / "torn.ply", "--no-refine").stdout
+    assert "of its area, 100% of the target's" in spoken
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,6 +211,9 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
         ("match a.ply b.ply --n-eigenpairs 2", "at least 4"),
+        ("match a.ply b.ply --landmarks long.vts", "unknown suffix"),
+        ("match a.ply b.ply --landmarks words.txt", "a landmark is two vertex numbers"),
+        ("match a.ply b.ply --n-matches 0", "n_matches must be a whole number of at least 1"),
         ("match a.ply b.ply --component x", "--component must be"),
         ("evaluate b.vts --target b.ply --source-truth a.vts --target-truth a.vts", "row 700 is"),
         (

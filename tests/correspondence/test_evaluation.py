@@ -146,3 +146,15 @@ def test_point_clouds_are_refused() -> None:
         evaluate(EVERY, BALL.vertices, EVERY, EVERY)
     with pytest.raises(MeshError, match="point cloud"):
         evaluate(EVERY, BALL, EVERY, EVERY, source=BALL.vertices)
+
+
+def test_overlap_is_counted_in_closed_form() -> None:
+    truth = np.where(EVERY < 400, EVERY, -1)
+    images = np.where((EVERY >= 100) & (EVERY < 500), EVERY, -1)
+    found = evaluate(images, BALL, EVERY, truth)
+    assert len(found.direct) == 300
+    assert found.mean() == 0
+    assert found.overlap.precision == pytest.approx(300 / 400)
+    assert found.overlap.recall == pytest.approx(300 / 400)
+    assert found.overlap.iou == pytest.approx(300 / 500)
+    assert evaluate(EVERY, BALL, EVERY, EVERY).overlap.iou == 1

@@ -5,7 +5,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.correspondence import morph
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
 
 
@@ -79,3 +79,22 @@ def test_what_does_not_fit(blob: Mesh) -> None:
     ):
         with pytest.raises(InputError, match=sentence):
             morph(blob, blob, mapping, t)
+
+
+def test_a_part_without_an_image_goes_along_with_its_neighbours() -> None:
+    # A rod, bent at its far end; what is known of it is the middle and the near end only.
+    ball = make_sphere(3)
+    rod = Mesh(ball.vertices * [3, 0.4, 0.4], ball.faces)
+    turned = Mesh(2 * rod.vertices @ _turn(70).T + [1, 2, 3], rod.faces)
+    point_map = np.where(rod.vertices[:, 0] < 1, np.arange(rod.n_vertices), -1)
+    laid = morph(rod, turned, point_map, 1)
+    np.testing.assert_allclose(laid.vertices, turned.vertices, atol=1e-3)
+    # Where the rest is bent, it keeps its shape and its joint.
+    source = make_quadruped("galloping", n_vertices=1000)
+    target = make_quadruped("sitting", n_vertices=1000).mesh
+    lost = source.labels == source.parts.index("left_hindleg")
+    laid = morph(source.mesh, target, np.where(lost, -1, np.arange(1000)), 1)
+    ratio = _edges(source.mesh, laid.vertices) / _edges(source.mesh, source.mesh.vertices)
+    at_leg = lost[source.mesh.faces].any(axis=1)
+    assert abs(np.median(ratio[at_leg]) - 1) < 0.05
+    assert (np.abs(ratio[at_leg] - 1) < 0.5).mean() > 0.97

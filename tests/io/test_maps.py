@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError
-from unbend.io import MAP_SUFFIXES, invert_map, read_map, write_map
+from unbend.io import MAP_SUFFIXES, invert_map, read_landmarks, read_map, write_map
 
 images = arrays(np.int64, st.integers(1, 30), elements=st.integers(-1, 2**40))
 
@@ -135,3 +135,25 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
         invert_map([642], blob)
     with pytest.raises(InputError, match="list of vertex numbers"):
         invert_map([0.5], blob)
+
+
+@pytest.mark.parametrize("text", ["3,4\n5,6\n", "a,b\n3,4\n5,6\n", "3;4\r\n\n5 6\n"])
+def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
+    (tmp_path / "hints.csv").write_text(text)
+    np.testing.assert_array_equal(read_landmarks(tmp_path / "hints.csv"), [[3, 4], [5, 6]])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "hints.csv is empty"),
+        ("a,b\n", "holds no landmarks"),
+        ("1,2\n3\n", "row 1 holds '3'; a landmark is two vertex numbers"),
+        ("1,-2\n", "row 0 holds '1 -2'"),
+        ("1,2,3\n", "row 0 holds '1 2 3'"),
+    ],
+)
+def test_what_landmarks_cannot_mean(tmp_path: Path, text: str, sentence: str) -> None:
+    (tmp_path / "hints.csv").write_text(text)
+    with pytest.raises(FileError, match=sentence):
+        read_landmarks(tmp_path / "hints.csv")

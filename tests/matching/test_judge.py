@@ -8,7 +8,7 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, _unexplained, confidence, distinct, judge, ranked
+from unbend.matching._judge import Candidate, _unexplained, confidences, distinct, judge, ranked
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 
@@ -20,17 +20,21 @@ def _person() -> Shape:
 
 def _identity(shape: Shape) -> Registered:
     every = np.arange(len(shape.vertices))
-    pose = Pose(shape.vertices, np.tile(np.eye(3), (len(every), 1, 1)))
+    pose = Pose(shape.vertices, np.tile(np.eye(3), (len(every), 1, 1)), every >= 0)
     return Registered(every, every, pose, pose)
+
+
+def _loss(shape: Shape, images: np.ndarray) -> float:
+    return _unexplained(shape, images, np.ones(len(images), dtype=bool))
 
 
 def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:
     shape = _person()
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    assert abs(_unexplained(shape, 3 * shape.vertices @ turn.T + 5)) < 1e-9
-    assert _unexplained(shape, shape.vertices * [-1, 1, 1]) > 0.2
-    assert abs(_unexplained(shape, 0 * shape.vertices) - 1) < 1e-9
+    assert abs(_loss(shape, 3 * shape.vertices @ turn.T + 5)) < 1e-9
+    assert _loss(shape, shape.vertices * [-1, 1, 1]) > 0.2
+    assert abs(_loss(shape, 0 * shape.vertices) - 1) < 1e-9
 
 
 def test_rank_puts_the_gate_before_the_energy() -> None:
@@ -39,7 +43,7 @@ def test_rank_puts_the_gate_before_the_energy() -> None:
     right = judge(shape, shape, identity)
     assert right.energy < 1e-9
     assert right.orientation > 0.99
-    inside_out = Pose(shape.vertices * [-1, 1, 1], identity.source.rotations)
+    inside_out = identity.source._replace(places=shape.vertices * [-1, 1, 1])
     wrong = judge(shape, shape, identity._replace(source=inside_out, target=inside_out))
     assert wrong.orientation < 0
     assert ranked([wrong, right]) == [right]
@@ -64,7 +68,7 @@ def test_the_energy_of_a_stretch_is_bounded_in_closed_form(stretch: float) -> No
     # (1 + (s - 1) p) / sqrt(1 + (s^2 - 1) p), is least at p = 1 / (s + 1).
     ball = prepare_shape(make_sphere(3), 10, True, None)[1]
     for shape in (ball, _person()):
-        energy = _unexplained(shape, shape.vertices * [1, stretch, 1])
+        energy = _loss(shape, shape.vertices * [1, stretch, 1])
         most = 1 - 2 * np.sqrt(stretch) / (1 + stretch)
         assert most / 4 < energy < most
 
@@ -72,9 +76,9 @@ def test_the_energy_of_a_stretch_is_bounded_in_closed_form(stretch: float) -> No
 def test_a_map_to_one_vertex_explains_nothing_and_noise_little() -> None:
     shape = _person()
     n = len(shape.vertices)
-    assert abs(_unexplained(shape, shape.vertices[np.zeros(n, dtype=int)]) - 1) < 1e-9
+    assert abs(_loss(shape, shape.vertices[np.zeros(n, dtype=int)]) - 1) < 1e-9
     chance = np.random.default_rng(0).permutation(n)
-    assert _unexplained(shape, shape.vertices[chance]) > 0.6
+    assert _loss(shape, shape.vertices[chance]) > 0.6
 
 
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
@@ -88,7 +92,7 @@ def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     identity = _identity(shape)
     assert judge(shape, shape, identity).orientation == pytest.approx(1)
     flipped = np.arange(81).reshape(9, 9)[::-1].ravel()
-    pose = Pose(shape.vertices[flipped], identity.source.rotations)
+    pose = identity.source._replace(places=shape.vertices[flipped])
     found = judge(shape, shape, Registered(flipped, flipped, pose, pose))
     assert found.orientation == pytest.approx(-1)
     # A sheet does not know its sides by shape: turned over, it is explained all the same.
@@ -96,7 +100,8 @@ def test_a_sheet_seen_from_behind_is_inside_out() -> None:
 
 
 def _judged(energy: float, orientation: float = 1.0) -> Candidate:
-    return Candidate(_identity(_person()), energy, orientation)
+    none = np.zeros(0, dtype=bool)
+    return Candidate(_identity(_person()), energy, orientation, False, None, none)
 
 
 def test_of_equals_the_first_stays_first() -> None:
@@ -104,11 +109,15 @@ def test_of_equals_the_first_stays_first() -> None:
     assert ranked([worse, one, two]) == [one, two, worse]
 
 
+def _trust(found: list[Candidate]) -> float:
+    return float(confidences(found)[0])
+
+
 def test_maps_of_one_energy_share_the_probability() -> None:
-    sure, unsure = confidence([_judged(0.0)]), confidence([_judged(0.9)])
+    sure, unsure = _trust([_judged(0.0)]), _trust([_judged(0.9)])
     assert sure > 0.999
     assert unsure < 0.001
-    assert confidence([_judged(0.1)] * 4) == pytest.approx(confidence([_judged(0.1)]) / 4)
-    ahead = [confidence([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
+    assert _trust([_judged(0.1)] * 4) == pytest.approx(_trust([_judged(0.1)]) / 4)
+    ahead = [_trust([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
     assert ahead == sorted(ahead)
     assert ahead[-1] > 0.98

@@ -76,7 +76,7 @@ def found(standing: Shape, walking: Shape) -> Registered:
 def test_the_identity_stays_the_identity(standing: Shape) -> None:
     every = np.arange(700)
     turns = np.tile(np.eye(3), (700, 1, 1))
-    pose = Pose(standing.vertices, turns)
+    pose = Pose(standing.vertices, turns, every >= 0)
     found = register(standing, standing, Registered(every, every, pose, pose), PULLS, 8)
     np.testing.assert_array_equal(found.forward, every)
     np.testing.assert_array_equal(found.backward, every)
@@ -109,15 +109,15 @@ def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: 
     every = np.arange(700)
     turns = np.tile(np.eye(3), (700, 1, 1))
     goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
-    moving = _Moving(standing, goal, Pose(standing.vertices, turns))
-    moving.step(300.0, every, every)
+    moving = _Moving(standing, goal, Pose(standing.vertices, turns, every >= 0))
+    moving.step(300.0, every, every, every >= 0)
     np.testing.assert_allclose(moving.places, goal.vertices, atol=1e-8)
     np.testing.assert_allclose(moving.rotations, turns, atol=1e-6)
     # Where the goal's own vertices do not pull, it goes half the way.
     empty = np.zeros(0, dtype=np.int64)
     silent = replace(goal, areas=goal.areas[empty])
-    half = _Moving(standing, silent, Pose(standing.vertices, turns))
-    half.step(300.0, every, empty)
+    half = _Moving(standing, silent, Pose(standing.vertices, turns, every >= 0))
+    half.step(300.0, every, empty, empty >= 0)
     between = (standing.vertices + goal.vertices) / 2
     np.testing.assert_allclose(half.places, between, atol=1e-8)
 

@@ -1,11 +1,12 @@
 """Tips of limbs: found where they are, and told apart by the ways between them."""
 
 import numpy as np
+import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._tips import _assignments, find_tips, maps_from_tips
+from unbend.matching._tips import Tips, find_tips, guess_limbs, map_from_limbs
 
 
 def test_a_person_has_five_tips() -> None:
@@ -56,20 +57,42 @@ def test_limbs_of_other_lengths_change_little() -> None:
 
     order = rng.permutation(5)
     grown = 3.0 * ways(limbs * [1.5, 0.8, 0.8, 1.2, 1.2])[np.ix_(order, order)]
-    found = _assignments(ways(limbs), grown)
-    right = [k for k, (mine, other) in enumerate(found) if (order[other] == mine).all()]
+
+    def tips(lengths: np.ndarray) -> Tips:
+        return Tips(np.arange(5), lengths, np.empty((0, 5)))
+
+    found = guess_limbs(tips(ways(limbs)), tips(grown))
+    right = [k for k, one in enumerate(found) if (order[one.target] == one.source).all()]
     assert right[0] < 20
-    exact = _assignments(ways(limbs), 2 * ways(limbs))[0]
-    assert (exact[0] == exact[1]).all()
-    assert len(exact[0]) == 5
+    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)))[0]
+    assert (exact.source == exact.target).all()
+    assert len(exact.source) == 5
+    assert exact.size == pytest.approx(2)
+    # The other way round, things are half as long.
+    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]))[0].size == pytest.approx(
+        0.5
+    )
+
+
+def test_landmarks_hold_what_they_name() -> None:
+    ways = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
+    ways = (ways[:, None] + ways) * (1 - np.eye(5))
+    tips = Tips(np.arange(5), ways, np.empty((0, 5)))
+    swapped = Tips(np.arange(5), ways[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5)))
+    # Said to correspond: 0 to 0, though the ways say 0 to 1.
+    found = guess_limbs(tips, swapped, 1)
+    assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
+    assert any(
+        dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
+        for one in found
+    )
 
 
 def test_maps_are_orthogonal_and_shapes_without_tips_have_none(blob) -> None:
     shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True, None)[1]
-    maps = maps_from_tips(shape, shape)
-    np.testing.assert_allclose(
-        maps @ maps.transpose(0, 2, 1), np.tile(np.eye(7), (len(maps), 1, 1)), atol=1e-9
-    )
-    np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-4)
-    smooth = prepare_shape(blob, 60, True, None)[1]
-    assert maps_from_tips(smooth, shape).shape[1:] == (7, 7)
+    ends = find_tips(shape)
+    functional_map = map_from_limbs(shape, shape, ends.vertices, ends.vertices)
+    np.testing.assert_allclose(functional_map @ functional_map.T, np.eye(7), atol=1e-9)
+    np.testing.assert_allclose(functional_map, np.eye(7), atol=1e-4)
+    smooth = find_tips(prepare_shape(blob, 60, True, None)[1])
+    assert len(guess_limbs(smooth, smooth)) == 0 or len(smooth.vertices) >= 3

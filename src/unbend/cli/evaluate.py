@@ -60,7 +60,8 @@ def evaluate(
     """Measure a map's geodesic errors against the truth, in units of sqrt(target area).
 
     The protocols: direct, against the truth as given; map-min, the better of the truth and its
-    mirror image for the whole map; vertex-min, the better for each row on its own.
+    mirror image for the whole map; vertex-min, the better for each row on its own. Of parts, -1
+    in the truth says that a vertex has no partner, and the overlap that was found is measured too.
 
     \b
     Examples:
@@ -112,6 +113,7 @@ def _as_dict(found: Evaluation) -> dict[str, Any]:
     return {
         "rows": len(found.direct),
         "coverage": found.coverage,
+        "overlap": vars(found.overlap),
         "thresholds": THRESHOLDS,
         "protocols": {
             name: {
@@ -137,3 +139,9 @@ def _print_table(found: Evaluation) -> None:
         cells += [f"{curve[i]:.1f} %" for i in columns]
         typer.echo(f"{name:12}" + "".join(f"{cell:>9}" for cell in cells))
     typer.echo(f"\n{len(found.direct):,} rows; {found.coverage:.1%} of the target's area is hit")
+    part = found.overlap
+    if part.iou < 1:
+        typer.echo(
+            f"overlap: {part.iou:.1%} intersection over union, {part.precision:.1%} precision, "
+            f"{part.recall:.1%} recall"
+        )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import Axis, MatchMethod
+from unbend.choices import Axis, MatchMethod, Partial
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -42,6 +42,27 @@ def match(
         MatchMethod,
         typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
     ] = "progressive",
+    partial: Annotated[
+        Partial,
+        typer.Option(
+            "--partial",
+            help="Which may be a part, torn or seen from one side; auto: what ends at a rim.",
+        ),
+    ] = "auto",
+    landmarks: Annotated[
+        str | None,
+        typer.Option(
+            "--landmarks",
+            metavar="CSV",
+            help="Hints: a line for each, source vertex, target vertex, counted from 0.",
+        ),
+    ] = None,
+    n_matches: Annotated[
+        int,
+        typer.Option(
+            "--n-matches", metavar="N", help="Give the N best ways to match: MAP, MAP-2, MAP-3 ..."
+        ),
+    ] = 1,
     n_eigenpairs: Annotated[
         int | None,
         typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape, by default 150."),
@@ -78,8 +99,10 @@ def match(
       unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
       unbend match cat0.off cat1.off -o cat0_cat1.vts
       unbend match scan.ply model.ply --component largest --json
+      unbend match torn.ply model.ply --partial source -o torn.npz
+      unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
-    from unbend.io import MAP_SUFFIXES, check_writable, read_mesh
+    from unbend.io import MAP_SUFFIXES, check_writable, read_landmarks, read_mesh
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -87,6 +110,7 @@ def match(
         check_writable(out, (".npz", *MAP_SUFFIXES))
     if figure is not None:
         check_writable(figure, (".png", ".pdf", ".svg"))
+    hints = None if landmarks is None else read_landmarks(landmarks)
     start = time.perf_counter()
     with steps_on_stderr() as progress:
         progress("reading", 0)
@@ -95,6 +119,9 @@ def match(
         found = find_match(
             *shapes,
             method=method,
+            partial=partial,
+            landmarks=hints,
+            n_matches=n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
@@ -105,7 +132,8 @@ def match(
         seconds = time.perf_counter() - start
         if out is not None:
             progress("writing", 0)
-            write_result(out, found)
+            for i, one in enumerate((found, *found.alternatives)):
+                write_result(_numbered(out, i), one)
         if figure is not None:
             progress("drawing", 0)
             _draw(shapes, found, figure, up)
@@ -123,6 +151,17 @@ def match(
                 "source_vertices": len(found.source_to_target),
                 "target_vertices": len(found.target_to_source),
                 "matched": int((found.source_to_target >= 0).sum()),
+                "overlap_source": found.overlap_source,
+                "overlap_target": found.overlap_target,
+                "missed_landmarks": list(found.missed_landmarks),
+                "alternatives": [
+                    {
+                        "out": out and _numbered(out, i + 1),
+                        "confidence": one.confidence,
+                        "orientation": one.orientation,
+                    }
+                    for i, one in enumerate(found.alternatives)
+                ],
                 "orientation": found.orientation,
                 "residual": found.residual,
                 "confidence": found.confidence,
@@ -132,6 +171,9 @@ def match(
         )
         return
     typer.echo(summary(shapes, found, seconds))
+    for i, one in enumerate(found.alternatives):
+        where = f", {_numbered(out, i + 1)}" if out else ""
+        typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
     typer.echo(f"next: {_next_step(source, target, out)}")
 
 
@@ -142,8 +184,12 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> str:
     side = describe_side(found.orientation)
     unknown = math.isnan(found.confidence)
     trust = "confidence not estimated" if unknown else f"confidence {found.confidence:.2f}"
+    part = ""
+    if min(found.overlap_source, found.overlap_target) < 1:
+        shares = found.overlap_source, found.overlap_target
+        part = "{:.0%} of its area, {:.0%} of the target's, ".format(*shares)
     return (
-        f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {side} "
+        f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {part}{side} "
         f"({found.orientation:+.2f}), {trust}, {seconds:.1f} s"
     )
 
@@ -164,6 +210,12 @@ def write_result(out: str, found: Match) -> None:
         write_match(out, found)
     else:
         write_map(out, found.source_to_target)
+
+
+def _numbered(out: str, i: int) -> str:
+    """Name the file of the i-th way to match: ``map.npz``, ``map-2.npz`` and so on."""
+    path = Path(out)
+    return out if i == 0 else str(path.with_name(f"{path.stem}-{i + 1}{path.suffix}"))
 
 
 def _keeps_all(out: str | None) -> bool:

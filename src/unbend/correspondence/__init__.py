@@ -1,16 +1,18 @@
 """What is done with a map: measure it, carry values and shapes along it, compare forms."""
 
-from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, evaluate
+from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
 from unbend.correspondence._register import Registration, register
 from unbend.correspondence._similarity import aligned_cosine, similarity
-from unbend.correspondence._transfer import transfer, value_kind
+from unbend.correspondence._transfer import as_point_map, transfer, value_kind
 
 __all__ = [
     "THRESHOLDS",
     "Evaluation",
+    "Overlap",
     "Registration",
     "aligned_cosine",
+    "as_point_map",
     "evaluate",
     "morph",
     "register",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
@@ -23,6 +23,25 @@ THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
 # Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.
 _KEPT_BYTES = 2**30
 _kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """How well a map found which part of the source has a partner at all.
+
+    Attributes
+    ----------
+    precision : float
+        Of the rows that were given an image, the share that truly has one.
+    recall : float
+        Of the rows that truly have an image, the share that was given one.
+    iou : float
+        Intersection over union: rows with both over rows with either.
+    """
+
+    precision: float
+    recall: float
+    iou: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +64,8 @@ class Evaluation:
     continuity : float or None
         Total length in space of the images of the source's edges over that of the edges, both
         at unit area, when the source was given; 1 for a rigid map, more the more a map tears.
+    overlap : Overlap
+        Of parts: rows of the ground truth with a negative target vertex have no true image.
     """
 
     direct: FloatArray
@@ -52,6 +73,7 @@ class Evaluation:
     vertex_min: FloatArray | None
     coverage: float
     continuity: float | None
+    overlap: Overlap
 
     def errors(self, protocol: str = "direct") -> FloatArray:
         """Errors by ``"direct"``, ``"map-min"`` or ``"vertex-min"``.
@@ -109,7 +131,8 @@ def evaluate(
         Anything :func:`unbend.as_mesh` accepts.
     source_points, target_points : (r,) array_like of int
         Ground truth: source vertex ``source_points[i]`` is target vertex ``target_points[i]``.
-        Rows whose target vertex is negative, or whose source vertex has no image, do not count.
+        Rows whose target vertex is negative have no true image; those, and rows whose source
+        vertex was given none, count for `overlap` only.
     mirrored_target_points : (r,) array_like of int, optional
         The ground truth composed with the target's left-right symmetry.
     source : mesh-like, optional
@@ -185,6 +208,7 @@ def evaluate(
         vertex_min=vertex_min,
         coverage=_coverage(images, target),
         continuity=None if source is None else _continuity(images, _with_faces(source), target),
+        overlap=_overlap(found >= 0, truths[0] >= 0),
     )
 
 
@@ -244,6 +268,13 @@ def _fingerprint(mesh: Mesh) -> bytes:
     digest = blake2b(np.ascontiguousarray(mesh.vertices).tobytes())
     digest.update(np.ascontiguousarray(mesh.faces).tobytes())
     return digest.digest()
+
+
+def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
+    both = int((given & true).sum())
+    return Overlap(
+        both / int(given.sum()), both / int(true.sum()), both / int((given | true).sum())
+    )
 
 
 def _coverage(images: IntArray, target: Mesh) -> float:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
 from unbend.errors import InputError
@@ -21,6 +21,7 @@ _AVERAGED_RINGS = 4
 # Ties every vertex to where a rigid motion alone would take it: the equations determine vertices
 # only up to a translation, and those that no face uses not at all.
 _TIE = 1e-5
+_HELD = 1e3  # holds what has an image while what has none goes along
 
 
 def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: float) -> Mesh:
@@ -43,8 +44,9 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Returns
     -------
     Mesh
-        With the source's vertices, in their order, and its faces. Vertices without an image move
-        rigidly with the whole.
+        With the source's vertices, in their order, and its faces. Parts without an image keep
+        their shape and go along with what is next to them; vertices that no face uses, and
+        components without any image, move rigidly with the whole.
 
     Raises
     ------
@@ -84,11 +86,13 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     if t == 0:
         return Mesh(source.vertices, source.faces, name=name)
     start = source.vertices
-    moving = np.isfinite(goal).all(axis=1) & np.isfinite(start).all(axis=1)
+    moving = np.asarray(np.isfinite(np.hstack([goal, start])).all(axis=1))
     if moving.sum() < 3:
         raise InputError("fewer than 3 vertices of the source have an image: nothing to morph")
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
     goal[~moving] = start[~moving] @ rotation.T + translation
+    if not moving.all() and source.n_faces:
+        goal = _carried_along(start, goal, moving, source.faces)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
     # In the source's own frame, where only the change of shape is left, then turned as a whole.
@@ -100,15 +104,33 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     return Mesh((between - center) @ turn.T + center + t * travel, source.faces, name=name)
 
 
+def _carried_along(
+    start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray
+) -> FloatArray:
+    """Move parts without an image as what is next to them turns, their shape kept."""
+    n = len(start)
+    i, j, used = _links(faces, n)
+    before, after = (np.where(used[:, None], points, 0) for points in (start, goal))
+    edges, images = before[j] - before[i], after[j] - after[i]
+    # How neighbourhoods turn is known where they have images, and spreads from there.
+    known = moving[i] & moving[j]
+    products = (edges[:, :, None] * images[:, None, :] * known[:, None, None]).reshape(-1, 9)
+    cross: FloatArray = np.stack([np.bincount(i, column, n) for column in products.T], axis=1)
+    spread = _fitted(i, j, np.zeros((len(i), 9)), cross, np.where(moving, 1.0, _TIE))
+    turns = Rotation.from_matrix(nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1)))
+    lengths = [np.linalg.norm(ends[known], axis=1) for ends in (edges, images)]
+    size = float(lengths[1].sum() / lengths[0].sum()) if known.any() else 1.0
+    wanted = size * (turns[i].apply(edges) + turns[j].apply(edges)) / 2
+    moved = _fitted(i, j, wanted, after, np.where(moving, _HELD, _TIE))
+    return np.where((used & ~moving)[:, None], moved, goal)
+
+
 def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> FloatArray:
     straight = start + t * (goal - start)
     if not len(faces):
         return straight
     n = len(start)
-    used = np.zeros(n, dtype=bool)
-    used[faces] = True
-    links = edge_ends(faces, n)
-    i, j = np.concatenate([links, links[:, ::-1]]).T
+    i, j, used = _links(faces, n)
     neighbours = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
     # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
     before = np.where(used[:, None], start, 0)
@@ -118,14 +140,31 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     # Turned back by its end's rotation, an edge's image differs from the edge by stretch alone.
     still = Rotation.from_rotvec(turns[i]).apply(images, inverse=True)
     wanted = Rotation.from_rotvec(t * turns[i]).apply(edges + t * (still - edges))
+    line = np.where(used[:, None], straight, 0)
+    tie = _TIE * max(len(i) / n, 1.0)
+    return np.where(used[:, None], _fitted(i, j, wanted, line, np.full(n, tie)), straight)
+
+
+def _links(faces: IntArray, n: int) -> tuple[IntArray, IntArray, BoolArray]:
+    """Both ends of every edge, in both directions, and the vertices in use."""
+    used = np.zeros(n, dtype=bool)
+    used[faces] = True
+    links = edge_ends(faces, n)
+    i, j = np.concatenate([links, links[:, ::-1]]).T
+    return i, j, used
+
+
+def _fitted(
+    i: IntArray, j: IntArray, wanted: FloatArray, places: FloatArray, ties: FloatArray
+) -> FloatArray:
+    """Vertices whose edges, from i to j, are nearest to those wanted, tied to places."""
+    n = len(places)
     pull = -np.stack([np.bincount(i, column, n) for column in wanted.T], axis=1)
     pull += np.stack([np.bincount(j, column, n) for column in wanted.T], axis=1)
-    degrees = np.asarray(neighbours.sum(axis=1)).ravel()
-    tie = _TIE * max(float(degrees.mean()), 1.0)
-    stiffness = 2 * (sp.diags(degrees) - neighbours)
-    line = np.where(used[:, None], straight, 0)
-    solved = factorize(stiffness + tie * sp.eye(n)).solve(pull + tie * line)
-    return np.where(used[:, None], solved, straight)
+    neighbours = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    stiffness = 2 * (sp.diags(np.asarray(neighbours.sum(axis=1)).ravel()) - neighbours)
+    solved = factorize(stiffness + sp.diags(ties)).solve(pull + ties[:, None] * places)
+    return np.asarray(solved)
 
 
 def _rotation_vectors(

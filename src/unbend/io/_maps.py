@@ -145,6 +145,52 @@ def write_map(
             file.write(("\n".join(lines) + "\n").encode())
 
 
+def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
+    r"""Read landmarks: on each line a source vertex and the target vertex that it corresponds to.
+
+    Parameters
+    ----------
+    path : path
+        A .csv or .txt file, the numbers counted from 0 and separated by a comma or blanks. A .csv
+        file may begin with a line that names its columns.
+
+    Returns
+    -------
+    (l, 2) ndarray of int64
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is empty, or a line is anything else.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.io import read_landmarks
+    >>> path = Path(tempfile.mkdtemp()) / "hints.csv"
+    >>> _ = path.write_text("source,target\n12,40\n7,3\n")
+    >>> read_landmarks(path)
+    array([[12, 40],
+           [ 7,  3]])
+    """
+    path = Path(path)
+    suffixes = (".csv", ".txt")
+    lines = data_lines(read_bytes(path, suffixes), path.suffix.lower()[1:])
+    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+    if rows and path.suffix.lower() == ".csv" and not all(map(_is_number, rows[0])):
+        rows = rows[1:]
+    if not rows:
+        raise FileError(f"{path.name}: holds no landmarks")
+    for index, row in enumerate(rows):
+        if len(row) != 2 or not all(word.isdecimal() for word in row):
+            raise FileError(
+                f"{path.name}: row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex "
+                "numbers, of the source and of the target, counted from 0"
+            )
+    return np.array(rows, dtype=np.int64)
+
+
 def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     """Turn a map from source to target round.
 

@@ -31,6 +31,7 @@ _REQUIRED = (
     "confidence",
 )
 _OPTIONAL = ("faces", "weights", "mirrored")
+_SHARES = ("overlap_source", "overlap_target")
 # Packing makes a match some ten times smaller. What claims to grow more than a hundredfold, and
 # to more than 64 MiB, is not unpacked.
 _MOST_GROWTH, _ALWAYS_ALLOWED = 100, 2**26
@@ -119,7 +120,7 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     arrays["hypotheses"] = np.reshape(
         [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)
     )
-    for name in _OPTIONAL:
+    for name in (*_OPTIONAL, *_SHARES):
         if getattr(match, name) is not None:
             arrays[name] = np.asarray(getattr(match, name))
     _save(path, arrays)
@@ -154,7 +155,7 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> len(read_match(path).source_to_target)
     162
     """
-    arrays = _load(path, _REQUIRED, (*_OPTIONAL, "hypotheses"))
+    arrays = _load(path, _REQUIRED, (*_OPTIONAL, *_SHARES, "hypotheses"))
     with _naming(path):
         return _checked_match(arrays)
 
@@ -177,6 +178,9 @@ def _checked_match(arrays: _Arrays) -> Match:
     fields["confidence"] = np.nan
     if not unknown or arrays["confidence"].shape != ():
         fields["confidence"] = float(_numbers(arrays, "confidence", (), 0, 1))
+    for name in _SHARES:
+        if name in arrays:
+            fields[name] = float(_numbers(arrays, name, (), 0, 1))
     if "mirrored" in arrays:
         fields["mirrored"] = _vertices(arrays, "mirrored", n, m)
     for name, other in (("faces", "weights"), ("weights", "faces")):

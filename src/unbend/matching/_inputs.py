@@ -2,26 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-from unbend._types import IntArray, Progress
-from unbend.errors import InputError, MeshError
+from unbend._text import plural
+from unbend._types import BoolArray, IntArray, Progress
+from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import wind_alike
+from unbend.mesh import Mesh, find_components, vertex_ids, wind_alike
+from unbend.preparation import restrict
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 
+class Input(NamedTuple):
+    """A mesh that is to be matched.
+
+    Attributes
+    ----------
+    surface : Surface
+        Its largest component, checked.
+    shape : Shape
+        The same, as the matcher takes it.
+    kept : (k,) ndarray of int64
+        Its vertices among those of the mesh.
+    stands_for : (n,) ndarray of int64
+        The vertex of `shape` that stands for each vertex of the mesh: itself, or on smaller
+        components the nearest one; -1 at vertices that no face uses.
+    """
+
+    surface: Surface
+    shape: Shape
+    kept: IntArray
+    stands_for: IntArray
+
+    def local(self, vertices: npt.ArrayLike) -> IntArray:
+        """Turn vertices of the mesh into those of `shape` that stand for them."""
+        name = self.surface.mesh.name
+        ids = vertex_ids(vertices, len(self.stands_for), name)
+        found = self.stands_for[ids]
+        if (found < 0).any():
+            raise InputError(f"{name}: no face uses vertex {ids[found < 0][0]}; name another")
+        return found
+
+
 def prepare_shape(
-    mesh: MeshLike, n_eigenpairs: int, cache: bool, progress: Progress | None
-) -> tuple[Surface, Shape]:
+    mesh: MeshLike,
+    n_eigenpairs: int,
+    cache: bool,
+    progress: Progress | None,
+    partial: bool = False,
+) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
     mesh = as_mesh(mesh)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
-    surface = make_surface(mesh)
+    largest, kept = _largest(mesh)
+    surface = make_surface(largest)
     faces = wind_alike(surface.mesh.faces, surface.n_vertices)
     if faces is None:
         raise MeshError(
@@ -32,18 +73,44 @@ def prepare_shape(
     if progress is not None:
         progress("spectrum", 1.0)
     shape = make_shape(
-        surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions
+        surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
     )
-    return surface, shape
+    kept = kept[surface.prepared.kept]
+    return Input(surface, shape, kept, _stand_ins(mesh, kept))
 
 
-def expand(point_map: IntArray, source: Surface, target: Surface) -> IntArray:
+def expand(point_map: IntArray, within: BoolArray, source: Input, target: Input) -> IntArray:
     """Turn a map between vertices in use into one between all vertices, -1 where none."""
-    return np.asarray(expand_rows(target.prepared.kept[point_map], source, -1))
+    images = np.where(within, target.kept[point_map], -1)
+    return np.asarray(expand_rows(images, source, -1))
 
 
-def expand_rows(rows: Any, source: Surface, missing: float) -> Any:
+def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     """From vertices in use to all vertices, the rest marked as missing."""
-    full = np.full((source.prepared.n_original, *rows.shape[1:]), missing, dtype=rows.dtype)
-    full[source.prepared.kept] = rows
+    full = rows[source.stands_for]
+    full[source.stands_for < 0] = missing
     return full
+
+
+def _largest(mesh: Mesh) -> tuple[Mesh, IntArray]:
+    """Take the largest component, and its vertices; say so if there are more."""
+    components = find_components(mesh.faces, mesh.n_vertices)
+    n_others = len(components.n_vertices) - 1
+    if n_others < 1:
+        return mesh, np.arange(mesh.n_vertices)
+    warnings.warn(
+        f"{mesh.name}: its largest component is matched, {components.n_vertices[0]} of "
+        f"{mesh.n_vertices} vertices; {plural(n_others, 'smaller component')} "
+        f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it",
+        UnbendWarning,
+        stacklevel=4,
+    )
+    return restrict(mesh, components.of_vertex == 0)
+
+
+def _stand_ins(mesh: Mesh, kept: IntArray) -> IntArray:
+    found = np.full(mesh.n_vertices, -1)
+    found[kept] = np.arange(len(kept))
+    others = np.setdiff1d(mesh.faces, kept)
+    found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
+    return found

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.matching._kernels import edge_covariances
 from unbend.matching._projection import closest_faces
-from unbend.matching._registration import Registered, landing_places
+from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
@@ -25,6 +25,10 @@ _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead in
 # energy that makes the odds between two maps 2.7 to 1.
 _EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
+# What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
+_MISSED, _OFF = 0.15, 0.15
+# What a vertex without a partner counts as, of 1.
+_WITHOUT = 0.25
 _DIGITS = 6  # of energies, that are not rounding
 
 
@@ -42,14 +46,22 @@ class Candidate:
     reflected : bool
         Whether the target was taken as its mirror image.
     hypothesis : (k, k) ndarray of float64, or None
-        The functional map that was registered.
+        The functional map that was registered, if it began with one.
+    missed : (l,) ndarray of bool
+        Which landmarks it leads elsewhere.
     """
 
     registered: Registered
     energy: float
     orientation: float
-    reflected: bool = False
-    hypothesis: FloatArray | None = None
+    reflected: bool
+    hypothesis: FloatArray | None
+    missed: BoolArray
+
+    @property
+    def cost(self) -> float:
+        """Energy, and what missed landmarks add to it."""
+        return self.energy + _MISSED * float(self.missed.sum())
 
 
 def judge(
@@ -63,47 +75,51 @@ def judge(
     left, right = landing_places(source, target, found)
     ahead = _images(left, right, target, found.forward)
     back = _images(right, left, source, found.backward)
-    energy = (_unexplained(source, ahead) + _unexplained(target, back)) / 2
+    within = found.source.within, found.target.within
+    energy = (_unexplained(source, ahead, within[0]) + _unexplained(target, back, within[1])) / 2
     orientation = min(
-        _right_side_out(source, target, found.forward, found.source.places),
-        _right_side_out(target, source, found.backward, found.target.places),
+        _right_side_out(source, target, found.forward, found.source),
+        _right_side_out(target, source, found.backward, found.target),
     )
-    return Candidate(found, energy, orientation, reflected, hypothesis)
+    missed = _missed(source, target, found)
+    return Candidate(found, energy, orientation, reflected, hypothesis, missed)
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Lowest energy first, of those that keep the right side out if any does.
+    """Lowest cost first, of those that keep the right side out if any does.
 
     Of those that a symmetry of the shapes makes equal, which differ by rounding only, the one that
     came first stays first.
     """
     kept = [one for one in candidates if one.orientation > 0]
-    return sorted(kept or candidates, key=lambda one: round(one.energy, _DIGITS))
+    return sorted(kept or candidates, key=lambda one: round(one.cost, _DIGITS))
 
 
 def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) -> list[Candidate]:
     """Leave out of ranked candidates those that lead where a better one does."""
     found: list[Candidate] = []
+
+    def same(one: Candidate, other: Candidate) -> bool:
+        images, others = (target.vertices[c.registered.forward] for c in (one, other))
+        both = areas * (one.registered.source.within & other.registered.source.within)
+        return bool(both @ (np.linalg.norm(images - others, axis=1) > _APART) <= _SHARE)
+
     for one in candidates:
-        images = target.vertices[one.registered.forward]
-        others = (target.vertices[other.registered.forward] for other in found)
-        if all(
-            areas @ (np.linalg.norm(images - other, axis=1) > _APART) > _SHARE for other in others
-        ):
+        if not any(same(one, other) for other in found):
             found.append(one)
     return found
 
 
-def confidence(found: Sequence[Candidate]) -> float:
-    """Probability, 0 to 1, that the first of the distinct candidates is right as a whole.
+def confidences(found: Sequence[Candidate]) -> FloatArray:
+    """Probability of each of the distinct candidates, best first, that it is right as a whole.
 
     Two things must hold: that it moves the surface as one body in two poses moves, and that no
-    other does so nearly as well. Candidates of one energy share the probability.
+    other does so nearly as well. Candidates of one cost share the probability.
     """
-    first, *others = found
-    one_body = 1 / (1 + np.exp((first.energy - _EVEN) / _SPREAD))
-    shares = sum(np.exp((first.energy - other.energy) / _LEAD) for other in others)
-    return float(one_body / (1 + shares))
+    costs = np.array([one.cost for one in found])
+    shares = np.exp((costs[0] - costs) / _LEAD)
+    energies = np.array([one.energy for one in found])
+    return np.asarray(shares / shares.sum() / (1 + np.exp((energies - _EVEN) / _SPREAD)))
 
 
 def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArray) -> FloatArray:
@@ -112,11 +128,12 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
-def _unexplained(shape: Shape, images: FloatArray) -> float:
+def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> float:
     """Share of local shape that the images of patches, turned and scaled, do not explain: 0 to 1.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
-    1976), weighted by area; a patch that collapses is not explained at all.
+    1976), weighted by area; a patch that collapses is not explained at all. What has no partner
+    counts as explained in part.
     """
     spokes = shape.spokes
     graph = spokes.indptr, spokes.indices, spokes.data
@@ -125,14 +142,26 @@ def _unexplained(shape: Shape, images: FloatArray) -> float:
         for ends in ((shape.vertices, shape.vertices), (shape.vertices, images), (images, images))
     )
     lengths = np.stack([own[:, ::4].sum(axis=1), theirs[:, ::4].sum(axis=1)], axis=1)
-    averaged = shape.patches.solve(np.hstack([common, lengths]))
+    averaged = shape.patches.solve(np.hstack([common, lengths]) * within[:, None])
     cross = averaged[:, :9].reshape(-1, 3, 3)
     values = np.linalg.svd(cross, compute_uv=False)
     values[:, 2] *= np.sign(np.linalg.det(cross))
     size = np.sqrt(np.maximum(averaged[:, 9:].prod(axis=1), np.finfo(float).tiny))
-    return float(shape.areas @ (1 - values.sum(axis=1) / size))
+    unexplained = np.where(within, 1 - values.sum(axis=1) / size, _WITHOUT)
+    return float(shape.areas @ unexplained)
 
 
-def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, places: FloatArray) -> float:
-    normals = vertex_normals(places, shape.faces)
-    return float(shape.areas @ np.sign((normals * goal.normals[point_map]).sum(axis=1)))
+def _missed(source: Shape, target: Shape, found: Registered) -> BoolArray:
+    ours, theirs = source.landmarks, target.landmarks
+    off = np.maximum(
+        np.linalg.norm(target.vertices[found.forward[ours]] - target.vertices[theirs], axis=1),
+        np.linalg.norm(source.vertices[found.backward[theirs]] - source.vertices[ours], axis=1),
+    )
+    return np.asarray(off > _OFF)
+
+
+def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:
+    normals = vertex_normals(pose.places, shape.faces)
+    own = shape.areas * pose.within
+    agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
+    return float(own @ agree / max(own.sum(), np.finfo(float).tiny))

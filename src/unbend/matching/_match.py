@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import get_args
 
 import numpy as np
+import numpy.typing as npt
 
+from unbend._arrays import is_whole
 from unbend._options import refuse_given
-from unbend._types import Progress
+from unbend._types import BoolArray, Progress
 from unbend.alignment import align, closest_points
-from unbend.errors import InputError
+from unbend.choices import MatchMethod, Partial
+from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike
-from unbend.matching._inputs import expand, expand_rows, prepare_shape
-from unbend.matching._judge import Candidate, confidence, judge
+from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape
+from unbend.matching._judge import Candidate, confidences, judge
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import landing_places, rough_start, spectral_residual
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, refined
-from unbend.spectral import Surface
+from unbend.matching._solve import candidates, make_sides, matched_whole, refined
+from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
 _ICP_COMPONENTS = 3
 _POINTS_FOR_ICP = 1500
+_TORN = 0.02  # of either area, less than which is not left without partner unless asked for
 
 
 def match(
     source: MeshLike,
     target: MeshLike,
     *,
-    method: Literal["progressive", "icp"] = "progressive",
+    method: MatchMethod = "progressive",
+    partial: Partial = "auto",
+    landmarks: npt.ArrayLike | None = None,
+    n_matches: int = 1,
     n_eigenpairs: int | None = None,
     refine: bool | None = None,
     allow_mirror: bool = False,
@@ -50,15 +58,29 @@ def match(
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts. Each a single connected surface with two sides,
-        open or closed; faces wound unlike their neighbours are turned. The vertex counts, units,
-        and positions in space may differ.
+        Anything :func:`unbend.as_mesh` accepts, with two sides, open or closed; faces wound
+        unlike their neighbours are turned. The vertex counts, units, and positions in space may
+        differ. Of several components the largest is matched; the vertices of the others take the
+        partner of the nearest vertex of the largest.
     method : {"progressive", "icp"}, default="progressive"
         ``"icp"`` aligns the three-dimensional biharmonic canonical forms by iterative closest
         points, as the paper does: fast, and blind to which limb is which.
+    partial : {"auto", "none", "source", "target", "both"}, default="auto"
+        Which shape may be a part of what it shows, torn, cut off or seen from one side: what the
+        other one has beyond its rim gets no partner, -1. A surface without a rim is whole.
+        ``"auto"`` is ``"both"``, but less than a fiftieth of the area is not left without
+        partner: small holes are no parts. This and all options below but the last two are for
+        ``"progressive"``.
+    landmarks : (l, 2) array_like of int, optional
+        Pairs of a source and a target vertex that are said to correspond. One to three settle
+        what is ambiguous; they need not be exact. Those that what fits best leads elsewhere are
+        named in `missed_landmarks`.
+    n_matches : int, default=1
+        How many ways to match to give, at most: the best as the result, the others as its
+        `alternatives`.
     n_eigenpairs : int, optional
         Eigenpairs of each shape, the constant included, 150 by default; fewer for meshes of few
-        vertices. This and all options below but the last two are for ``"progressive"``.
+        vertices.
     refine : bool, optional
         Whether to polish the map on the full meshes, as is done by default; else it is as exact as
         their coarse copies.
@@ -80,9 +102,14 @@ def match(
     Raises
     ------
     MeshError
-        If a mesh cannot be used, has several components, or has only one side.
+        If a mesh cannot be used, or has only one side.
     InputError
         If an option is out of range or not for this method, or a shape has no faces.
+
+    Warns
+    -----
+    UnbendWarning
+        Of what was done to a mesh, as when it has several components; and of missed landmarks.
 
     Notes
     -----
@@ -105,11 +132,18 @@ def match(
     >>> bool((found.source_to_target == np.arange(len(stone))).all())
     True
     """
-    if method not in ("progressive", "icp"):
+    if method not in get_args(MatchMethod):
         raise InputError(f"method must be 'progressive' or 'icp', not {method!r}")
+    if partial not in get_args(Partial):
+        raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
+    if not is_whole(n_matches) or n_matches < 1:
+        raise InputError(f"n_matches must be a whole number of at least 1, not {n_matches!r}")
     if method == "icp":
         refuse_given(
             'is for method="progressive"; leave it out',
+            partial=None if partial == "auto" else partial,
+            landmarks=landmarks,
+            n_matches=None if n_matches == 1 else n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror or None,
@@ -121,30 +155,39 @@ def match(
     polish = refine is None or refine
     if n_eigenpairs < _LEAST_EIGENPAIRS:
         raise InputError(f"n_eigenpairs must be at least {_LEAST_EIGENPAIRS}, not {n_eigenpairs}")
-    ours, left = prepare_shape(source, n_eigenpairs, cache, progress)
-    theirs, right = prepare_shape(target, n_eigenpairs, cache, progress)
+    torn = [method != "icp" and partial in ("auto", "both", side) for side in ("source", "target")]
+    ours, theirs = (
+        prepare_shape(mesh, n_eigenpairs, cache, progress, part)
+        for mesh, part in zip((source, target), torn, strict=True)
+    )
     if method == "icp":
-        return _match_by_icp(ours, left, theirs, right)
-    sides = make_sides(left, right)
+        return _match_by_icp(ours, theirs)
+    if landmarks is not None:
+        ours, theirs = _with_landmarks(ours, theirs, landmarks)
+    sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
-        found = sorted([*found, *turned], key=lambda one: one.energy)
-    chosen = refined(sides, found[0], polish=polish)
-    if progress is not None:
-        progress("refine", 1.0)
-    result = _result(ours, left, theirs, right, chosen, found)
-    if barycentric:
-        landing = landing_places(left, right, chosen.registered)
-        faces, weights = closest_faces(*landing, right.faces, chosen.registered.forward)
-        result = replace(
-            result,
-            faces=expand_rows(faces, ours, -1),
-            weights=expand_rows(weights, ours, np.nan),
-        )
+        found = sorted([*found, *turned], key=lambda one: one.cost)
+    whole = _TORN if partial == "auto" else 0.0
+    results = []
+    for i, trust in enumerate(confidences(found)[:n_matches]):
+        chosen = matched_whole(refined(sides, found[i], polish=polish), sides, whole)
+        ranks = (found[i], *found[:i], *found[i + 1 :])
+        result = _result(ours, theirs, chosen, float(trust), ranks)
+        results.append(_below_vertices(result, ours, theirs, chosen) if barycentric else result)
+        if progress is not None:
+            progress("refine", (i + 1) / n_matches)
+    result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        other = refined(sides, turned[0], polish=polish)
-        result = replace(result, mirrored=expand(other.registered.forward, ours, theirs))
+        other = matched_whole(refined(sides, turned[0], polish=polish), sides, whole).registered
+        result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
+    for row in result.missed_landmarks:
+        warnings.warn(
+            f"landmark {row} is left aside: what fits best leads it elsewhere",
+            UnbendWarning,
+            stacklevel=2,
+        )
     return result
 
 
@@ -199,16 +242,32 @@ def symmetry(
     >>> bool(np.abs(swapped * [-1, 1, 1] - egg).max() < 0.1)
     True
     """
-    surface, shape = prepare_shape(mesh, n_eigenpairs, cache, progress)
-    sides = make_sides(shape, shape).reflected()
+    one = prepare_shape(mesh, n_eigenpairs, cache, progress)
+    sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
     chosen = refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
-    return _result(surface, shape, surface, shape, chosen, found)
+    return _result(one, one, chosen, float(confidences(found)[0]), found)
 
 
-def _match_by_icp(ours: Surface, left: Shape, theirs: Surface, right: Shape) -> Match:
+def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
+    pairs = np.asarray(landmarks)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
+        raise InputError(
+            "landmarks must be rows of two vertex numbers, of the source and of the target, not "
+            f"an array of shape {pairs.shape}"
+        )
+    if len(pairs) > MOST_LANDMARKS:
+        raise InputError(f"give at most {MOST_LANDMARKS} landmarks, not {len(pairs)}")
+    return tuple(
+        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
+        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
+    )  # type: ignore[return-value]
+
+
+def _match_by_icp(ours: Input, theirs: Input) -> Match:
+    left, right = ours.shape, theirs.shape
     d = min(_ICP_COMPONENTS, left.k, right.k)
     forms = [shape.basis[:, :d] / shape.eigenvalues[:d] for shape in (left, right)]
     found = align(
@@ -217,35 +276,51 @@ def _match_by_icp(ours: Surface, left: Shape, theirs: Surface, right: Shape) -> 
     forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
     poses = rough_start(left, right, found.rotation.T)
     judged = judge(left, right, poses._replace(forward=forward, backward=backward))
-    result = _result(ours, left, theirs, right, judged, [])
+    result = _result(ours, theirs, judged, float("nan"), [])
     return replace(
         result,
         residual=found.residual / float(np.sqrt((1 / right.eigenvalues[:d] ** 2).sum())),
-        confidence=float("nan"),
     )
 
 
 def _result(
-    ours: Surface,
-    left: Shape,
-    theirs: Surface,
-    right: Shape,
-    chosen: Candidate,
-    found: Sequence[Candidate],
+    ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
 ) -> Match:
-    forward, backward = chosen.registered[:2]
+    left, right, registered = ours.shape, theirs.shape, chosen.registered
+    there, back = registered.source.within, registered.target.within
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
     )
     return Match(
-        source_to_target=expand(forward, ours, theirs),
-        target_to_source=expand(backward, theirs, ours),
-        functional_map=mine.T @ (left.areas[:, None] * other[forward]),
+        source_to_target=expand(registered.forward, there, ours, theirs),
+        target_to_source=expand(registered.backward, back, theirs, ours),
+        functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
-        residual=spectral_residual(left, right, chosen.registered),
-        confidence=confidence(found) if found else float("nan"),
-        hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in found),
+        residual=spectral_residual(left, right, registered),
+        confidence=trust,
+        overlap_source=_share(left, there),
+        overlap_target=_share(right, back),
+        hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
+        missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
+    )
+
+
+def _share(shape: Shape, within: BoolArray) -> float:
+    return 1.0 if within.all() else float(shape.areas @ within)
+
+
+def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
+    """Add where each source vertex falls within a face of the target."""
+    registered = chosen.registered
+    landing = landing_places(ours.shape, theirs.shape, registered)
+    faces, weights = closest_faces(*landing, theirs.shape.faces, registered.forward)
+    faces = np.where(registered.source.within, faces, -1)
+    weights = np.where(registered.source.within[:, None], weights, np.nan)
+    return replace(
+        result,
+        faces=expand_rows(faces, ours, -1),
+        weights=expand_rows(weights, ours, np.nan),
     )
 
 

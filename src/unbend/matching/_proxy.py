@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +40,14 @@ def make_proxy(shape: Shape, count: int) -> Proxy:
     kept, faces, parents = decimate(snap(shape.vertices), shape.faces, count)
     areas = np.asarray(np.bincount(parents, shape.areas, len(kept)), dtype=np.float64)
     basis = np.ascontiguousarray(shape.basis[kept])
-    coarse = Shape(shape.vertices[kept], faces, areas, shape.eigenvalues, basis)
+    coarse = replace(
+        shape,
+        vertices=shape.vertices[kept],
+        faces=faces,
+        areas=areas,
+        basis=basis,
+        landmarks=parents[shape.landmarks],
+    )
     # Those of the fine shape are the better ones.
     coarse.__dict__["position_coefficients"] = shape.position_coefficients
     return Proxy(coarse, kept, parents)

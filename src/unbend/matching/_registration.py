@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs, nearest_rotation
 from unbend.matching._kernels import (
     edge_covariances,
@@ -24,17 +24,23 @@ from unbend.matching._kernels import (
     walk,
 )
 from unbend.matching._proxy import Proxy
-from unbend.matching._shape import Shape
+from unbend.matching._shape import Shape, find_rim
 from unbend.matching._zoomout import spectral_weights
 from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
 PULLS = (300.0, 1000.0, 3000.0)
+# For parts these come first, from a fifth of sqrt(area) on: what the other shape lacks moves out.
+LOOSE = (30.0, 100.0, 300.0)
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
+# Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
+# there and back may end where a pair draws.
+_SLACK, _WAY_BACK = 0.5, 3.0
+_POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
 
 class Pose(NamedTuple):
@@ -45,10 +51,16 @@ class Pose(NamedTuple):
     places : (n, 3) ndarray of float64
     rotations : (n, 3, 3) ndarray of float64
         How the neighbourhood of each vertex is turned.
+    within : (n,) ndarray of bool
+        Whether a vertex has a partner: is not beyond the rim of a partial shape.
+    size : float
+        How much longer things are in the pose.
     """
 
     places: FloatArray
     rotations: FloatArray
+    within: BoolArray
+    size: float = 1.0
 
 
 class Registered(NamedTuple):
@@ -86,6 +98,42 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     )
 
 
+def limb_start(
+    source: Shape, target: Shape, ours: FloatArray, theirs: FloatArray, size: float
+) -> Registered:
+    """Poses and maps as the ways to the tips of limbs know them.
+
+    Parameters
+    ----------
+    source, target : Shape
+    ours, theirs : (n, t) and (m, t) ndarrays of float64
+        Lengths of the ways to the tips that correspond.
+    size : float
+        How much longer ways are on the target.
+    """
+    pairs = nearest_pairs(size**0.5 * ours[None], size**-0.5 * theirs)
+    forward, backward = pairs.forward[0], pairs.backward[0]
+    return Registered(
+        forward,
+        backward,
+        _placed(source, target, forward, size),
+        _placed(target, source, backward, 1 / size),
+    )
+
+
+def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose:
+    """Pose of vertices at the images that a map gives, averaged over patches."""
+    both = np.hstack([shape.vertices, goal.vertices[point_map]])
+    places = shape.patches.solve(shape.areas[:, None] * both)
+    covariances = _covariances(
+        shape, np.ascontiguousarray(places[:, :3]), np.ascontiguousarray(places[:, 3:])
+    )
+    rotations = np.ascontiguousarray(nearest_rotation(covariances.transpose(0, 2, 1)))
+    return Pose(
+        np.ascontiguousarray(places[:, 3:]), rotations, np.ones(len(places), dtype=bool), size
+    )
+
+
 def smooth_start(
     source: Shape, target: Shape, functional_map: FloatArray, near: Registered
 ) -> Registered:
@@ -119,7 +167,12 @@ def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: S
 
 
 def register(
-    source: Shape, target: Shape, start: Registered, pulls: Sequence[float], steps: int
+    source: Shape,
+    target: Shape,
+    start: Registered,
+    pulls: Sequence[float],
+    steps: int,
+    resize: bool = True,
 ) -> Registered:
     """Draw two shapes together: so many steps for each pull, then the closest points.
 
@@ -131,23 +184,29 @@ def register(
     pulls : sequence of float
         In units of 1 / area.
     steps : int
+    resize : bool, default=True
+        Whether a part's size, next to the other shape's, is found anew in every step.
     """
     forward, backward = start[:2]
     ours, theirs = _Moving(source, target, start.source), _Moving(target, source, start.target)
     for pull in pulls:
         for _ in range(steps):
-            ours.step(pull, forward, backward)
-            theirs.step(pull, backward, forward)
+            ours.step(pull, forward, backward, theirs.within)
+            theirs.step(pull, backward, forward, ours.within)
+            if resize and (source.partial or target.partial):
+                ours.size = float(np.sqrt(ours.stretch() / theirs.stretch()))
+                theirs.size = 1 / ours.size
             forward, backward = _closest(ours, theirs, forward, backward)
     ours.ahead, theirs.ahead = ours.places, theirs.places
     for _ in range(2):
         forward, backward = _closest(ours, theirs, forward, backward)
-    return Registered(
-        forward,
-        backward,
-        Pose(ours.places, ours.rotations),
-        Pose(theirs.places, theirs.rotations),
-    )
+    if target.partial:
+        ours.within = ours.beyond(theirs, forward) <= _SLACK * target.edge
+        ours.within &= _leads_back(source, forward, backward)
+    if source.partial:
+        theirs.within = theirs.beyond(ours, backward) <= _SLACK * source.edge
+        theirs.within &= _leads_back(target, backward, forward)
+    return Registered(forward, backward, ours.pose(), theirs.pose())
 
 
 def landing_places(
@@ -170,21 +229,51 @@ class _Moving:
         self.shape, self.goal = shape, goal
         self.places = self.ahead = pose.places
         self.rotations = pose.rotations.copy()
+        self.within, self.size = pose.within, pose.size
+        self.on_rim: BoolArray = np.abs(shape.rim).max(axis=1) > 0
+        self.covariances = _covariances(shape, shape.vertices, self.places)
 
-    def step(self, pull: float, forward: IntArray, backward: IntArray) -> None:
+    def step(
+        self, pull: float, forward: IntArray, backward: IntArray, partners_within: BoolArray
+    ) -> None:
         """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
         shape, goal, spokes = self.shape, self.goal, self.shape.spokes
         # Both directions pull, each with the whole area: on average twice a vertex's own. What
         # pulls more or less than that is made up for by a pull to where the vertex is.
-        force = shape.areas[:, None] * (goal.vertices[forward] + self.ahead)
-        pulls, total = scatter(backward, goal.areas, goal.vertices, len(shape.vertices))
-        force += pulls - total[:, None] * self.ahead
+        own = shape.areas * self.within
+        force = own[:, None] * goal.vertices[forward]
+        pulls, total = scatter(
+            backward, goal.areas * partners_within, goal.vertices, len(shape.vertices)
+        )
+        force += pulls + (2 * shape.areas - own - total)[:, None] * self.ahead
         turned = rotated_divergence(
             spokes.indptr, spokes.indices, spokes.data, shape.vertices, self.rotations
         )
-        before, self.places = self.places, shape.pulled(pull).solve(turned + pull * force)
-        turn_rotations(_covariances(shape, shape.vertices, self.places), self.rotations)
+        solved = shape.pulled(pull).solve(self.size * turned + pull * force)
+        before, self.places = self.places, solved
+        self.covariances = _covariances(shape, shape.vertices, self.places)
+        turn_rotations(self.covariances, self.rotations)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
+
+    def stretch(self) -> float:
+        """Median over what has partners of how much longer things are than at rest."""
+        shape = self.shape
+        stretched = np.einsum("iba,iab->i", self.rotations, self.covariances)
+        ratio = stretched / shape.patch_sizes
+        order = np.argsort(ratio)
+        share = np.cumsum((shape.areas * self.within)[order])
+        return float(ratio[order[np.searchsorted(share, share[-1] / 2)]])
+
+    def beyond(self, other: _Moving, forward: IntArray) -> FloatArray:
+        """How far vertices lie off the goal beyond its rim, the mean of both poses."""
+        goal = self.goal
+        rim = find_rim(other.places, goal.faces)[forward] / other.size
+        there = ((self.places - goal.vertices[forward]) * goal.rim[forward]).sum(axis=1)
+        back = ((self.shape.vertices - other.places[forward]) * rim).sum(axis=1)
+        return np.asarray(there + back) / 2
+
+    def pose(self) -> Pose:
+        return Pose(self.places, self.rotations, self.within, self.size)
 
     def rows(self) -> tuple[FloatArray, FloatArray]:
         """Positions and normals ahead, and at rest: (n, 6) each."""
@@ -202,10 +291,23 @@ def _closest(
     left, right = np.hstack(ours.rows()), np.hstack(theirs.rows()[::-1])
     mine = ours.shape.spokes.indptr, ours.shape.spokes.indices
     other = theirs.shape.spokes.indptr, theirs.shape.spokes.indices
-    return (
-        walk(left, right, forward, *mine, *other),
-        walk(right, left, backward, *other, *mine),
-    )
+    forward = walk(left, right, forward, *mine, *other)
+    backward = walk(right, left, backward, *other, *mine)
+    # By position alone: where a surface ends, normals lead to what is not at its end.
+    left, right = (np.ascontiguousarray(rows[:, _POSITIONS]) for rows in (left, right))
+    if theirs.shape.partial:
+        nearest = walk(left, right, forward, *mine, *other)
+        ours.within = ~theirs.on_rim[nearest] & _leads_back(ours.shape, forward, backward)
+    if ours.shape.partial:
+        nearest = walk(right, left, backward, *other, *mine)
+        theirs.within = ~ours.on_rim[nearest] & _leads_back(theirs.shape, backward, forward)
+    return forward, backward
+
+
+def _leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
+    """Whether there and back again is near where it began."""
+    off = np.linalg.norm(shape.vertices - shape.vertices[backward[forward]], axis=1)
+    return np.asarray(off < _WAY_BACK * shape.edge)
 
 
 def _covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
@@ -221,20 +323,26 @@ def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
     places = basis @ (functional_map @ goal.position_coefficients[:k])
     covariances = _covariances(shape, basis @ shape.position_coefficients[:k], places)
     rotations = nearest_rotation(covariances.transpose(0, 2, 1))
-    return Pose(places, np.ascontiguousarray(rotations))
+    return Pose(places, np.ascontiguousarray(rotations), np.ones(len(places), dtype=bool))
 
 
 def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
     parents, rotations = proxy.parents, pose.rotations[proxy.parents]
     offsets = shape.vertices - proxy.shape.vertices[parents]
-    places = pose.places[parents] + np.einsum("nij,nj->ni", rotations, offsets)
-    return Pose(places, rotations)
+    places = pose.places[parents] + pose.size * np.einsum("nij,nj->ni", rotations, offsets)
+    return Pose(places, rotations, pose.within[parents], pose.size)
 
 
 def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
-    """Symmetric residual over samples of the spectral forms that the maps align, 0 to about 1."""
+    """Symmetric residual over samples of the spectral forms that the maps align, 0 to about 1.
+
+    Samples without a partner do not count; NaN if none has one.
+    """
     k = min(source.k, target.k)
     ours, theirs = source.samples[:_SAMPLES], target.samples[:_SAMPLES]
+    ours, theirs = ours[found.source.within[ours]], theirs[found.target.within[theirs]]
+    if not len(ours) or not len(theirs):
+        return float("nan")
     rows = np.concatenate([ours, found.backward[theirs]])
     images = np.concatenate([found.forward[ours], theirs])
     left, _, right = np.linalg.svd(source.basis[rows, :k].T @ target.basis[images, :k])

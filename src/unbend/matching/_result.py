@@ -31,14 +31,15 @@ class Match:
     Attributes
     ----------
     source_to_target : (n_source,) ndarray of int64
-        Target vertex of each source vertex; -1 at source vertices that no face uses.
+        Target vertex of each source vertex; -1 where there is no partner: at source vertices that
+        no face uses, and at what only the source has.
     target_to_source : (n_target,) ndarray of int64
         Source vertex of each target vertex, likewise.
     functional_map : (k, k) ndarray of float64
         Pulls functions back from target to source, in the first k eigenfunctions (the constant
         among them, unit total area): ``source_basis @ functional_map`` is close to
-        ``target_basis[source_to_target]``. For areas `a` of the source that sum to one, it is
-        ``source_basis.T @ diag(a) @ target_basis[source_to_target]``.
+        ``target_basis[source_to_target]``. For areas `a` of the source that sum to one, 0 where
+        there is no partner, it is ``source_basis.T @ diag(a) @ target_basis[source_to_target]``.
     orientation : float
         Share of the surface that is kept right side out, less the rest: -1 to 1. A good map
         between people has about 0.5, its mirror image -0.5.
@@ -56,6 +57,14 @@ class Match:
     mirrored : (n_source,) ndarray of int64, or None
         When asked for: the best map that turns the surface inside out, for a symmetric shape the
         map composed with its left-right symmetry.
+    overlap_source, overlap_target : float
+        Share of either shape's area that has a partner on the other one, 0 to 1.
+    alternatives : tuple of Match
+        When asked for: the runners-up as full matches, the likeliest first, each with its own
+        confidence. A symmetric body has several ways to match that are as good as each other, and
+        share the probability.
+    missed_landmarks : tuple of int
+        Rows of the landmarks that the map leads elsewhere: wrong ones are outvoted.
     """
 
     source_to_target: IntArray
@@ -68,9 +77,15 @@ class Match:
     faces: IntArray | None = None
     weights: FloatArray | None = None
     mirrored: IntArray | None = None
+    overlap_source: float = 1.0
+    overlap_target: float = 1.0
+    alternatives: tuple[Match, ...] = ()
+    missed_landmarks: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
+        part = min(self.overlap_source, self.overlap_target)
+        overlap = "" if part == 1 else f"overlap {part:.0%}, "
         return (
             f"Match({len(self.source_to_target)} to {len(self.target_to_source)} vertices, "
-            f"confidence {self.confidence:.2f})"
+            f"{overlap}confidence {self.confidence:.2f})"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from unbend._arrays import first_largest, snap
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.linalg.factorization import Factorization, factorize
-from unbend.matching._kernels import faces_around, farthest_points
-from unbend.mesh import vertex_normals
+from unbend.matching._kernels import edge_covariances, faces_around, farthest_points
+from unbend.mesh import find_edges, vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
@@ -41,6 +41,11 @@ class Shape:
         Of the non-constant eigenfunctions.
     basis : (n, k) ndarray of float64
         The non-constant eigenfunctions, orthonormal under `areas`.
+    partial : bool
+        Whether the shape may go on where the surface ends: what another shape has beyond that rim
+        then has no partner here.
+    landmarks : (l,) ndarray of int64
+        Vertices that are said to correspond to those of another shape, row by row.
     """
 
     vertices: FloatArray
@@ -48,6 +53,8 @@ class Shape:
     areas: FloatArray
     eigenvalues: FloatArray
     basis: FloatArray
+    partial: bool = False
+    landmarks: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def k(self) -> int:
@@ -58,6 +65,22 @@ class Shape:
     def normals(self) -> FloatArray:
         """Unit vertex normals (n, 3), pointing to the side that the faces' winding names."""
         return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def rim(self) -> FloatArray:
+        """Unit vectors (n, 3) that lead off the surface where it ends, 0 where it goes on.
+
+        All are 0 if the shape is not partial.
+        """
+        if not self.partial:
+            return np.zeros_like(self.vertices)
+        return find_rim(self.vertices, self.faces)
+
+    @cached_property
+    def edge(self) -> float:
+        """Mean length of an edge."""
+        i, j = self.spokes.nonzero()
+        return float(np.linalg.norm(self.vertices[i] - self.vertices[j], axis=1).mean())
 
     @cached_property
     def samples(self) -> IntArray:
@@ -104,6 +127,15 @@ class Shape:
         return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness)
 
     @cached_property
+    def patch_sizes(self) -> FloatArray:
+        """Sum (n,) of the weighted squares of the edges around a vertex, averaged."""
+        spokes = self.spokes
+        squares = edge_covariances(
+            spokes.indptr, spokes.indices, spokes.data, self.vertices, self.vertices
+        )
+        return self.averaging.solve(np.einsum("iaa->i", squares))
+
+    @cached_property
     def patches(self) -> Factorization:
         """The same over `_PATCH`."""
         return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness)
@@ -132,9 +164,28 @@ class Shape:
             "averaging",
             "patches",
             "_pulled",
+            "edge",
+            "patch_sizes",
         ):
             mirror.__dict__[name] = getattr(self, name)
         return mirror
+
+
+def find_rim(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Find unit vectors (n, 3) that lead off a surface where it ends, 0 where it goes on."""
+    edges = find_edges(faces, len(vertices))
+    side = np.flatnonzero(edges.n_faces[edges.of_side] == 1)
+    around = faces[side // 3]
+    every = np.arange(len(side))
+    start, end = around[every, side % 3], around[every, (side + 1) % 3]
+    corners = vertices[around]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    off = np.cross(vertices[end] - vertices[start], normals)
+    found = np.zeros_like(vertices)
+    np.add.at(found, start, off)
+    np.add.at(found, end, off)
+    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
 
 def make_shape(
@@ -143,6 +194,7 @@ def make_shape(
     areas: FloatArray,
     eigenvalues: FloatArray,
     eigenfunctions: FloatArray,
+    partial: bool = False,
 ) -> Shape:
     """Normalise to unit area and outward winding.
 
@@ -159,6 +211,8 @@ def make_shape(
         At unit area, the constant's 0 first.
     eigenfunctions : (n, k + 1) ndarray of float64
         Area-orthonormal at unit area.
+    partial : bool, default=False
+        Whether it is a part of what it shows, if it has a rim.
     """
     corners = vertices[faces]
     twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -168,12 +222,14 @@ def make_shape(
     corners = points[faces]
     if np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
         points = points * np.array([-1.0, 1.0, 1.0])
+    faces = np.asarray(faces, dtype=np.int64)
     return Shape(
         vertices=points,
-        faces=np.asarray(faces, dtype=np.int64),
+        faces=faces,
         areas=weights,
         eigenvalues=np.maximum(eigenvalues[1:], _SMALLEST_EIGENVALUE),
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
+        partial=partial and bool((find_edges(faces, len(points)).n_faces == 1).any()),
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,16 +15,18 @@ from unbend.alignment import Pairs
 from unbend.matching._judge import Candidate, distinct, judge, ranked
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
+    LOOSE,
     PULLS,
     Registered,
     lift,
+    limb_start,
     register,
     rough_start,
     smooth_start,
 )
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._tips import maps_from_tips
+from unbend.matching._tips import find_tips, guess_limbs, map_from_limbs
 from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
@@ -36,6 +40,10 @@ _FOLLOWED = 8
 _REGROWN, _SMOOTH = 4, (30, 120)
 # Growth on the full meshes multiplies the number of functions by this, over so many samples.
 _GROWTH, _GROWN_OVER = 1.25, 1500
+
+
+# Poses and maps, and the functional map that they come of, if of one.
+Start = tuple[Registered, FloatArray | None]
 
 
 class Levels(NamedTuple):
@@ -73,36 +81,81 @@ def make_sides(source: Shape, target: Shape) -> Sides:
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
-    found = tried(sides, search(sides.source.shape, sides.target.shape, on_step=step))
+    maps = search(sides.source.shape, sides.target.shape, on_step=step)
+    found = tried(sides, [functools.partial(from_map, sides, one) for one in maps])
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    unlike = found[0].energy > _ALIKE
+    unlike = found[0].energy > _ALIKE or bool(found[0].missed.any())
     if unlike:
-        found = ranked([*found, *tried(sides, maps_from_tips(ours, theirs))])
+        found = ranked([*found, *tried(sides, list(from_tips(sides)))])
     best = distinct(found, theirs, ours.areas)[: _REGROWN if unlike else 1]
-    tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
+    if ours.partial or theirs.partial:
+        tasks = [functools.partial(loosened, sides, one) for one in best]
+    else:
+        tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
     found = ranked([*found, *run_all(tasks)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct(found, theirs, ours.areas)
 
 
-def tried(sides: Sides, maps: FloatArray) -> list[Candidate]:
-    """Register functional maps on the proxies and rank them; most stop on the rough ones."""
+def from_map(sides: Sides, functional_map: FloatArray) -> Start:
+    """Begin with a functional map."""
+    rough = rough_start(sides.source.rough.shape, sides.target.rough.shape, functional_map)
+    return rough, functional_map
+
+
+def from_tips(sides: Sides) -> Iterator[Callable[[], Start]]:
+    """Begin with guesses which tips of limbs correspond."""
+    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    mine, other = find_tips(ours), find_tips(theirs)
+    rough = sides.source.rough, sides.target.rough
+    for one in guess_limbs(mine, other, len(ours.landmarks)):
+        if ours.partial or theirs.partial:
+            ways = (
+                mine.fields[rough[0].kept][:, one.source],
+                other.fields[rough[1].kept][:, one.target],
+            )
+            yield functools.partial(from_ways, sides, *ways, one.size)
+        else:
+            functional_map = map_from_limbs(
+                ours, theirs, mine.vertices[one.source], other.vertices[one.target]
+            )
+            yield functools.partial(from_map, sides, functional_map)
+
+
+def from_ways(sides: Sides, ours: FloatArray, theirs: FloatArray, size: float) -> Start:
+    """Begin with the ways to the tips of limbs."""
+    return limb_start(sides.source.rough.shape, sides.target.rough.shape, ours, theirs, size), None
+
+
+def tried(sides: Sides, starts: Sequence[Callable[[], Start]]) -> list[Candidate]:
+    """Register hypotheses on the proxies and rank them; most stop on the rough ones."""
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
     finer = sides.source.proxy.shape, sides.target.proxy.shape
 
-    def begin(one: FloatArray) -> Candidate:
-        found = register(ours, theirs, rough_start(ours, theirs, one), PULLS[:1], _STEPS)
-        return judge(ours, theirs, found, sides.turned, one)
+    def begin(start: Callable[[], Start]) -> Candidate:
+        found, functional_map = start()
+        if functional_map is None:
+            found = register(ours, theirs, found, LOOSE, _STEPS, resize=False)
+        else:
+            found = register(ours, theirs, found, PULLS[:1], _STEPS)
+        return judge(ours, theirs, found, sides.turned, functional_map)
 
     def go_on(one: Candidate) -> Candidate:
         found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
         found = register(*finer, found, PULLS[1:], _STEPS)
         return judge(*finer, found, sides.turned, one.hypothesis)
 
-    begun = ranked(run_all(functools.partial(begin, one) for one in maps))
+    begun = ranked(run_all(functools.partial(begin, one) for one in starts))
     followed = distinct(begun, theirs, ours.areas)[:_FOLLOWED]
     return ranked(run_all(functools.partial(go_on, one) for one in followed))
+
+
+def loosened(sides: Sides, candidate: Candidate) -> Candidate:
+    """Let a candidate's poses relax, and draw them together again."""
+    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    found = register(ours, theirs, candidate.registered, LOOSE + PULLS[1:], _STEPS)
+    return judge(ours, theirs, found, sides.turned, candidate.hypothesis)
 
 
 def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
@@ -136,13 +189,25 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
         return judge(ours, theirs, found, candidate.reflected)
 
-    def grown() -> Candidate:
-        assert candidate.hypothesis is not None  # candidates have one
-        start = grown_start(ours, theirs, candidate.hypothesis, lifted)
+    def grown(hypothesis: FloatArray) -> Candidate:
+        start = grown_start(ours, theirs, hypothesis, lifted)
         found = register(ours, theirs, start, PULLS, _STEPS)
         return judge(ours, theirs, found, candidate.reflected)
 
-    return ranked(run_all([from_proxies, grown]))[0]
+    tasks: list[Callable[[], Candidate]] = [from_proxies]
+    if candidate.hypothesis is not None:
+        tasks.append(functools.partial(grown, candidate.hypothesis))
+    return ranked(run_all(tasks))[0]
+
+
+def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
+    """Give every vertex its partner, unless more than a share of either area is to have none."""
+    found = candidate.registered
+    poses = []
+    for pose, level in zip(found[2:], sides[:2], strict=True):
+        none = float(level.shape.areas @ ~pose.within)
+        poses.append(pose if none > torn else pose._replace(within=np.ones_like(pose.within)))
+    return replace(candidate, registered=Registered(*found[:2], *poses))
 
 
 def grown_start(

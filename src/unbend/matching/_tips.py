@@ -20,7 +20,7 @@ from unbend.matching._shape import Shape
 
 # Tips that are nearer to each other than this, in sqrt(area), are one: fingers, ears.
 _APART = 0.22
-_MOST_TIPS = 7
+_MOST_TIPS = MOST_LANDMARKS = 7
 # At least so many tips must correspond, and at most so many of the shape with fewer may not.
 _FEWEST, _LEFT_OUT = 3, 2
 # What leaving a tip out costs, in the deviation of the logarithms of the ways.
@@ -36,17 +36,36 @@ class Tips(NamedTuple):
     Attributes
     ----------
     vertices : (t,) ndarray of int64
-        The most remote first.
+        Landmarks first, then the most remote.
     ways : (t, t) ndarray of float64
         Lengths of the shortest ways between them along edges.
+    fields : (n, t) ndarray of float64
+        And from every vertex to them.
     """
 
     vertices: IntArray
     ways: FloatArray
+    fields: FloatArray
+
+
+class Limbs(NamedTuple):
+    """A guess which tips correspond.
+
+    Attributes
+    ----------
+    source, target : (m,) ndarray of int64
+        Rows of the shapes' tips.
+    size : float
+        How much longer ways are on the target.
+    """
+
+    source: IntArray
+    target: IntArray
+    size: float
 
 
 def find_tips(shape: Shape) -> Tips:
-    """Find the local maxima of the mean squared biharmonic distance that are far apart."""
+    """Find landmarks, and far apart local maxima of the mean squared biharmonic distance."""
     # Of equally remote vertices the first is taken, on every processor.
     remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
     spokes = shape.spokes
@@ -57,32 +76,42 @@ def find_tips(shape: Shape) -> Tips:
     graph = sp.csr_array((lengths, (rows, columns)), shape=spokes.shape)
     kept: list[int] = []
     ways = np.empty((0, len(remoteness)))
-    for tip in tips[np.argsort(-remoteness[tips], kind="stable")]:
-        if len(kept) < _MOST_TIPS and (ways[:, tip] > _APART).all():
+    sought = [*shape.landmarks, *tips[np.argsort(-remoteness[tips], kind="stable")]]
+    for i, tip in enumerate(sought):
+        given = i < len(shape.landmarks)
+        if given or (len(kept) < _MOST_TIPS and (ways[:, tip] > _APART).all()):
             kept.append(int(tip))
             ways = np.vstack([ways, dijkstra(graph, directed=False, indices=tip)])
     chosen = np.array(kept, dtype=np.int64)
-    return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2)
+    return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2, np.ascontiguousarray(ways.T))
 
 
-def maps_from_tips(source: Shape, target: Shape) -> FloatArray:
-    """Functional maps under which tips correspond whose ways deviate least, best first: (h, k, k).
+def guess_limbs(source: Tips, target: Tips, n_landmarks: int = 0) -> list[Limbs]:
+    """Guess which tips correspond: those between which the ways deviate least, the best first.
 
-    Empty where a shape has too few tips.
+    Empty where a shape has too few tips. With landmarks, the first guesses are those with all of
+    them, then with each alone, then with none: one of them may be wrong.
     """
-    ours, theirs = find_tips(source), find_tips(target)
-    size = min(_SIZE, source.k, target.k)
-    maps = [
-        _fitted(source, target, ours.vertices[mine], theirs.vertices[other], size)
-        for mine, other in _assignments(ours.ways, theirs.ways)
+    known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
+    return [
+        Limbs(mine, other, size)
+        for fixed in known[0 if n_landmarks > 1 else 1 :]
+        for _, mine, other, size in _assignments(source.ways, target.ways, fixed)
     ]
-    return np.array(maps).reshape(-1, size, size)
 
 
-def _assignments(ours: FloatArray, theirs: FloatArray) -> list[tuple[IntArray, IntArray]]:
-    """Tips of both shapes that may correspond, least deviation first."""
+def map_from_limbs(source: Shape, target: Shape, ours: IntArray, theirs: IntArray) -> FloatArray:
+    """Orthogonal map (k, k) of few functions that fits pairs of vertices and nearly commutes."""
+    return _fitted(source, target, ours, theirs, min(_SIZE, source.k, target.k))
+
+
+def _assignments(
+    ours: FloatArray, theirs: FloatArray, fixed: set[int]
+) -> list[tuple[float, IntArray, IntArray, float]]:
+    """Tips of both shapes that may correspond, least deviation first; of the fixed ones, i to i."""
     if len(ours) > len(theirs):
-        return [(mine, other) for other, mine in _assignments(theirs, ours)]
+        swapped = _assignments(theirs, ours, fixed)
+        return [(d, mine, other, 1 / size) for d, other, mine, size in swapped]
     few, many = (np.log(ways + np.eye(len(ways))) for ways in (ours, theirs))
     n = len(few)
     found = []
@@ -92,13 +121,21 @@ def _assignments(ours: FloatArray, theirs: FloatArray) -> list[tuple[IntArray, I
         ways = many[others[:, rows], others[:, columns]]
         whitening = _whitening(m, rows, columns)
         for mine in itertools.combinations(range(n), m):
+            if not fixed <= set(mine):
+                continue
             own = np.array(mine)
-            apart = (ways - few[own[rows], own[columns]]) @ whitening
-            deviation = np.sqrt((apart**2).mean(axis=1)) + _LEAVING_OUT * (n - m)
+            held = np.isin(own, list(fixed))
+            free = (others[:, held] == own[held]).all(axis=1)
+            longer = ways[free] - few[own[rows], own[columns]]
+            deviation = np.sqrt(((longer @ whitening) ** 2).mean(axis=1)) + _LEAVING_OUT * (n - m)
             best = np.argsort(deviation, kind="stable")[:_KEPT]
-            found += [(float(deviation[i]), own, others[i]) for i in best]
+            sizes = np.exp(np.median(longer[best], axis=1))
+            found += [
+                (float(deviation[i]), own, others[free][i], float(size))
+                for i, size in zip(best, sizes, strict=True)
+            ]
     found.sort(key=lambda one: one[0])
-    return [(own, other) for _, own, other in found[:_KEPT]]
+    return found[:_KEPT]
 
 
 def _whitening(n: int, rows: IntArray, columns: IntArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.correspondence import THRESHOLDS, Evaluation, transfer
+from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
@@ -22,6 +22,7 @@ __all__ = ["draw_error_curves", "draw_match", "draw_similarities", "pattern_colo
 # Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
 _STRIPES = 9
 _STRIPE_DEPTH = 0.35
+_NO_PARTNER = 0.6  # grey
 # Which way the axes of a shape go when its own upward axis becomes the picture's, y.
 _UPRIGHT = {
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
@@ -70,9 +71,9 @@ def draw_match(
 ) -> None:
     """Write a picture of a match: corresponding points have the same colour.
 
-    Above, both shapes from the same side; below, from behind. The target is turned as a whole to
-    fit the source through the map. A limb in the wrong colour is a limb matched to another;
-    broken stripes are places where the map slips.
+    What has no partner is grey. Above, both shapes from the same side; below, from behind. The
+    target is turned as a whole to fit the source through the map. A limb in the wrong colour is
+    a limb matched to another; broken stripes are places where the map slips.
 
     Parameters
     ----------
@@ -120,7 +121,8 @@ def draw_match(
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
     upright = _UPRIGHT[up]
     turned = _turned_to_fit(source, target, match) @ upright.T
-    carried[np.isnan(carried)] = 0.6
+    carried[np.isnan(carried)] = _NO_PARTNER
+    colors[as_point_map(match) < 0] = _NO_PARTNER
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
