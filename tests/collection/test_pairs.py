@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stones import BALL
-from unbend import Collection, match, read_match, write_mesh
+from unbend import Collection, Mesh, match, read_match, write_mesh
 from unbend.errors import FileError, InputError
 
 
@@ -46,19 +46,18 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
 
 
 def test_what_cannot_be_matched_is_named_once(
-    three: tuple[Collection, list[Path]], tmp_path: Path
+    three: tuple[Collection, list[Path]], tmp_path: Path, moebius_strip: Mesh
 ) -> None:
     collection, paths = three
     collection.remove([str(paths[0])])
-    both = np.concatenate([BALL.vertices, BALL.vertices + 5])
-    write_mesh(tmp_path / "two.ply", (both, [*BALL.faces, *(BALL.faces + BALL.n_vertices)]))
-    collection.add(tmp_path / "two.ply", workers=0)
+    write_mesh(tmp_path / "strip.ply", moebius_strip)
+    collection.add(tmp_path / "strip.ply", workers=0)
     write_mesh(paths[2], (3 * BALL.vertices, BALL.faces))
     done = collection.match(None, tmp_path / "matches", workers=0)
     assert (done.matched, done.skipped) == (0, 0)
     reasons = {Path(one.path).name: one.reason for one in done.failures}
-    assert set(reasons) == {"two.ply", paths[2].name}
-    assert "2 separate components" in reasons["two.ply"]
+    assert set(reasons) == {"strip.ply", paths[2].name}
+    assert "only one side" in reasons["strip.ply"]
     assert "is not what it was when it was added" in reasons[paths[2].name]
 
 

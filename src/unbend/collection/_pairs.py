@@ -8,6 +8,7 @@ import itertools
 import os
 import re
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ from unbend.collection._engine import Run, engine
 from unbend.collection._files import content_hash
 from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
-from unbend.errors import FileError
+from unbend.errors import FileError, UnbendWarning
 from unbend.io import atomic_write, read_mesh
 from unbend.matching import match, prepare_spectrum, read_match, write_match
 from unbend.mesh import Mesh
@@ -124,7 +125,8 @@ def match_pair(task: Task) -> Failure | None:
 
 def _tried(task: Task, work: Callable[[], None]) -> Failure | None:
     try:
-        with _cache_in(task.out):
+        with _cache_in(task.out), warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)  # of pieces that go along, say
             work()
     except Exception as error:  # of whatever kind: it is these meshes', and others go on
         return Failure.of(_name(task.entries), error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from unbend.alignment import align
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store
-from unbend.errors import UnbendError
+from unbend.errors import UnbendError, UnbendWarning
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -32,10 +33,12 @@ def rank_by_match(query: Mesh, hits: Sequence[Hit], progress: Progress | None) -
     for i, hit in enumerate(hits):
         if progress is not None:
             progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
-        try:
-            energies.append(match(query, read_mesh(hit.path)).hypotheses[0].energy)
-        except UnbendError:
-            energies.append(math.inf)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)
+            try:
+                energies.append(match(query, read_mesh(hit.path)).hypotheses[0].energy)
+            except UnbendError:
+                energies.append(math.inf)
     return _ranked(hits, energies)
 
 
