@@ -75,7 +75,11 @@ def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:
 
 def _hash(path: str) -> tuple[str, str] | Failure:
     try:
+        path.encode()
         return path, content_hash(path)
+    except UnicodeEncodeError:
+        readable = path.encode(errors="replace").decode()
+        return Failure(readable, "its name is no text in UTF-8; rename it")
     except FileNotFoundError:
         return Failure(path, "there is no such file")
     except OSError as error:
