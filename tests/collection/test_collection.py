@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ import pytest
 
 from stones import BALL, rows_of, write_stones
 from unbend import Collection, Mesh, read_mesh, write_mesh
-from unbend.collection import _collection, _store, descriptor
+from unbend.collection import Failure, _adding, _collection, _store, descriptor
+from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, MissingExtraError
 
 
@@ -69,6 +71,15 @@ def test_what_is_there_by_content_is_skipped(own: Collection, tmp_path: Path) ->
     assert (done.added, done.skipped, len(own)) == (1, 3, 12)
 
 
+def test_what_another_adds_is_seen(own: Collection) -> None:
+    other = Collection(own.path)
+    first, *_ = own
+    own.remove([first.id])
+    assert len(other) == len(list(other)) == 11
+    other.add(first.path, workers=0)
+    assert len(own) == 12
+
+
 def test_a_file_that_changed_takes_its_own_place(tmp_path: Path) -> None:
     (path,) = write_stones(tmp_path / "shapes", 1)
     collection = Collection(tmp_path / "store")
@@ -94,6 +105,20 @@ def test_bad_files_stop_nothing_and_are_named(tmp_path: Path) -> None:
     assert reasons["nowhere.ply"] == "there is no such file"
     assert "degenerate" in reasons["line.obj"]
     assert all("\n" not in reason for reason in reasons.values())
+
+
+def test_a_file_that_kills_its_worker_is_named_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (path,) = write_stones(tmp_path / "shapes", 1)
+
+    @contextmanager
+    def deadly(**options):
+        yield lambda function, items: ([Outcome(item, None, "it died")] for item in items if item)
+
+    monkeypatch.setattr(_adding, "engine", deadly)
+    done = Collection(tmp_path / "store").add(path)
+    assert (done.added, done.failures) == (0, (Failure(str(path), "it died"),))
 
 
 def test_open_and_torn_shapes_in_pieces_are_welcome(tmp_path: Path) -> None:

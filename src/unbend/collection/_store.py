@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -54,7 +55,10 @@ class Store:
         self.path = os.fspath(path)
         self._commits = 0
         self._table: Any = None
-        self._connect = lancedb.connect
+        # What another process commits is seen at once.
+        self._connect = functools.partial(
+            lancedb.connect, read_consistency_interval=timedelta(seconds=0)
+        )
         if "://" not in self.path:
             _check_folder(Path(self.path))
             if not Path(self.path).exists():
