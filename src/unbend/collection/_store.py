@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import timedelta
 from pathlib import Path
@@ -23,8 +24,9 @@ _KEY = {"lance-schema:unenforced-primary-key": "true"}
 SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
 # Versions of the table that readers may still be at; older ones make room.
 _KEPT_VERSIONS = timedelta(minutes=15)
-# Small commits that pile up before they are merged into one file.
-_COMMITS_UNMERGED = 200
+# Small commits that pile up before they are merged into one file: so many at least, and for so
+# long that merging, which grows with the table, takes no more than this share of the time.
+_COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
 _ROWS_AT_ONCE = 4096
 _PROBES = 20  # cells, of some thousand rows each, that an approximate search looks into
 
@@ -53,7 +55,7 @@ class Store:
         except ImportError:
             raise MissingExtraError("lancedb", "collection") from None
         self.path = os.fspath(path)
-        self._commits = 0
+        self._commits, self._next_tidy = 0, 0.0
         self._table: Any = None
         # What another process commits is seen at once.
         self._connect = functools.partial(
@@ -86,13 +88,14 @@ class Store:
         merge = self._table.merge_insert("path")
         merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
         self._commits += 1
-        if self._commits % _COMMITS_UNMERGED == 0:
+        if self._commits >= _COMMITS_UNMERGED and time.monotonic() >= self._next_tidy:
             self.tidy()
 
     def tidy(self) -> None:
         """Merge small files, bring the indices up to date, and drop old versions."""
         from lancedb.index import BTree
 
+        start = time.monotonic()
         try:
             indexed = {column for index in self._table.list_indices() for column in index.columns}
             for column in {"id", "path"} - indexed:
@@ -101,6 +104,8 @@ class Store:
         except RuntimeError as error:
             if "conflict" not in str(error):  # another process came first, and may tidy too
                 raise
+        end = time.monotonic()
+        self._commits, self._next_tidy = 0, end + (end - start) / _MERGING_SHARE
 
     @property
     def schema(self) -> Any:
