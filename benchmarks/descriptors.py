@@ -1,17 +1,18 @@
 """Descriptors compared by how well they find shapes of a kind.
 
-    python benchmarks/descriptors.py [--tosca FOLDER] [--jobs N] [--json FILE] [NAME ...]
+    python benchmarks/descriptors.py [--tosca FOLDER] [--each N] [--jobs N] [--json FILE]
+                                     [NAME ...]
 
 Sets, each a collection of its own:
 
-``known``   remeshed TOSCA, where UNBEND_DATA names its folder, and our own ten species in six
-            random poses and three meshings each: 5 and 10 classes.
+``known``   remeshed TOSCA, where UNBEND_DATA names its folder, and our own ten species in N
+            (6) random poses, two of a meshing: 5 and 10 classes.
 ``meshed``, ``coarse``, ``holed``, ``noisy``   the same asked for by copies: meshed anew, with a
             third of the vertices, with 4 holes of 6 % of the area together, with noise of 0.15 mean
             edges. A copy's own original is left out of its list.
 ``tosca``   with --tosca: all of TOSCA, reduced to 4,000 vertices; poses of 9 classes.
-``things``  22 kinds of creatures and wares in eight proportions, a quarter in pieces, some open,
-            and 8 bodies of random proportions of each of our 3 kinds: 25 classes of 8.
+``things``  22 kinds of creatures and wares in N proportions, a quarter in pieces, some open,
+            and N bodies of random proportions of each of our 3 kinds: 25 classes.
 ``even``, ``odd``   two halves of the kinds of ``things``: what is best on one must be on the other.
 
 Columns are nearest neighbour, first tier, and mean average precision. ``cpu`` is the median time
@@ -253,7 +254,7 @@ def damages(shape: Shape, seed: int) -> list[tuple[str, Shape]]:
     ]
 
 
-def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
+def list_sets(tosca: Path | None, each: int) -> dict[str, list[Shape]]:
     """Shapes of each set."""
     known = []
     if "UNBEND_DATA" in os.environ:
@@ -262,7 +263,7 @@ def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
             known.append(Shape(path.stem, f"TOSCA {kind}", read_mesh(path)))
     for make, species in SPECIES.items():
         for kind in species:
-            for i in range(6):
+            for i in range(each):
                 n = (1500, 2000, 3000, 5000)[i % 4]
                 one = make(None, n_vertices=n, species=kind, meshing=i // 2, random_state=i)
                 known.append(Shape(f"{kind}{i}", kind, one.mesh))
@@ -279,11 +280,11 @@ def list_sets(tosca: Path | None) -> dict[str, list[Shape]]:
     sets["things"] = [
         Shape(f"thing {kind}{i}", kind, make_thing(kind, i))
         for kind in [*BODIES, *WARES]
-        for i in range(8)
+        for i in range(each)
     ] + [
         Shape(f"body {kind}{i}", kind, make_body(kind, i, n_vertices=1500, random_state=i).mesh)
         for kind in ("quadruped", "biped", "octopus")
-        for i in range(8)
+        for i in range(each)
     ]
     return sets
 
@@ -328,11 +329,12 @@ def main() -> None:
     )
     parser.add_argument("names", nargs="*")
     parser.add_argument("--tosca", type=Path)
+    parser.add_argument("--each", type=int, default=6)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     names = [one for one in CANDIDATES if not options.names or one in options.names]
-    sets = list_sets(options.tosca)
+    sets = list_sets(options.tosca, options.each)
     every = [shape for shapes in sets.values() for shape in shapes]
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
         rows = []
