@@ -6,7 +6,8 @@ import sys
 # None in sys.modules: the import fails as where the package is not installed.
 CORE_INSTALL = """
 import inspect, sys
-for package in ("sklearn", "matplotlib", "pygeodesic", "pooch", "fast_simplification"):
+optional = "sklearn matplotlib pygeodesic pooch fast_simplification lancedb dask distributed"
+for package in [*optional.split(), "pyarrow"]:
     sys.modules[package] = None
 import unbend
 names = dict(inspect.getmembers(unbend))

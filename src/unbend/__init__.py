@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from unbend.canonical import farthest_point_sampling as farthest_point_sampling
     from unbend.canonical import interpolate as interpolate
     from unbend.canonical.estimator import SpectralMDS as SpectralMDS
+    from unbend.collection import Collection as Collection
+    from unbend.collection import descriptor as descriptor
+    from unbend.collection import mean_shape as mean_shape
+    from unbend.collection import retrieval_measures as retrieval_measures
+    from unbend.collection import shape_statistics as shape_statistics
     from unbend.correspondence import Evaluation as Evaluation
     from unbend.correspondence import Registration as Registration
     from unbend.correspondence import evaluate as evaluate
@@ -57,6 +62,7 @@ __version__ = "0.2.0"
 _HOME = {
     "Alignment": "alignment",
     "CanonicalForm": "canonical",
+    "Collection": "collection",
     "Diagnosis": "preparation",
     "Evaluation": "correspondence",
     "Laplacian": "spectral",
@@ -69,6 +75,7 @@ _HOME = {
     "align": "alignment",
     "as_mesh": "io",
     "canonical_form": "canonical",
+    "descriptor": "collection",
     "diagnose": "preparation",
     "distance": "distances",
     "evaluate": "correspondence",
@@ -79,6 +86,7 @@ _HOME = {
     "laplacian": "spectral",
     "match": "matching",
     "match_page": "report.pages",
+    "mean_shape": "collection",
     "morph": "correspondence",
     "procrustes": "alignment",
     "read_functional_map": "matching",
@@ -87,6 +95,8 @@ _HOME = {
     "read_mesh": "io",
     "read_values": "io",
     "register": "correspondence",
+    "retrieval_measures": "collection",
+    "shape_statistics": "collection",
     "similarity": "correspondence",
     "spectrum": "spectral",
     "symmetry": "matching",

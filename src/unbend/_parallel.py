@@ -46,6 +46,11 @@ def n_threads() -> int:
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
+    return n_cores()
+
+
+def n_cores() -> int:
+    """Count the processors whose time this process may take, as :func:`n_threads` says."""
     bound = hasattr(os, "sched_getaffinity")
     cores = len(os.sched_getaffinity(0)) if bound else os.cpu_count() or 1
     return min(cores, _quota())

@@ -18,6 +18,7 @@ Experiment = Literal[
     "table1", "table2", "figure1", "figure3", "robustness", "efficiency", "convergence", "all"
 ]
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
+Rerank = Literal["none", "form", "match"]
 Axis = Literal["x", "y", "z"]
 
 # Diffusion time, in units of a surface's area, unless another is asked for.

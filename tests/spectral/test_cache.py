@@ -153,6 +153,13 @@ def test_grows_to_its_bound_and_drops_the_least_recently_used(folder, monkeypatc
     assert load_eigenpairs("b") is None
 
 
+def test_its_bound_can_be_set(monkeypatch):
+    most = cache_info().most_bytes
+    for text, bound in (("0.5", 2**29), ("much", most), ("inf", most)):
+        monkeypatch.setenv("UNBEND_CACHE_GIB", text)
+        assert cache_info().most_bytes == bound
+
+
 def test_a_spectrum_too_large_for_the_cache_is_left_out(monkeypatch):
     monkeypatch.setattr(cache, "_MOST_BYTES", 100)
     store_eigenpairs("key", VALUES, FUNCTIONS)

@@ -22,6 +22,7 @@ from unbend.cli import (
     cache,
     canonical,
     check,
+    collection,
     demo,
     distance,
     evaluate,
@@ -86,6 +87,7 @@ app = typer.Typer(
 )
 for _command in COMMANDS:
     app.command()(_command)
+app.add_typer(collection.app, name="collection")
 app.add_typer(cache.app, name="cache")
 
 

@@ -142,6 +142,19 @@ def read_any_map(path: str, *, base: int | None, n_target: int) -> IntArray:
     return found
 
 
+def write_table(path: str, rows: Iterable[Iterable[Any]]) -> None:
+    """Write rows to a .csv file, which appears once it is complete."""
+    import csv
+    import io
+
+    from unbend.io import atomic_write
+
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    with atomic_write(path) as file:
+        file.write(text.getvalue().encode())
+
+
 def print_rows(rows: Mapping[str, str]) -> None:
     """Print names and values in two aligned columns to stdout."""
     width = max(map(len, rows)) + 2

@@ -16,6 +16,7 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     steps_on_stderr,
+    write_table,
 )
 
 if TYPE_CHECKING:
@@ -174,22 +175,12 @@ def _matrix(pairs: list[Pair], n: int) -> list[list[float]]:
 def _write_csv(
     out: str, paths: list[str], pairs: list[Pair], table: list[list[float]] | None
 ) -> None:
-    import csv
-    import io
-
-    from unbend.io import atomic_write
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     if table is not None:
-        writer.writerow(["shape", *paths])
-        writer.writerows([path, *row] for path, row in zip(paths, table, strict=True))
+        rows = ([path, *row] for path, row in zip(paths, table, strict=True))
+        write_table(out, [["shape", *paths], *rows])
     else:
-        writer.writerow(["model", "probe", "similarity", "match_confidence"])
-        for pair in pairs:
-            writer.writerow([paths[pair.model], paths[pair.probe], *pair[2:]])
-    with atomic_write(out) as file:
-        file.write(text.getvalue().encode())
+        head = ["model", "probe", "similarity", "match_confidence"]
+        write_table(out, [head, *([paths[one.model], paths[one.probe], *one[2:]] for one in pairs)])
 
 
 def _print_list(paths: list[str], pairs: list[Pair], known: bool) -> None:

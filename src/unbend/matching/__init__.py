@@ -14,7 +14,7 @@ from unbend.matching._kernels import (
     turn_rotations,
     walk,
 )
-from unbend.matching._match import match, symmetry
+from unbend.matching._match import match, prepare_spectrum, symmetry
 from unbend.matching._projection import closest_faces
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
@@ -27,6 +27,7 @@ __all__ = [
     "decimate",
     "edge_covariances",
     "match",
+    "prepare_spectrum",
     "read_functional_map",
     "read_match",
     "rotated_divergence",

@@ -191,6 +191,17 @@ def match(
     return result
 
 
+def prepare_spectrum(mesh: MeshLike) -> None:
+    """Compute the eigenpairs that :func:`match` needs of a mesh, and keep them on disk for it.
+
+    Raises
+    ------
+    MeshError, InputError
+        See :func:`match`.
+    """
+    prepare_shape(mesh, _N_EIGENPAIRS, cache=True, progress=None)
+
+
 def symmetry(
     mesh: MeshLike,
     *,

@@ -23,7 +23,8 @@ from unbend.errors import FileError
 from unbend.io import atomic_write
 from unbend.mesh import Mesh
 
-# Total size that the cache may grow to; the files used longest ago go first.
+# Total size that the cache may grow to, unless UNBEND_CACHE_GIB says another; the files used
+# longest ago go first.
 _MOST_BYTES = 2 * 2**30
 # A temporary file this old was left behind by a process that was killed.
 _ABANDONED_SECONDS = 3600.0
@@ -53,6 +54,13 @@ def cache_folder() -> Path:
     import platformdirs
 
     return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
+
+
+def _most_bytes() -> int:
+    try:
+        return int(float(os.environ["UNBEND_CACHE_GIB"]) * 2**30)
+    except (KeyError, ValueError, OverflowError):
+        return _MOST_BYTES
 
 
 def cache_key(mesh: Mesh, *how: str | float) -> str:
@@ -93,7 +101,7 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
 def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:
     """Keep eigenpairs for the next time; quietly does nothing where that is impossible."""
     path = _path(key)
-    if functions.nbytes > _MOST_BYTES // 2:
+    if functions.nbytes > _most_bytes() // 2:
         return
     digest = np.frombuffer(_digest(key, values, functions), dtype=np.uint8)
     try:
@@ -108,7 +116,7 @@ def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> Non
 def cache_info() -> CacheInfo:
     """Count what the cache holds."""
     sizes = [size for _, size, _ in _files()]
-    return CacheInfo(cache_folder(), len(sizes), sum(sizes), _MOST_BYTES)
+    return CacheInfo(cache_folder(), len(sizes), sum(sizes), _most_bytes())
 
 
 def clear_cache() -> int:
@@ -154,7 +162,7 @@ def _make_room(n_bytes: int) -> None:
         if time.time() - used > _ABANDONED_SECONDS:
             path.unlink(missing_ok=True)
     files = sorted(_files(), key=lambda file: file[2])
-    excess = sum(size for _, size, _ in files) + n_bytes - _MOST_BYTES
+    excess = sum(size for _, size, _ in files) + n_bytes - _most_bytes()
     for path, size, _ in files:
         if excess <= 0:
             return

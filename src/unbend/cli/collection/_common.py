@@ -1,0 +1,92 @@
+"""What the commands on collections share: options, the bar, the list of failures."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from unbend.cli._common import say
+
+if TYPE_CHECKING:
+    from unbend._types import Progress
+    from unbend.collection import Collection, Failure
+
+EXIT_SOME_FAILED = 1
+_SECONDS_BETWEEN_LINES = 10.0
+SHORT_ID = 12  # digits of an id that are shown
+
+StoreArgument = Annotated[
+    str, typer.Argument(metavar="STORE", help="The collection: a folder, or s3://bucket/name.")
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Local processes; by default as many as there are processors and memory for.",
+    ),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="A Dask scheduler whose workers to use; they must see the files under these paths.",
+    ),
+]
+
+
+def opened(store: str) -> Collection:
+    """Open a collection that must be there."""
+    from unbend.collection import Collection
+    from unbend.errors import FileError
+
+    found = Collection(store)
+    if not found.exists:
+        raise FileError(
+            f"there is no collection at {store}: unbend collection add {store} MESHES makes one"
+        )
+    return found
+
+
+def shown(path: str) -> str:
+    """Shorten a path that is below the folder we are in."""
+    here = os.path.join(os.getcwd(), "")
+    return path.removeprefix(here)
+
+
+def list_failures(failures: Sequence[Failure]) -> None:
+    """Name on stderr what could not be done, each with its reason."""
+    for failure in failures:
+        name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
+        say("failed", f"{name}: {failure.reason}")
+
+
+@contextmanager
+def bar_on_stderr() -> Iterator[Progress]:
+    """Show how far it is, the rate and the time left: a bar, or now and then a line in a log."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        columns = BarColumn(), TextColumn("{task.percentage:>3.0f}%  {task.description}")
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task("", total=1.0)
+            yield lambda stage, share: bar.update(task, description=stage, completed=share)
+        return
+    last = time.monotonic()
+
+    def line(stage: str, share: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            say("progress", stage)
+
+    yield line

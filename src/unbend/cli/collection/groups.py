@@ -1,0 +1,58 @@
+"""``unbend collection groups``: clusters of shapes, without labels."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from unbend.cli._common import JsonOption, print_json, write_table
+from unbend.cli.collection._common import StoreArgument, opened, shown
+
+
+def groups(
+    store: StoreArgument,
+    n: Annotated[
+        int | None,
+        typer.Option(
+            "-n",
+            metavar="N",
+            min=1,
+            help="How many groups; by default the number that stands out most, of 2 to 50.",
+        ),
+    ] = None,
+    csv: Annotated[
+        str | None, typer.Option("--csv", metavar="OUT", help="Write path and group, too.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Put shapes that are alike into groups, whatever their poses, without labels.
+
+    Average linkage of the descriptors' distances; the number of groups is the one of the largest
+    mean silhouette.
+
+    \b
+    Examples:
+      unbend collection groups shapes
+      unbend collection groups shapes -n 5 --csv groups.csv
+    """  # noqa: D301
+    from unbend.collection import find_groups
+    from unbend.io import check_writable
+
+    if csv is not None:
+        check_writable(csv, (".csv",))
+    entries, distances = opened(store).distances()
+    numbers = find_groups(distances, n).tolist()
+    pairs = [(entry.path, number) for entry, number in zip(entries, numbers, strict=True)]
+    if csv is not None:
+        write_table(csv, [("path", "group"), *pairs])
+    members: list[list[str]] = [[] for _ in range(max(numbers) + 1)]
+    for path, number in pairs:
+        members[number].append(path)
+    if as_json:
+        print_json({"store": store, "groups": members})
+        return
+    for number, paths in enumerate(members):
+        typer.echo(f"group {number}: {len(paths):,}")
+        for path in paths:
+            typer.echo(f"  {shown(path)}")

@@ -1,0 +1,63 @@
+"""``unbend collection matrix``: how far every shape is from every other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from unbend.cli._common import JsonOption, print_json, write_table
+from unbend.cli.collection._common import StoreArgument, opened, shown
+
+_MOST_PRINTED = 24
+
+
+def matrix(
+    store: StoreArgument,
+    csv: Annotated[
+        str | None, typer.Option("--csv", metavar="OUT", help="Write the table, too.")
+    ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure", metavar="PNG", help="A heat map with its dendrogram (.png, .pdf, .svg)."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
+
+    \b
+    Examples:
+      unbend collection matrix shapes
+      unbend collection matrix shapes --csv distances.csv --figure distances.png
+    """  # noqa: D301
+    from unbend.io import check_writable
+
+    if figure is not None:
+        check_writable(figure, (".png", ".pdf", ".svg"))
+    if csv is not None:
+        check_writable(csv, (".csv",))
+    entries, distances = opened(store).distances()
+    if csv is not None:
+        rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
+        write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
+    if figure is not None:
+        from unbend.report.collection_figures import draw_distances
+
+        draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
+    if as_json:
+        paths = [entry.path for entry in entries]
+        print_json({"store": store, "paths": paths, "distances": distances.tolist()})
+    elif len(entries) <= _MOST_PRINTED:
+        width = max(len(shown(entry.path)) for entry in entries) + 2
+        typer.echo(" " * width + "".join(f"{i:>8}" for i in range(len(entries))))
+        for i, (entry, row) in enumerate(zip(entries, distances, strict=True)):
+            numbers = "".join(f"{value:8.4f}" for value in row)
+            typer.echo(f"{shown(entry.path):<{width}}{numbers}  {i}")
+    else:
+        typer.echo(
+            f"compared {len(entries):,} shapes, too many to print: "
+            + (", ".join(filter(None, (csv, figure))) or "add --csv OUT or --figure PNG")
+        )

@@ -1,0 +1,36 @@
+"""``unbend collection remove``: shapes out of a collection."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from unbend.cli._common import JsonOption, print_json
+from unbend.cli.collection._common import StoreArgument, opened, shown
+
+
+def remove(
+    store: StoreArgument,
+    shapes: Annotated[
+        list[str],
+        typer.Argument(metavar="SHAPES...", help="Paths, or ids (8 digits or more of them)."),
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Take shapes out of a collection; their files stay where they are.
+
+    \b
+    Examples:
+      unbend collection remove shapes scans/cat0.off
+      unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
+    """  # noqa: D301
+    collection = opened(store)
+    removed = collection.remove(shapes)
+    if as_json:
+        removals = [vars(entry) for entry in removed]
+        print_json({"store": store, "removed": removals, "shapes": len(collection)})
+        return
+    for entry in removed:
+        typer.echo(f"removed {shown(entry.path)}")
+    typer.echo(f"{store} has {len(collection):,} shapes")

@@ -1,0 +1,78 @@
+"""``unbend collection search``: the shapes most like one, whatever the pose."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Annotated
+
+import typer
+
+from unbend.choices import Rerank
+from unbend.cli._common import JsonOption, print_json
+from unbend.cli.collection._common import (
+    SHORT_ID,
+    StoreArgument,
+    bar_on_stderr,
+    opened,
+    shown,
+)
+
+
+def search(
+    store: StoreArgument,
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="The mesh to look for.")],
+    n: Annotated[int, typer.Option("-n", metavar="N", min=1, help="How many to find.")] = 10,
+    rerank: Annotated[
+        Rerank,
+        typer.Option(
+            "--rerank",
+            help="Rank the best again: by how their canonical forms align (hundredths of a second "
+            "each), or by match (seconds each).",
+        ),
+    ] = "none",
+    index: Annotated[
+        bool,
+        typer.Option(
+            "--index",
+            help="Look at the likely shapes only, by an index that is made or brought up to date "
+            "first; worth it beyond 100,000 shapes.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Find the shapes most like one, whatever the pose; it need not be in the collection.
+
+    \b
+    Examples:
+      unbend collection search shapes dog.ply
+      unbend collection search shapes dog.ply -n 5 --rerank form --json
+      unbend collection search shapes dog.ply --index
+    """  # noqa: D301
+    collection = opened(store)
+    start = time.perf_counter()
+    with bar_on_stderr() as progress:
+        hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
+    seconds = time.perf_counter() - start
+    if as_json:
+        print_json(
+            {
+                "store": store,
+                "query": query,
+                "rerank": rerank,
+                "hits": [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)],
+                "seconds": seconds,
+            }
+        )
+        return
+    again = "" if rerank == "none" else f"  {rerank:>8}"
+    typer.echo(f"{'rank':>4}  {'distance':>8}{again}  {'id':<{SHORT_ID}}  path")
+    for i, hit in enumerate(hits):
+        again = "" if hit.reranked is None else f"  {_number(hit.reranked)}"
+        typer.echo(
+            f"{i + 1:>4}  {hit.distance:8.4f}{again}  {hit.id[:SHORT_ID]}  {shown(hit.path)}"
+        )
+
+
+def _number(value: float) -> str:
+    return f"{value:8.4f}" if math.isfinite(value) else f"{'none':>8}"

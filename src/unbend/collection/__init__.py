@@ -1,0 +1,32 @@
+"""Many shapes: one store, what describes each, search, groups, pairs, and statistics over them."""
+
+from unbend.collection._collection import Collection
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
+from unbend.collection._groups import find_groups
+from unbend.collection._labels import read_labels
+from unbend.collection._mean import MeanShape, mean_shape
+from unbend.collection._mean_files import write_mean
+from unbend.collection._retrieval import Retrieval, retrieval_measures
+from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
+from unbend.collection._statistics import Statistics, shape_statistics
+
+__all__ = [
+    "DESCRIPTOR_VERSION",
+    "Added",
+    "Collection",
+    "Entry",
+    "Failure",
+    "Hit",
+    "Info",
+    "Matched",
+    "MeanShape",
+    "Retrieval",
+    "Statistics",
+    "descriptor",
+    "find_groups",
+    "mean_shape",
+    "read_labels",
+    "retrieval_measures",
+    "shape_statistics",
+    "write_mean",
+]

@@ -1,0 +1,119 @@
+"""Shapes from files into the store."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from unbend._types import Progress
+from unbend.collection._engine import engine
+from unbend.collection._entry import make_row
+from unbend.collection._files import count_files, find_files, hashed
+from unbend.collection._progress import counted
+from unbend.collection._rows import Added, Failure
+from unbend.collection._store import Store
+
+# Rows are committed as they come, but commits are to take no more than a twentieth of the time
+# (an object store is slow), and none follows another at once. No more rows than this wait.
+_COMMITS_SHARE, _SECONDS_BETWEEN, _MOST_ROWS = 1 / 20, 0.25, 4096
+
+File = tuple[str, str]  # path and hash
+
+
+def add_files(
+    store: Store,
+    given: Sequence[str],
+    *,
+    workers: int | None,
+    scheduler: str | None,
+    progress: Progress | None,
+) -> Added:
+    """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
+    start = time.monotonic()
+    adding = _Adding(store)
+    tell = counted(progress, "shapes", count_files(given))
+
+    def show() -> None:
+        tell(adding.computed, adding.skipped, len(adding.failures))
+
+    fresh = adding.fresh(given)
+    first = None
+    for first in fresh:
+        show()
+        if first is not None:
+            break
+    if first is not None:
+        try:
+            with engine(workers=workers, scheduler=scheduler) as run:
+                for outcomes in run(_make_row, itertools.chain([first], fresh)):
+                    for file, value, reason in outcomes:
+                        adding.take(file, value or Failure(file[0], reason or ""))
+                    adding.commit_if_due()
+                    show()
+        finally:  # an interrupted run keeps what is finished too
+            adding.commit()
+        if store.exists:
+            store.tidy()
+    failures = tuple(sorted(adding.failures, key=lambda one: one.path))
+    return Added(adding.added, adding.skipped, failures, time.monotonic() - start)
+
+
+class _Adding:
+    """Where adding stands."""
+
+    def __init__(self, store: Store) -> None:
+        self.added = self.skipped = 0
+        self.failures: list[Failure] = []
+        self._store = store
+        self._rows: list[dict[str, Any]] = []
+        self._next = 0.0  # when the next commit is due
+        self._under_way: set[str] = set()  # hashes given out ...
+        self._committed: set[str] = set()  # ... of which the store has got these since it was asked
+
+    @property
+    def computed(self) -> int:
+        return self.added + len(self._rows) + len(self.failures)
+
+    def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
+        """Files whose content is nowhere yet, and None after each lot of files."""
+        for files in hashed(find_files(given)):
+            self.failures += [one for one in files if isinstance(one, Failure)]
+            readable = [one for one in files if not isinstance(one, Failure)]
+            self._under_way -= self._committed
+            self._committed.clear()
+            known = self._store.known("id", [digest for _, digest in readable])
+            for path, digest in readable:
+                if digest in known or digest in self._under_way:
+                    self.skipped += 1
+                else:
+                    self._under_way.add(digest)
+                    yield path, digest
+            yield None
+
+    def take(self, file: File, value: dict[str, Any] | Failure) -> None:
+        if isinstance(value, Failure):
+            self._under_way.discard(file[1])
+            self.failures.append(value)
+            return
+        self._rows.append(value)
+
+    def commit_if_due(self) -> None:
+        if time.monotonic() >= self._next or len(self._rows) >= _MOST_ROWS:
+            self.commit()
+
+    def commit(self) -> None:
+        if not self._rows:
+            return
+        start = time.monotonic()
+        self._store.commit(self._rows)
+        self._committed.update(row["id"] for row in self._rows)
+        self.added += len(self._rows)
+        self._rows = []
+        end = time.monotonic()
+        self._next = end + max(_SECONDS_BETWEEN, (end - start) / _COMMITS_SHARE)
+
+
+def _make_row(file: File) -> dict[str, Any] | Failure:
+    return make_row(*file)

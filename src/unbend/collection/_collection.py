@@ -1,0 +1,383 @@
+"""A collection of shapes: added from files, searched by shape, whatever the pose."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from unbend._memory import available_memory
+from unbend._types import FloatArray, Progress
+from unbend.choices import Rerank
+from unbend.collection._adding import add_files
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis
+from unbend.collection._entry import sample_form
+from unbend.collection._export import export
+from unbend.collection._pairs import match_pairs
+from unbend.collection._ranking import rank_by_form, rank_by_match
+from unbend.collection._rows import Added, Entry, Hit, Info, Matched
+from unbend.collection._store import SMALL, Store, among
+from unbend.errors import FileError, InputError
+from unbend.io import MeshLike, as_mesh, check_writable
+
+# With fewer rows an index finds nothing sooner.
+_LEAST_INDEXED = 10_000
+
+
+class Collection:
+    """Shapes on disk that can be searched by shape, whatever the pose.
+
+    Parameters
+    ----------
+    path : path
+        A folder of its own, made when the first shape is added; or an address of an object
+        store, such as ``s3://bucket/shapes``.
+
+    Raises
+    ------
+    FileError
+        If the path is a file, or a folder of something else.
+    MissingExtraError
+        If LanceDB is not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import Collection, write_mesh
+    >>> from unbend.datasets import make_quadruped
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> for species in ("dog", "giraffe"):
+    ...     animal = make_quadruped("walking", species=species, n_vertices=600)
+    ...     write_mesh(folder / f"{species}.ply", animal.mesh)
+    >>> shapes = Collection(folder / "shapes")
+    >>> shapes.add(folder, workers=0).added
+    2
+    >>> (found,) = shapes.search(make_quadruped("galloping", n_vertices=500).mesh, n=1)
+    >>> Path(found.path).name
+    'dog.ply'
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._store = Store(path)
+
+    @property
+    def path(self) -> str:
+        """Where the collection is."""
+        return self._store.path
+
+    @property
+    def exists(self) -> bool:
+        """Whether anything was ever added."""
+        return self._store.exists
+
+    def info(self) -> Info:
+        """Size of the collection and how its shapes are described.
+
+        Raises
+        ------
+        FileError
+            If nothing was added yet.
+        """
+        if not self.exists:
+            raise self._empty()
+        return Info(
+            n_shapes=len(self),
+            n_bytes=self._store.n_bytes(),
+            version=self._store.version() or DESCRIPTOR_VERSION,
+            descriptor_length=self._store.width,
+            indexed=self._store.indexed,
+            parameters=self._store.parameters(),
+        )
+
+    def __len__(self) -> int:
+        return len(self._store)
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Iterate over the shapes in the order of the store, in bounded memory."""
+        for batch in self._store.batches(SMALL):
+            yield from (Entry(**row) for row in batch.to_pylist())
+
+    def __repr__(self) -> str:
+        return f"Collection({self.path!r}, {len(self)} shapes)"
+
+    def add(
+        self,
+        paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        *,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: Progress | None = None,
+    ) -> Added:
+        """Describe shapes and keep what describes them; the files themselves stay where they are.
+
+        A file whose content is there already is skipped, so that an interrupted run goes on where
+        it was: what was finished is on disk seconds later, whatever happens then. A file that
+        cannot be used stops nothing.
+
+        Parameters
+        ----------
+        paths : path or iterable of paths
+            Files, folders (searched through for .off, .obj, .ply and .stl files), and patterns such
+            as ``"scans/**/*.ply"``.
+        workers, scheduler
+            Local processes (by default as many as the machine has processors for; 0: none,
+            work in this one), or the address of a Dask scheduler, ``tcp://host:port``, whose
+            workers see the files under the same paths.
+        progress : callable, optional
+            Called with how far it is, in words, and the share that is done.
+
+        Returns
+        -------
+        Added
+
+        Raises
+        ------
+        InputError
+            If the collection is of another version, or nobody answers at `scheduler`.
+        """
+        self._check_version()
+        given = [paths] if isinstance(paths, str | os.PathLike) else paths
+        return add_files(
+            self._store,
+            [os.fspath(one) for one in given],
+            workers=workers,
+            scheduler=scheduler,
+            progress=progress,
+        )
+
+    def search(
+        self,
+        mesh: MeshLike,
+        n: int = 10,
+        *,
+        rerank: Rerank = "none",
+        index: bool = False,
+        progress: Progress | None = None,
+    ) -> list[Hit]:
+        """Find the shapes most like one, whatever the pose.
+
+        Parameters
+        ----------
+        mesh : mesh-like
+            Anything :func:`unbend.as_mesh` accepts. It need not be in the collection.
+        n : int, default=10
+            How many to find.
+        rerank : {"none", "form", "match"}, default="none"
+            What the best by descriptor are ranked by again: how well their canonical forms align
+            (of 2 n, or 100 where that is more; hundredths of a second each), or how well the query
+            is matched with them (of 2 n; seconds each, from their files).
+        index : bool, default=False
+            Search approximately, with an index that is made, or brought up to date, first: worth
+            it beyond 100,000 shapes. Otherwise every shape is looked at.
+        progress : callable, optional
+            Called with what is done and the share that is.
+
+        Returns
+        -------
+        list of Hit
+            The most alike first.
+
+        Raises
+        ------
+        InputError
+            If an option is out of range, or the collection is empty or of another version.
+        MeshError
+            If the query cannot be described.
+        """
+        if n < 1:
+            raise InputError(f"n must be at least 1, not {n}")
+        if rerank not in ("none", "form", "match"):
+            raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
+        self._check_filled()
+        index = index and len(self) >= _LEAST_INDEXED
+        if index:
+            self._store.build_index()
+        query = as_mesh(mesh)
+        basis = make_basis(query)
+        most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
+        found = self._store.nearest(describe(basis), most, index=index)
+        hits = [
+            Hit(one["id"], one["path"], float(np.sqrt(max(one["_distance"], 0)))) for one in found
+        ]
+        if rerank == "none":
+            return hits
+        if rerank == "form":
+            return rank_by_form(sample_form(basis), hits, self._store)[:n]
+        return rank_by_match(query, hits, progress)[:n]
+
+    def distances(self) -> tuple[list[Entry], FloatArray]:
+        """Compare every shape with every other by descriptor.
+
+        Returns
+        -------
+        entries : list of Entry
+            Sorted by path.
+        distances : (n, n) ndarray of float64
+            Symmetric, 0 on the diagonal.
+
+        Raises
+        ------
+        InputError
+            If the collection is empty or of another version, or the table does not fit into
+            memory.
+        """
+        self._check_filled()
+        free, needed = available_memory(), 3 * 8 * len(self) ** 2
+        if free is not None and needed > free:
+            raise InputError(
+                f"all pairs of {len(self):,} shapes need {needed / 2**30:.1f} GiB of memory and "
+                f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
+            )
+        rows = sorted(self._store.select([*SMALL, "descriptor"]), key=lambda row: row["path"])
+        descriptors = np.array([row.pop("descriptor") for row in rows])
+        from scipy.spatial.distance import cdist
+
+        return [Entry(**row) for row in rows], cdist(descriptors, descriptors)
+
+    def find(self, names: Sequence[str]) -> list[Entry]:
+        """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
+
+        Raises
+        ------
+        InputError
+            If one is not there, or may mean several.
+        """
+        return [self._find(name) for name in names]
+
+    def _find(self, name: str) -> Entry:
+        path = os.path.abspath(name)
+        conditions = [among("path", [name, path])]
+        if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
+            conditions.append(f"id LIKE '{name}%'")
+        rows = self._store.select(SMALL, " OR ".join(conditions))
+        if len(rows) != 1:
+            what = "is not" if not rows else "may be several shapes"
+            raise InputError(
+                f"{name} {what} in the collection {self.path}: give a path or an id as "
+                "unbend collection list shows them"
+            )
+        return Entry(**rows[0])
+
+    def remove(self, names: Sequence[str]) -> list[Entry]:
+        """Take shapes out of the collection; their files stay.
+
+        Parameters
+        ----------
+        names : sequence of str
+            See :meth:`find`.
+
+        Returns
+        -------
+        list of Entry
+            What was removed.
+
+        Raises
+        ------
+        InputError
+            If one is not there; then nothing is removed.
+        """
+        entries = self.find(names)
+        self._store.remove([entry.id for entry in entries])
+        return entries
+
+    def match(
+        self,
+        pairs: Iterable[tuple[str, str]] | None,
+        out: str | os.PathLike[str],
+        *,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: Progress | None = None,
+    ) -> Matched:
+        """Match pairs of shapes, each spectrum computed once; what is there already is skipped.
+
+        Parameters
+        ----------
+        pairs : iterable of (str, str), or None
+            Source and target, named as for :meth:`find`. None: each shape with each that follows
+            it in the order of their paths.
+        out : path
+            Folder, of all workers alike, for one .npz file a pair (see
+            :func:`unbend.read_match`), the table ``matches.csv`` of all, and the spectra.
+        workers, scheduler
+            See :meth:`add`.
+        progress : callable, optional
+            Called with how far it is, in words, and the share that is done.
+
+        Returns
+        -------
+        Matched
+            A shape that cannot be matched at all is among the failures once, by itself.
+
+        Raises
+        ------
+        InputError
+            If a name is not in the collection.
+        FileError
+            If the folder cannot be made.
+        """
+        options: Any = {"workers": workers, "scheduler": scheduler, "progress": progress}
+        if pairs is None:
+            entries = sorted(self, key=lambda entry: entry.path)
+            n = len(entries)
+            return match_pairs(
+                lambda: itertools.combinations(entries, 2), n * (n - 1) // 2, out, **options
+            )
+        named = [tuple(pair) for pair in pairs]
+        known = {name: self._find(name) for name in dict.fromkeys(itertools.chain(*named))}
+        chosen = [(known[source], known[target]) for source, target in named]
+        return match_pairs(lambda: iter(chosen), len(chosen), out, **options)
+
+    def thumbnail(self, name: str) -> bytes:
+        """Picture of a shape as a small PNG file; empty for a point cloud."""
+        row = self._store.of_ids(["thumbnail"], [self._find(name).id])[0]
+        return bytes(row["thumbnail"])
+
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Write what is kept of every shape, in bounded memory.
+
+        Parameters
+        ----------
+        path : path
+            ``.parquet``: every column, descriptors, forms and thumbnails too. ``.csv``: all but
+            forms and thumbnails, a column for each number of the descriptor.
+
+        Returns
+        -------
+        int
+            Number of shapes.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        InputError
+            If the collection is empty.
+        """
+        check_writable(path, (".parquet", ".csv"))
+        self._check_filled()
+        return export(self._store, path)
+
+    def _check_filled(self) -> None:
+        self._check_version()
+        if not len(self):
+            raise self._empty()
+
+    def _empty(self) -> FileError:
+        return FileError(
+            f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES adds "
+            "some"
+        )
+
+    def _check_version(self) -> None:
+        version = self._store.version()
+        if version not in (None, DESCRIPTOR_VERSION):
+            raise InputError(
+                f"the collection {self.path} has descriptors of version {version}, which do not "
+                f"compare with those of this unbend, {DESCRIPTOR_VERSION}: add the shapes to a "
+                "new collection"
+            )

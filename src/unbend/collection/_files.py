@@ -1,0 +1,93 @@
+"""Files that may be meshes, found and told apart by their bytes."""
+
+from __future__ import annotations
+
+import functools
+import glob
+import hashlib
+import itertools
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from unbend._parallel import run_all
+from unbend.collection._rows import Failure
+
+# What a folder is searched through for: points and arrays are added by name or pattern only.
+_SUFFIXES = (".off", ".obj", ".ply", ".stl")
+_FILES_AT_ONCE = 256
+
+
+def find_files(given: Sequence[str]) -> Iterator[str]:
+    """Absolute paths of files, of those in folders, and of those that patterns match.
+
+    Parameters
+    ----------
+    given : sequence of str
+        A folder stands for the meshes in it and below it, without what is hidden. What is
+        nothing of all this comes back as it is.
+
+    Yields
+    ------
+    str
+    """
+    for one in given:
+        matches: Iterable[str] = [one]
+        if not os.path.exists(one) and glob.has_magic(one):
+            matches = itertools.chain(*_matching(glob.iglob(one, recursive=True), one))
+        for match in matches:
+            if os.path.isdir(match):
+                yield from _walk(os.path.abspath(match))
+            else:
+                yield os.path.abspath(match)
+
+
+def _matching(found: Iterator[str], pattern: str) -> tuple[Iterable[str], Iterable[str]]:
+    """Find the matches of a pattern, or the pattern itself if there are none."""
+    first = next(found, None)
+    return ([pattern] if first is None else [first], found)
+
+
+def _walk(folder: str) -> Iterator[str]:
+    for here, folders, files in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted(files):
+            if not name.startswith(".") and name.lower().endswith(_SUFFIXES):
+                yield os.path.join(here, name)
+
+
+def count_files(given: Sequence[str]) -> int:
+    """Count what :func:`find_files` finds, without keeping it."""
+    return sum(1 for _ in find_files(given))
+
+
+def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:
+    """Hash files some hundreds at a time.
+
+    Yields
+    ------
+    list of (str, str) or Failure
+        Path and hash, or why it cannot be read.
+    """
+    while some := list(itertools.islice(paths, _FILES_AT_ONCE)):
+        yield run_all(functools.partial(_hash, path) for path in some)
+
+
+def _hash(path: str) -> tuple[str, str] | Failure:
+    try:
+        path.encode()
+        return path, content_hash(path)
+    except UnicodeEncodeError:
+        readable = path.encode(errors="replace").decode()
+        return Failure(readable, "its name is no text in UTF-8; rename it")
+    except FileNotFoundError:
+        return Failure(path, "there is no such file")
+    except OSError as error:
+        return Failure(path, f"it cannot be read: {error.strerror or error}")
+
+
+def content_hash(path: str | os.PathLike[str]) -> str:
+    """Hash of a file's bytes, 32 hexadecimal digits."""
+    with Path(path).open("rb") as file:
+        digest = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16))
+    return digest.hexdigest()

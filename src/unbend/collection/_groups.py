@@ -1,0 +1,81 @@
+"""Clusters of shapes, without labels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError
+
+_MOST_TRIED = 50
+
+
+def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
+    """Put what is near into one group: average linkage, cut where the groups stand out most.
+
+    Parameters
+    ----------
+    distances : (n, n) ndarray of float64
+        Symmetric, 0 on the diagonal.
+    n_groups : int, optional
+        How many groups; by default, of 2 to 50, the number with the largest mean silhouette.
+
+    Returns
+    -------
+    (n,) ndarray of int64
+        Number of each one's group, from 0, the largest group first.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than `n_groups`.
+
+    References
+    ----------
+    Rousseeuw, "Silhouettes: a graphical aid to the interpretation and validation of cluster
+    analysis", Journal of Computational and Applied Mathematics 20, 1987.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.collection import find_groups
+    >>> places = np.array([0.0, 0.1, 9.0, 0.2, 9.1])
+    >>> find_groups(np.abs(places[:, None] - places))
+    array([0, 0, 1, 0, 1])
+    """
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
+    n = len(distances)
+    if n_groups is not None and not 1 <= n_groups <= n:
+        raise InputError(f"{n} shapes make 1 to {n} groups, not {n_groups}")
+    if n < 3:
+        return np.arange(n) % (n_groups or 1)
+    tree = linkage(squareform(distances, checks=False), "average")
+    tried = [n_groups] if n_groups else range(2, min(_MOST_TRIED, n - 1) + 1)
+    cuts = [fcluster(tree, count, "maxclust") for count in tried]
+    best = cuts[0] if n_groups else max(cuts, key=lambda labels: silhouette(distances, labels))
+    names, places, sizes = np.unique(best, return_index=True, return_counts=True)
+    order = np.lexsort([places, -sizes])
+    number = np.empty(names.max() + 1, dtype=np.int64)
+    number[names[order]] = np.arange(len(names))
+    return np.asarray(number[best])
+
+
+def silhouette(distances: FloatArray, labels: IntArray) -> float:
+    """Mean over all of ``(b - a) / max(a, b)``.
+
+    `a` is the mean distance to the others of one's group, `b` to those of the nearest other group;
+    whoever is alone in a group counts 0.
+    """
+    members = (labels[:, None] == np.unique(labels)).astype(float)
+    sizes = members.sum(axis=0)
+    sums = distances @ members
+    own = members.astype(bool)
+    others = np.where(own, np.inf, sums / sizes).min(axis=1)
+    size = sizes[own.argmax(axis=1)]
+    inner = sums[own] / np.maximum(size - 1, 1)
+    larger = np.maximum(np.maximum(inner, others), np.finfo(float).tiny)
+    if len(sizes) < 2:
+        return 0.0
+    return float(np.where(size > 1, (others - inner) / larger, 0.0).mean())

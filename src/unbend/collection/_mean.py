@@ -1,0 +1,211 @@
+"""The mean of many shapes, and how they vary, on the vertices of a template."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from unbend._types import FloatArray, Progress
+from unbend.alignment import procrustes
+from unbend.collection._engine import engine
+from unbend.collection._progress import counted
+from unbend.collection._rows import Failure
+from unbend.collection._statistics import Statistics, shape_statistics
+from unbend.correspondence import register
+from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh
+from unbend.mesh import Mesh, vertex_areas
+
+
+@dataclass(frozen=True, eq=False)
+class MeanShape:
+    """Statistics of shapes, on the vertices of a template.
+
+    Attributes
+    ----------
+    template : Mesh
+    statistics : Statistics
+        Of the shapes that count, in their order.
+    names : tuple of str
+        Of these shapes.
+    confidences, coverages : (n_shapes,) ndarray of float64
+        Of their registrations.
+    left_out : tuple of Failure
+        The others, and why.
+    """
+
+    template: Mesh
+    statistics: Statistics
+    names: tuple[str, ...]
+    confidences: FloatArray
+    coverages: FloatArray
+    left_out: tuple[Failure, ...]
+
+    @property
+    def mean(self) -> Mesh:
+        """The mean shape, with the template's faces."""
+        return Mesh(self.statistics.mean, self.template.faces, name="mean")
+
+    def at(self, component: int, deviations: float) -> Mesh:
+        """Move the mean along a component (from 0) by standard deviations; a mesh."""
+        points = self.statistics.at(component, deviations)
+        name = f"component {component + 1} at {deviations:+g}"
+        return Mesh(points, self.template.faces, name=name)
+
+
+class Task(NamedTuple):
+    """A shape to lay the template onto."""
+
+    number: int
+    mesh: MeshLike
+    template: Mesh
+    cache: bool
+
+
+class Laid(NamedTuple):
+    """The template's vertices on a shape, or why there are none."""
+
+    name: str
+    vertices: FloatArray
+    confidence: float
+    coverage: float
+    reason: str = ""
+
+
+def mean_shape(
+    meshes: Iterable[MeshLike],
+    template: MeshLike,
+    *,
+    n_components: int | None = None,
+    scale: bool = False,
+    min_confidence: float = 0.5,
+    min_coverage: float = 0.5,
+    workers: int | None = 0,
+    scheduler: str | None = None,
+    cache: bool = True,
+    progress: Progress | None = None,
+) -> MeanShape:
+    """Mean, principal components and variability of shapes, on the vertices of a template.
+
+    Every shape is given the template's vertices by :func:`unbend.register`. Shapes that do not
+    match it are left out and listed.
+
+    Parameters
+    ----------
+    meshes : iterable of mesh-like
+        Files, best, which the workers read themselves; or meshes.
+    template : mesh-like
+        A shape of the same kind, in about the same pose. What counts is its vertices.
+    n_components, scale
+        See :func:`shape_statistics`. Points count by their area on the template.
+    min_confidence : float, default=0.5
+        A match less sure than this is no basis for statistics.
+    min_coverage : float, default=0.5
+        Least share of the template's area that must lie on the shape.
+    workers : int or None, default=0
+        Local processes; None: as many as the machine has processors for; 0: work in this one.
+    scheduler : str, optional
+        Address of a Dask scheduler, ``tcp://host:port``, whose workers to use.
+    cache : bool, default=True
+        Whether a match keeps eigenpairs on disk; see :func:`unbend.spectrum`.
+    progress : callable, optional
+        Called with how far it is, in words, and the share that is done.
+
+    Returns
+    -------
+    MeanShape
+
+    Raises
+    ------
+    InputError
+        If fewer than 2 shapes are left; the message says why the first was left out.
+    MeshError
+        If the template cannot be used.
+    MissingExtraError
+        If there are to be workers and Dask is not installed.
+
+    See Also
+    --------
+    shape_statistics : The same for vertices that correspond already.
+
+    Examples
+    --------
+    >>> from unbend.collection import mean_shape
+    >>> from unbend.datasets import make_biped
+    >>> people = [make_biped("standing", n_vertices=500, legs=legs).mesh for legs in (0.9, 1.1)]
+    >>> found = mean_shape(people, make_biped("standing", n_vertices=500).mesh)
+    >>> found.mean, found.left_out
+    (Mesh(500 vertices, 996 faces), ())
+    """
+    template = as_mesh(template)
+    if template.is_point_cloud:
+        raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
+    tasks = [Task(i, mesh, template, cache) for i, mesh in enumerate(meshes)]
+    rows: dict[int, Laid] = {}
+    tell = counted(progress, "shapes", len(tasks))
+    if scheduler is not None and workers == 0:
+        workers = None
+    with engine(workers=workers, scheduler=scheduler) as run:
+        for outcomes in run(lay, tasks):
+            for task, laid, died in outcomes:
+                rows[task.number] = laid or _nothing(_name(task), died or "")
+            tell(len(rows), 0, sum(1 for one in rows.values() if one.reason))
+    every = [_judged(rows[i], min_confidence, min_coverage) for i in range(len(tasks))]
+    kept = [one for one in every if not one.reason]
+    left_out = tuple(Failure(one.name, one.reason) for one in every if one.reason)
+    if len(kept) < 2:
+        why = f"; {left_out[0].path} was left out: {left_out[0].reason}" if left_out else ""
+        raise InputError(f"statistics need at least 2 shapes, and {len(kept)} are left{why}")
+    weights = vertex_areas(template)
+    # Turned as the template stands, so that the mean stands so too.
+    placed = [
+        one.vertices @ procrustes(one.vertices, template.vertices, reflect=False)[0].T
+        for one in kept
+    ]
+    return MeanShape(
+        template=template,
+        statistics=shape_statistics(
+            placed, weights=weights, n_components=n_components, scale=scale
+        ),
+        names=tuple(one.name for one in kept),
+        confidences=np.array([one.confidence for one in kept]),
+        coverages=np.array([one.coverage for one in kept]),
+        left_out=left_out,
+    )
+
+
+def lay(task: Task) -> Laid:
+    """Register the template to a shape; whatever goes wrong with it is its own."""
+    name = _name(task)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = register(task.template, as_mesh(task.mesh), cache=task.cache)
+    except Exception as error:  # of whatever kind: it is this mesh's, and others go on
+        return _nothing(name, Failure.of(name, error).reason)
+    return Laid(name, found.mesh.vertices, found.confidence, found.coverage)
+
+
+def _judged(one: Laid, min_confidence: float, min_coverage: float) -> Laid:
+    if one.reason:
+        return one
+    if one.confidence < min_confidence:
+        return one._replace(reason=f"the match's confidence is {one.confidence:.2f}")
+    if one.coverage < min_coverage:
+        return one._replace(reason=f"{one.coverage:.0%} of the template lies on it")
+    return one
+
+
+def _name(task: Task) -> str:
+    if isinstance(task.mesh, (str, os.PathLike)):
+        return os.fspath(task.mesh)
+    return task.mesh.name if isinstance(task.mesh, Mesh) else f"shape {task.number}"
+
+
+def _nothing(name: str, reason: str) -> Laid:
+    return Laid(name, np.empty((0, 3)), 0.0, 0.0, reason)

@@ -1,0 +1,119 @@
+"""The mean of a collection and how its shapes vary, as files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unbend._types import FloatArray
+from unbend.collection._mean import MeanShape
+from unbend.errors import FileError, MissingExtraError
+from unbend.io import atomic_write, write_mesh
+
+DEVIATIONS = 3
+_MOST_DRAWN = 5
+
+
+def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, ...]:
+    """Write a mean shape, its components and its tables into a folder.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it does not exist.
+    found : MeanShape
+
+    Returns
+    -------
+    tuple of Path
+        What was written. The picture only where matplotlib is installed.
+
+    Raises
+    ------
+    FileError
+        If something cannot be written.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
+    statistics = found.statistics
+    k = len(statistics.variances)
+    written = [folder / "mean.ply"]
+    spread = statistics.variability
+    colors = _heat_colors(spread / max(float(spread.max()), 1e-300))
+    write_mesh(written[0], found.mean, scalars={"variability": spread}, colors=colors)
+    for i in range(k):
+        for word, deviations in (("minus", -DEVIATIONS), ("plus", DEVIATIONS)):
+            written.append(folder / f"component_{i + 1}_{word}.ply")
+            write_mesh(written[-1], found.at(i, deviations))
+    shares = statistics.variances / max(statistics.total_variance, 1e-300)
+    tables: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
+        "variances.csv": (
+            ("component", "variance", "share"),
+            zip(range(1, k + 1), statistics.variances.tolist(), shares.tolist(), strict=True),
+        ),
+        "scores.csv": (
+            ("path", "size", "confidence", "coverage", *(f"score_{i + 1}" for i in range(k))),
+            (
+                (name, *numbers, *scores)
+                for name, *numbers, scores in zip(
+                    found.names,
+                    statistics.sizes.tolist(),
+                    found.confidences.tolist(),
+                    found.coverages.tolist(),
+                    statistics.scores.tolist(),
+                    strict=True,
+                )
+            ),
+        ),
+        "left_out.csv": (("path", "reason"), ((one.path, one.reason) for one in found.left_out)),
+    }
+    for name, (head, rows) in tables.items():
+        written.append(folder / name)
+        _write_table(written[-1], head, rows)
+    with suppress(MissingExtraError):
+        draw_components(found, folder / "components.png")
+        written.append(folder / "components.png")
+    return tuple(written)
+
+
+def draw_components(found: MeanShape, path: Path) -> None:
+    """Draw the mean as it changes along each of the first components."""
+    from unbend.report.variation_figures import draw_variation
+
+    steps = np.linspace(-DEVIATIONS, DEVIATIONS, 5)
+    statistics = found.statistics
+    rows = [
+        (
+            f"component {i + 1}: {statistics.variances[i] / statistics.total_variance:.0%}",
+            [found.at(i, float(step)) for step in steps],
+        )
+        for i in range(min(_MOST_DRAWN, len(statistics.variances)))
+    ]
+    if rows:
+        draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)
+
+
+def _heat_colors(shares: FloatArray) -> Any:
+    """Colours from dark blue (0) to yellow (1), (n, 3) of 0 to 255."""
+    ends = np.array([[68, 1, 84], [49, 104, 142], [53, 183, 121], [253, 231, 37]], dtype=float)
+    at = np.linspace(0, 1, len(ends))
+    return np.column_stack([np.interp(shares, at, one) for one in ends.T]).round().astype(int)
+
+
+def _write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    with atomic_write(path) as file:
+        file.write(text.getvalue().encode())

@@ -1,0 +1,191 @@
+"""Matches of many pairs of a collection, each in a file of its own."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import os
+import re
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from unbend._types import Progress
+from unbend.collection._engine import Run, engine
+from unbend.collection._files import content_hash
+from unbend.collection._progress import counted
+from unbend.collection._rows import Entry, Failure, Matched
+from unbend.errors import FileError, UnbendWarning
+from unbend.io import atomic_write, read_mesh
+from unbend.matching import match, prepare_spectrum, read_match, write_match
+from unbend.mesh import Mesh
+
+_SPECTRA = "spectra"  # folder of the eigenpairs, each computed once
+_TABLE = "matches.csv"
+_NO_LIMIT = str(2**30)
+
+Pair = tuple[Entry, Entry]
+
+
+class Task(NamedTuple):
+    """A shape whose spectrum is wanted, or a pair to match; `out` is the folder of all."""
+
+    entries: tuple[Entry, ...]
+    out: str
+
+
+def match_pairs(
+    pairs: Callable[[], Iterator[Pair]],
+    n_pairs: int,
+    out: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Matched:
+    """Match pairs of shapes whose match is not there yet, and write a table of all.
+
+    Parameters
+    ----------
+    pairs : callable
+        Gives the pairs anew at each call.
+    n_pairs : int
+    out : path
+        Folder for the matches; made if it does not exist.
+    workers, scheduler
+        See :func:`unbend.collection._engine.engine`.
+    progress : callable, optional
+
+    Returns
+    -------
+    Matched
+    """
+    start = time.monotonic()
+    folder = _folder(out)
+    left = {entry.id: entry for pair in pairs() if not _done(folder, pair) for entry in pair}
+    skipped = sum(1 for pair in pairs() if _done(folder, pair))
+    failures: list[Failure] = []
+    matched = 0
+    if left:
+        with engine(workers=workers, scheduler=scheduler) as run:
+            tell = counted(progress, "spectra", len(left))
+            shapes = (Task((entry,), str(folder)) for entry in left.values())
+            failures += filter(None, _each(run, keep_spectrum, shapes, tell))
+            bad = {one.path for one in failures}
+            tasks = (
+                Task(pair, str(folder))
+                for pair in pairs()
+                if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
+            )
+            tell = counted(progress, "pairs", n_pairs - skipped)
+            for failure in _each(run, match_pair, tasks, tell):
+                if failure is None:
+                    matched += 1
+                else:
+                    failures.append(failure)
+    _write_table(folder, pairs())
+    return Matched(matched, skipped, tuple(failures), time.monotonic() - start)
+
+
+def _each(
+    run: Run,
+    function: Callable[[Task], Failure | None],
+    tasks: Iterator[Task],
+    tell: Callable[[int, int, int], None],
+) -> Iterator[Failure | None]:
+    done = failed = 0
+    for outcomes in run(function, tasks):
+        for task, failure, reason in outcomes:
+            if reason is not None:
+                failure = Failure(_name(task.entries), reason)
+            done, failed = done + 1, failed + (failure is not None)
+            yield failure
+        tell(done, 0, failed)
+
+
+def keep_spectrum(task: Task) -> Failure | None:
+    """Compute the eigenpairs that a shape's matches need, and keep them for them."""
+    return _tried(task, lambda: prepare_spectrum(_read(task.entries[0])))
+
+
+def match_pair(task: Task) -> Failure | None:
+    """Match two shapes and write the result."""
+    source, target = task.entries
+
+    def work() -> None:
+        found = match(_read(source), _read(target))
+        write_match(Path(task.out, file_name(source, target)), found)
+
+    return _tried(task, work)
+
+
+def _tried(task: Task, work: Callable[[], None]) -> Failure | None:
+    try:
+        with _cache_in(task.out), warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)  # of pieces that go along, say
+            work()
+    except Exception as error:  # of whatever kind: it is these meshes', and others go on
+        return Failure.of(_name(task.entries), error)
+    return None
+
+
+def _name(entries: Sequence[Entry]) -> str:
+    return " -> ".join(one.path for one in entries)
+
+
+def file_name(source: Entry, target: Entry) -> str:
+    """Name of the file of a match: both stems, to read, and the beginnings of both ids."""
+    stems = [re.sub(r"[^\w.-]", "_", Path(one.path).stem)[:60] for one in (source, target)]
+    return f"{stems[0]}-{stems[1]}-{source.id[:8]}-{target.id[:8]}.npz"
+
+
+def _read(entry: Entry) -> Mesh:
+    if content_hash(entry.path) != entry.id:
+        raise FileError(f"{entry.path} is not what it was when it was added; add it again")
+    return read_mesh(entry.path)
+
+
+def _done(folder: Path, pair: Pair) -> bool:
+    return (folder / file_name(*pair)).exists()
+
+
+def _folder(out: str | os.PathLike[str]) -> Path:
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
+    return folder
+
+
+def _write_table(folder: Path, pairs: Iterator[Pair]) -> None:
+    """Tell what each match came to, as far as there are matches."""
+    with atomic_write(folder / _TABLE) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["source", "target", "file", "confidence", "orientation", "residual"])
+        for pair in itertools.filterfalse(lambda pair: not _done(folder, pair), pairs):
+            found = read_match(folder / file_name(*pair))
+            values: list[Any] = [found.confidence, found.orientation, found.residual]
+            writer.writerow([*(one.path for one in pair), file_name(*pair), *values])
+        text.detach()
+
+
+@contextmanager
+def _cache_in(out: str) -> Iterator[None]:
+    """Keep eigenpairs beside the matches, where every worker finds them, and all of them."""
+    settings = {"UNBEND_CACHE_DIR": str(Path(out, _SPECTRA)), "UNBEND_CACHE_GIB": _NO_LIMIT}
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,47 @@
+"""The best of a search ranked again, by more than their descriptors."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from unbend._types import FloatArray, Progress
+from unbend.alignment import align
+from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._rows import Hit
+from unbend.collection._store import Store
+from unbend.errors import UnbendError, UnbendWarning
+from unbend.io import read_mesh
+from unbend.matching import match
+from unbend.mesh import Mesh
+
+
+def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
+    """Rank by the root mean square distance of canonical forms, aligned as well as they can be."""
+    rows = store.of_ids(["form"], [hit.id for hit in hits])
+    forms = [np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows]
+    return _ranked(hits, [align(own, form).residual for form in forms])
+
+
+def rank_by_match(query: Mesh, hits: Sequence[Hit], progress: Progress | None) -> list[Hit]:
+    """Rank by the energy of the match with each; what cannot be matched comes last."""
+    energies = []
+    for i, hit in enumerate(hits):
+        if progress is not None:
+            progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)
+            try:
+                energies.append(match(query, read_mesh(hit.path)).hypotheses[0].energy)
+            except UnbendError:
+                energies.append(math.inf)
+    return _ranked(hits, energies)
+
+
+def _ranked(hits: Sequence[Hit], values: Sequence[float]) -> list[Hit]:
+    ranked = [replace(hit, reranked=value) for hit, value in zip(hits, values, strict=True)]
+    return sorted(ranked, key=lambda hit: (hit.reranked, hit.distance))

@@ -1,0 +1,141 @@
+"""What a collection returns: small frozen rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from unbend.errors import UnbendError
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One shape of a collection.
+
+    Attributes
+    ----------
+    id : str
+        Hash of its file's bytes, 32 hexadecimal digits.
+    path : str
+        Where the file was when it was added.
+    n_vertices, n_faces : int
+    area : float
+        In the file's squared units of length; 0 for a point cloud.
+    notes : str
+        What was done to the mesh to describe it.
+    """
+
+    id: str
+    path: str
+    n_vertices: int
+    n_faces: int
+    area: float
+    notes: str
+
+
+@dataclass(frozen=True)
+class Hit:
+    """One shape that a search found.
+
+    Attributes
+    ----------
+    id, path : str
+        See :class:`Entry`.
+    distance : float
+        Of the descriptors; 0 for the same shape.
+    reranked : float or None
+        What the best were ranked by again: the distance of the aligned forms, or the energy of
+        the match, infinite where the shape could not be matched. None where they were not.
+    """
+
+    id: str
+    path: str
+    distance: float
+    reranked: float | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What something could not be done with.
+
+    Attributes
+    ----------
+    path : str
+        The shape's file; of a pair of shapes both, with an arrow between them.
+    reason : str
+        One sentence.
+    """
+
+    path: str
+    reason: str
+
+    @classmethod
+    def of(cls, path: str, error: Exception) -> Failure:
+        """Give an error's sentence as the reason, and its kind where it is none of ours."""
+        kind = "" if isinstance(error, UnbendError) else f"{type(error).__name__}: "
+        return cls(path, f"{kind}{error}".split("\n", 1)[0])
+
+
+@dataclass(frozen=True)
+class Added:
+    """What adding shapes came to.
+
+    Attributes
+    ----------
+    added, skipped : int
+        Shapes that are new, and files whose content was there before.
+    failures : tuple of Failure
+        Files that could not be added.
+    seconds : float
+    """
+
+    added: int
+    skipped: int
+    failures: tuple[Failure, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Matched:
+    """What matching pairs of shapes came to.
+
+    Attributes
+    ----------
+    matched, skipped : int
+        Pairs that are new, and pairs whose match was there before.
+    failures : tuple of Failure
+        Pairs that could not be matched.
+    seconds : float
+    """
+
+    matched: int
+    skipped: int
+    failures: tuple[Failure, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Info:
+    """What a collection is.
+
+    Attributes
+    ----------
+    n_shapes : int
+    n_bytes : int or None
+        On disk; None where it is not on this machine's.
+    version : str
+        Of the descriptors.
+    descriptor_length : int
+    indexed : bool
+        Whether there is an index for approximate search.
+    parameters : mapping of str to int or str
+        What the descriptors and forms were computed with.
+    """
+
+    n_shapes: int
+    n_bytes: int | None
+    version: str
+    descriptor_length: int
+    indexed: bool
+    parameters: Mapping[str, Any]

@@ -1,0 +1,224 @@
+"""The table of a collection, in LanceDB: every change is one commit, seen wholly or not at all."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._parallel import n_cores
+from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
+from unbend.errors import FileError, MissingExtraError
+
+_TABLE = "shapes"
+# Two processes that add one path at once then have one row: the later merges into the earlier's.
+_KEY = {"lance-schema:unenforced-primary-key": "true"}
+SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
+# Versions of the table that readers may still be at; older ones make room.
+_KEPT_VERSIONS = timedelta(minutes=15)
+# Small commits that pile up before they are merged into one file: so many at least, and for so
+# long that merging, which grows with the table, takes no more than this share of the time.
+_COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
+_ROWS_AT_ONCE = 4096
+_PROBES = 20  # cells, of some thousand rows each, that an approximate search looks into
+
+
+class Store:
+    """The rows of a collection on disk or in an object store.
+
+    Parameters
+    ----------
+    path : path
+        A folder, or an address that LanceDB knows, ``s3://bucket/name`` for one.
+
+    Raises
+    ------
+    FileError
+        If it is a file, or a folder of something else.
+    MissingExtraError
+        If LanceDB is not installed.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        # Lance leaves two processors to others, which on a machine of two leaves it one.
+        os.environ.setdefault("LANCE_CPU_THREADS", str(n_cores()))
+        try:
+            import lancedb
+        except ImportError:
+            raise MissingExtraError("lancedb", "collection") from None
+        self.path = os.fspath(path)
+        self._commits, self._next_tidy = 0, 0.0
+        self._table: Any = None
+        # What another process commits is seen at once.
+        self._connect = functools.partial(
+            lancedb.connect, read_consistency_interval=timedelta(seconds=0)
+        )
+        if "://" not in self.path:
+            _check_folder(Path(self.path))
+            if not Path(self.path).exists():
+                return
+        database = self._connect(self.path)
+        if _TABLE in database.list_tables().tables:
+            self._table = database.open_table(_TABLE)
+
+    @property
+    def exists(self) -> bool:
+        """Whether anything was ever added."""
+        return self._table is not None
+
+    def __len__(self) -> int:
+        return int(self._table.count_rows()) if self.exists else 0
+
+    def commit(self, rows: Sequence[dict[str, Any]]) -> None:
+        """Add rows in one commit; a row takes the place of an earlier one of its path."""
+        if not rows:
+            return
+        data = _arrow(rows)
+        if not self.exists:
+            database = self._connect(self.path)
+            self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
+        merge = self._table.merge_insert("path")
+        merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
+        self._commits += 1
+        if self._commits >= _COMMITS_UNMERGED and time.monotonic() >= self._next_tidy:
+            self.tidy()
+
+    def tidy(self) -> None:
+        """Merge small files, bring the indices up to date, and drop old versions."""
+        from lancedb.index import BTree
+
+        start = time.monotonic()
+        try:
+            indexed = {column for index in self._table.list_indices() for column in index.columns}
+            for column in {"id", "path"} - indexed:
+                self._table.create_index(column, config=BTree())
+            self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
+        except RuntimeError as error:
+            if "conflict" not in str(error):  # another process came first, and may tidy too
+                raise
+        end = time.monotonic()
+        self._commits, self._next_tidy = 0, end + (end - start) / _MERGING_SHARE
+
+    @property
+    def schema(self) -> Any:
+        """Columns and their types, as Arrow has them."""
+        return self._table.schema
+
+    @property
+    def width(self) -> int:
+        """Length of a descriptor."""
+        return int(self.schema.field("descriptor").type.list_size)
+
+    @property
+    def indexed(self) -> bool:
+        """Whether there is an index of the descriptors."""
+        return any("descriptor" in index.columns for index in self._table.list_indices())
+
+    def n_bytes(self) -> int | None:
+        """Size on disk, old versions too; None for an object store."""
+        if "://" in self.path:
+            return None
+        return sum(one.stat().st_size for one in Path(self.path).rglob("*") if one.is_file())
+
+    def parameters(self) -> dict[str, Any]:
+        """Tell what the rows were computed with."""
+        found: dict[str, Any] = json.loads(self.schema.metadata[b"parameters"])
+        return found
+
+    def version(self) -> str | None:
+        """Version of the descriptors; None where there are none."""
+        rows = self._table.search().select(["version"]).limit(1).to_list() if self.exists else []
+        return rows[0]["version"] if rows else None
+
+    def known(self, column: str, values: Iterable[str]) -> set[str]:
+        """Those of some ids or paths that are there."""
+        return {row[column] for row in self.select([column], among(column, values))}
+
+    def select(self, columns: Sequence[str], where: str | None = None) -> list[dict[str, Any]]:
+        """Rows that a condition holds for, all of them at once."""
+        return [row for batch in self.batches(columns, where) for row in batch.to_pylist()]
+
+    def batches(self, columns: Sequence[str], where: str | None = None) -> Iterator[Any]:
+        """Arrow batches of the rows that a condition holds for, in the order of the store."""
+        if not self.exists:
+            return
+        query = self._table.search().select(list(columns))
+        if where is not None:
+            query = query.where(where)
+        yield from query.to_batches(_ROWS_AT_ONCE)
+
+    def of_ids(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
+        """Rows in the order of their ids."""
+        found = {row["id"]: row for row in self.select(["id", *columns], among("id", ids))}
+        return [found[one] for one in ids]
+
+    def remove(self, ids: Sequence[str]) -> None:
+        """Remove rows in one commit."""
+        if ids:
+            self._table.delete(among("id", ids))
+
+    def nearest(
+        self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool
+    ) -> list[dict[str, Any]]:
+        """Rows with the nearest descriptors, the nearest first, with their `_distance` squared."""
+        query = self._table.search(descriptor, vector_column_name="descriptor")
+        query = query.distance_type("l2").select(["id", "path", "_distance"]).limit(n)
+        query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
+        found: list[dict[str, Any]] = query.to_list()
+        return found
+
+    def build_index(self) -> None:
+        """Index the descriptors, or what was added since they were."""
+        from lancedb.index import IvfFlat
+
+        if not self.indexed:
+            self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
+        self.tidy()
+
+
+def among(column: str, values: Iterable[str]) -> str:
+    """Condition that a column has one of some values."""
+    quoted = ", ".join("'" + value.replace("'", "''") + "'" for value in values)
+    return f"{column} IN ({quoted})" if quoted else "false"
+
+
+def _check_folder(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise FileError(f"{path} is a file; a collection is a folder of its own")
+    if path.is_dir() and not (path / f"{_TABLE}.lance").exists() and any(path.iterdir()):
+        raise FileError(
+            f"the folder {path} holds other things; a collection is a folder of its own: give "
+            "one that is empty or does not exist"
+        )
+
+
+def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
+    import pyarrow as pa
+
+    def fixed(width: int) -> Any:
+        return pa.list_(pa.float32(), width)
+
+    schema = pa.schema(
+        [
+            ("id", pa.string()),
+            pa.field("path", pa.string(), nullable=False, metadata=_KEY),
+            ("n_vertices", pa.int64()),
+            ("n_faces", pa.int64()),
+            ("area", pa.float64()),
+            ("notes", pa.string()),
+            ("version", pa.string()),
+            ("descriptor", fixed(len(rows[0]["descriptor"]))),
+            ("form", fixed(FORM_POINTS * FORM_COMPONENTS)),
+            ("thumbnail", pa.binary()),
+        ],
+        metadata={"parameters": json.dumps(dict(PARAMETERS))},
+    )
+    return pa.Table.from_pylist(list(rows), schema=schema)

@@ -1,0 +1,268 @@
+"""All of a mesh as one surface: what is torn is closed, what is in pieces is joined.
+
+Meshes that people have come in pieces, with holes, as sheets and with a dozen large triangles. One
+shape so made is to be described like the same shape made well, so the surface is not taken as it
+comes: it is welded, rid of dust, closed, refined where it is coarse, and its pieces are linked.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from unbend._arrays import first_equal_row
+from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend.errors import MeshError
+from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces
+from unbend.spectral import laplacian
+
+# A piece with less of the area is dust, unless half of the area is.
+_DUST = 1e-3
+# Rims of two pieces that are so near at unit area are one seam.
+_SEAM = 3e-3
+# Longest edge at unit area. Even triangles with such edges have about 900 vertices.
+_LONGEST = 0.036
+_ROUNDS = 12
+# More vertices than these, and four times as many as there were, are not made: spikes need them.
+_MOST = 20_000
+# Pieces touch where vertices are so near, at unit area; where none are, this many links join them.
+_TOUCH = 0.02
+_LINKS = 8
+# Where there are more pieces than these, many are joined at once to one of so many neighbours.
+_FEW = 16
+_NEIGHBOURS = 16, 64, 256
+# Weight of a link: that of an edge between two right angles opposite to 45 degrees is 1.
+_LINK_WEIGHT = 0.5
+
+
+class Whole(NamedTuple):
+    """A connected surface of unit area and its Laplacian.
+
+    Attributes
+    ----------
+    points : (n, 3) ndarray of float64
+    stiffness : (n, n) sparse array of float64
+    areas : (n,) ndarray of float64
+        Positive; their sum is 1.
+    """
+
+    points: FloatArray
+    stiffness: SparseMatrix
+    areas: FloatArray
+
+
+def whole_surface(mesh: Mesh) -> Whole:
+    """Take all of a mesh as one connected surface of unit area.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A triangle mesh of any kind, or a point cloud.
+
+    Returns
+    -------
+    Whole
+        Its points are not those of the mesh.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has no area, or fewer than 4 points.
+    """
+    if mesh.is_point_cloud:
+        points = mesh.vertices[np.unique(first_equal_row(mesh.vertices))]
+        if len(points) < 4:
+            raise MeshError(f"{mesh.name}: a shape needs at least 4 points")
+        one = Mesh(points / np.abs(points).max(), name=mesh.name)
+    else:
+        one = _refined(*_closed(*_stitched(*_welded(mesh))))
+    operator = laplacian(one, laplacian="robust")
+    area = operator.areas.sum()
+    points = one.vertices / np.sqrt(area)
+    stiffness = sp.csr_array(operator.stiffness + _links(points, operator.stiffness))
+    # Of a degenerate face a vertex may have no area at all, which no eigenproblem can take.
+    areas = np.maximum(operator.areas / area, 1e-12)
+    return Whole(points, stiffness, areas / areas.sum())
+
+
+def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Area of each face, (m,)."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    areas: FloatArray = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return areas
+
+
+def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Only the vertices in use, about the middle of them, at unit area."""
+    used, numbers = np.unique(faces, return_inverse=True)
+    points = vertices[used] - vertices[used].mean(axis=0)
+    faces = numbers.reshape(faces.shape)
+    return points / np.sqrt(face_areas(points, faces).sum()), faces
+
+
+def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
+    """Vertices at one place are one, faces are there once, and dust is gone."""
+    largest = np.abs(mesh.vertices[mesh.faces]).max()
+    vertices = mesh.vertices / (largest or 1.0)
+    faces = proper_faces(first_equal_row(vertices)[mesh.faces])
+    faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
+    areas = face_areas(vertices, faces)
+    faces, areas = faces[areas > 0], areas[areas > 0]
+    if not len(faces):
+        raise MeshError(f"{mesh.name}: every face is degenerate (a point or a line)")
+    piece = find_components(faces, len(vertices)).of_vertex[faces[:, 0]]
+    kept = (np.bincount(piece, areas) > _DUST * areas.sum())[piece]
+    if areas[kept].sum() > areas.sum() / 2:
+        faces = faces[kept]
+    return _at_unit_area(vertices, faces)
+
+
+def _rim(vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Edges with a single face, (r, 2)."""
+    edges = find_edges(faces, len(vertices))
+    return np.asarray(edges.ends[edges.n_faces == 1])
+
+
+def _stitched(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Join pieces where vertices on the rims of two are each the other's nearest."""
+    rim = np.unique(_rim(vertices, faces))
+    piece = find_components(faces, len(vertices)).of_vertex[rim]
+    if not len(rim) or (piece == piece[0]).all():
+        return vertices, faces
+    partner, least = np.full(len(rim), -1), np.full(len(rim), _SEAM)
+    near = cKDTree(vertices[rim]).query_pairs(_SEAM, output_type="ndarray")
+    near = near[piece[near[:, 0]] != piece[near[:, 1]]]
+    lengths = np.linalg.norm(np.diff(vertices[rim[near]], axis=1)[:, 0], axis=1)
+    for (i, j), length in zip(near.tolist(), lengths, strict=True):
+        for here, there in ((i, j), (j, i)):
+            if length < least[here]:
+                partner[here], least[here] = there, length
+    paired = np.flatnonzero((partner >= 0) & (partner[partner] == np.arange(len(rim))))
+    image = np.arange(len(vertices))
+    image[rim[paired]] = rim[np.minimum(paired, partner[paired])]
+    return _at_unit_area(vertices, proper_faces(image[faces]))
+
+
+def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Close each rim by a fan around its middle; a sheet becomes a closed surface, flat on itself.
+
+    A rim is a connected group of edges with a single face.
+    """
+    rim = _rim(vertices, faces)
+    if not len(rim):
+        return vertices, faces
+    group = np.unique(group_rows(rim, len(vertices))[: len(rim)], return_inverse=True)[1]
+    lengths = np.linalg.norm(vertices[rim[:, 0]] - vertices[rim[:, 1]], axis=1)
+    middles = lengths[:, None] * vertices[rim].mean(axis=1)
+    total = np.bincount(group, lengths)
+    tips = np.stack([np.bincount(group, axis) for axis in middles.T], axis=1) / total[:, None]
+    fans = np.column_stack([rim, len(vertices) + group])
+    vertices = np.concatenate([vertices, tips])
+    fans = fans[face_areas(vertices, fans) > 0]
+    return _at_unit_area(vertices, np.concatenate([faces, fans]))
+
+
+def _refined(vertices: FloatArray, faces: IntArray) -> Mesh:
+    """Split edges until none is long; large flat faces are to carry short waves too."""
+    most = max(_MOST, 4 * len(vertices))
+    for _ in range(_ROUNDS):
+        edges = find_edges(faces, len(vertices))
+        tails, heads = vertices[edges.ends].transpose(1, 0, 2)
+        long = np.linalg.norm(heads - tails, axis=1) > _LONGEST
+        if not long.any() or len(vertices) + long.sum() > most:
+            break
+        middle = np.full(len(long), -1)
+        middle[long] = len(vertices) + np.arange(long.sum())
+        vertices = np.concatenate([vertices, (tails[long] + heads[long]) / 2])
+        faces = _split(faces, middle[edges.of_side].reshape(-1, 3))
+    return Mesh(vertices, faces)
+
+
+def _split(faces: IntArray, middles: IntArray) -> IntArray:
+    """Split faces at the middles of their sides; -1 where a side stays whole.
+
+    Side ``k`` leads from corner ``k`` to the next.
+    """
+    count = (middles >= 0).sum(axis=1)
+    # Turned so that of one middle it is the first side's, and of two the last side has none.
+    first = np.where(count == 1, (middles >= 0).argmax(axis=1), (middles < 0).argmax(axis=1) + 1)
+    order = (first[:, None] + np.arange(3)) % 3
+    faces, middles = (np.take_along_axis(rows, order, axis=1) for rows in (faces, middles))
+    a, b, c = faces.T
+    ab, bc, ca = middles.T
+    pieces = {
+        0: [(a, b, c)],
+        1: [(a, ab, c), (ab, b, c)],
+        2: [(b, bc, ab), (a, ab, c), (ab, bc, c)],
+        3: [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)],
+    }
+    return np.concatenate(
+        [
+            np.column_stack(corners)[count == number]
+            for number, some in pieces.items()
+            for corners in some
+        ]
+    )
+
+
+def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
+    """Laplacian of the links that make one piece of several.
+
+    Vertices of two pieces that are near each other are linked. What is still apart is linked to
+    what is nearest to it.
+    """
+    n = len(points)
+    count, piece = connected_components(stiffness, directed=False)
+    links = [np.empty((0, 2), dtype=np.int64)]
+    if count > 1:
+        tree = cKDTree(points)
+        touching = min(_TOUCH, 2 / np.sqrt(n))  # no farther than the next vertices but one
+        near = tree.query_pairs(touching, output_type="ndarray")
+        links.append(near[piece[near[:, 0]] != piece[near[:, 1]]])
+        piece = _merged(piece, links[-1])
+        for k in _NEIGHBOURS:
+            if piece.max() > _FEW:
+                apart, there = tree.query(points, min(k, n))
+                links.append(_to_others(piece, apart, there))
+                piece = _merged(piece, links[-1])
+        while piece.max() > 0:
+            mine = piece == np.bincount(piece).argmin()
+            inner, outer = np.flatnonzero(mine), np.flatnonzero(~mine)
+            apart, there = cKDTree(points[outer]).query(points[inner])
+            nearest = np.argsort(apart, kind="stable")[:_LINKS]
+            nearest = nearest[apart[nearest] <= apart[nearest[0]] + _TOUCH]
+            links.append(np.column_stack([inner[nearest], outer[there[nearest]]]))
+            piece = _merged(piece, links[-1])
+    ends = np.concatenate(links)
+    weights = np.full(len(ends), _LINK_WEIGHT)
+    graph = sp.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
+    graph = graph + graph.T
+    return sp.diags_array(graph.sum(axis=1)) - graph
+
+
+def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
+    """Of each piece, its vertex nearest to another and that one, among neighbours that are known.
+
+    Parameters
+    ----------
+    piece : (n,) ndarray of int64
+    apart, there : (n, k) ndarrays
+        Distances and numbers of the neighbours of each vertex, the nearest first.
+    """
+    other = piece[there] != piece[:, None]
+    rows = np.flatnonzero(other.any(axis=1))
+    first = other[rows].argmax(axis=1)
+    order = np.lexsort((apart[rows, first], piece[rows]))
+    rows, first = rows[order], first[order]
+    best = np.flatnonzero(np.diff(piece[rows], prepend=-1))
+    return np.column_stack([rows[best], there[rows[best], first[best]]])
+
+
+def _merged(piece: IntArray, links: IntArray) -> IntArray:
+    """Pieces numbered anew, those that links join as one."""
+    joined = group_rows(piece[links], int(piece.max()) + 1)[len(links) :]
+    return np.unique(joined[piece], return_inverse=True)[1]

@@ -1,0 +1,167 @@
+"""``unbend collection``: from files to a store, from a store to answers."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from stones import write_stones
+from unbend import Collection, read_match
+from unbend.cli import app, collection
+from unbend.cli.collection import _common
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, ["collection", *map(str, arguments)])
+
+
+def json_of(*arguments: object) -> dict:
+    done = run(*arguments, "--json")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cli")
+    write_stones(folder / "stones", 4)
+    Collection(folder / "shapes").add(folder / "stones", workers=0)
+    return folder
+
+
+@pytest.fixture
+def folder(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(shapes)
+    return shapes
+
+
+def test_every_command_shows_examples() -> None:
+    for command in collection.app.registered_commands:
+        name = command.name or command.callback.__name__
+        lines = [line.strip() for line in run(name, "--help").output.splitlines()]
+        example = lines[lines.index("Examples:") + 1]
+        assert example.split()[:3] == ["unbend", "collection", name]
+
+
+def test_add_lists_what_failed_and_says_so(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "torn.ply").write_bytes(b"ply\nnothing more")
+    arguments = ("add", tmp_path / "store", "stones/stone00.ply", tmp_path / "torn.ply")
+    done = run(*arguments, "--workers", 1)
+    assert done.exit_code == 1
+    assert done.stderr.startswith(f"failed: {tmp_path}/torn.ply: torn.ply: truncated")
+    assert done.stdout.startswith("added 1, there before 0, failed 1; ")
+    again = run(*arguments, "--workers", 1, "--json")
+    assert again.exit_code == 1
+    told = json.loads(again.stdout)
+    assert (told["added"], told["skipped"], told["shapes"]) == (0, 1, 1)
+    assert [Path(one["path"]).name for one in told["failed"]] == ["torn.ply"]
+
+
+def test_list_and_info(folder: Path) -> None:
+    told = json_of("list", "shapes")["shapes"]
+    assert {Path(one["path"]).stem for one in told} == {f"stone{i:02}" for i in range(4)}
+    rows = run("list", "shapes", "-n", 2).stdout.splitlines()
+    assert len(rows) == 4
+    assert rows[-1] == "... of 4"
+    assert "162         320  stones/stone0" in rows[1]
+    assert json_of("info", "shapes")["n_shapes"] == 4
+    assert run("info", "shapes").stdout.splitlines()[0].split() == ["shapes", "4"]
+    one = run("info", "shapes", "stones/stone01.ply", "--thumbnail", "stone.png")
+    assert "vertices  162" in one.stdout
+    assert Path("stone.png").read_bytes().startswith(b"\x89PNG")
+    assert json_of("info", "shapes", "stones/stone01.ply")["n_faces"] == 320
+
+
+def test_search(folder: Path) -> None:
+    told = json_of("search", "shapes", "stones/stone02.ply", "-n", 2, "--rerank", "form")
+    assert [hit["rank"] for hit in told["hits"]] == [1, 2]
+    assert told["hits"][0]["path"] == str(folder / "stones" / "stone02.ply")
+    rows = run("search", "shapes", "stones/stone02.ply").stdout.splitlines()
+    assert rows[0].split() == ["rank", "distance", "id", "path"]
+    assert rows[1].split()[::3] == ["1", "stones/stone02.ply"]
+    assert len(rows) == 5
+
+
+def test_matrix_and_groups(folder: Path) -> None:
+    told = json_of("matrix", "shapes", "--csv", "table.csv", "--figure", "table.png")
+    table = np.array(told["distances"])
+    assert table.shape == (4, 4)
+    np.testing.assert_array_equal(table, table.T)
+    assert Path("table.png").read_bytes().startswith(b"\x89PNG")
+    with open("table.csv", newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["path", *told["paths"]] == ["path", *(row[0] for row in rows)]
+    np.testing.assert_allclose(np.array([row[1:] for row in rows], dtype=float), table)
+    assert len(run("matrix", "shapes").stdout.splitlines()) == 5
+    groups = json_of("groups", "shapes", "-n", 2, "--csv", "groups.csv")["groups"]
+    assert sorted(path for group in groups for path in group) == sorted(told["paths"])
+    with open("groups.csv", newline="") as file:
+        assert {row["group"] for row in csv.DictReader(file)} == {"0", "1"}
+    assert run("groups", "shapes", "-n", 1).stdout.startswith("group 0: 4\n  stones/")
+
+
+def test_match(folder: Path) -> None:
+    Path("pairs.csv").write_text("source, target\nstones/stone02.ply, stones/stone03.ply\n")
+    told = json_of("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--workers", 1)
+    assert (told["matched"], told["skipped"], told["failed"]) == (1, 0, [])
+    (path,) = Path("matches").glob("stone02-stone03-*.npz")
+    assert len(read_match(path).source_to_target) == 162
+    again = run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches")
+    assert again.stdout.startswith("matched 0, there before 1, failed 0")
+
+
+def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
+    Collection(tmp_path / "store").add("stones/stone00.ply", workers=0)
+    assert json_of("export", tmp_path / "store", "-o", tmp_path / "all.csv")["shapes"] == 1
+    assert run("export", "shapes", "-o", "all.parquet").stdout == "wrote 4 shapes to all.parquet\n"
+    told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
+    assert (len(told["removed"]), told["shapes"]) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("search nowhere stones/stone00.ply", "there is no collection at nowhere: unbend coll"),
+        ("search shapes nobody.ply", "cannot read nobody.ply: there is no such file"),
+        ("remove shapes nobody.ply", "nobody.ply is not in the collection shapes: give a path"),
+        ("add stones stones", "the folder stones holds other things"),
+        ("info shapes --thumbnail a.png", "--thumbnail is the picture of one shape"),
+        ("match shapes -o out", "give --pairs PAIRS.csv or --all, one of them"),
+        ("match shapes --pairs stones/stone00.ply -o out", 'unknown suffix ".ply"; use .csv'),
+        ("match shapes --pairs bad.csv -o out", "bad.csv: needs a first line with source,target"),
+        ("matrix shapes --csv out.txt", 'unknown suffix ".txt"; use .csv'),
+    ],
+)
+def test_mistakes_get_one_sentence(folder: Path, arguments: str, sentence: str) -> None:
+    Path("bad.csv").write_text("one,other\n1,2\n")
+    done = run(*arguments.split())
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: ")
+    assert sentence in done.stderr
+    assert not Path("out").exists()
+
+
+def test_a_log_gets_a_line_now_and_then(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_common, "_SECONDS_BETWEEN_LINES", -1.0)
+    with _common.bar_on_stderr() as progress:
+        progress("3 of 4 shapes", 0.75)
+    assert capsys.readouterr().err == "progress: 3 of 4 shapes\n"
+
+
+def test_a_person_gets_a_bar(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_common.sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    with _common.bar_on_stderr() as progress:
+        progress("3 of 4 shapes", 0.75)
+    assert "75%  3 of 4 shapes" in capsys.readouterr().err

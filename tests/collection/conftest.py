@@ -1,0 +1,32 @@
+"""A collection that the tests share."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from stones import write_stones
+from unbend import Collection
+
+
+@pytest.fixture(scope="session")
+def stones(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of a dozen stones."""
+    return write_stones(tmp_path_factory.mktemp("shapes") / "stones", 12)[0].parent
+
+
+@pytest.fixture(scope="session")
+def filled(stones: Path, tmp_path_factory: pytest.TempPathFactory) -> Collection:
+    """A collection of the dozen stones, only to be read."""
+    collection = Collection(tmp_path_factory.mktemp("store") / "filled")
+    assert collection.add(stones, workers=0).added == 12
+    return collection
+
+
+@pytest.fixture
+def own(filled: Collection, tmp_path: Path) -> Collection:
+    """A copy of the collection to change."""
+    shutil.copytree(filled.path, tmp_path / "own")
+    return Collection(tmp_path / "own")

@@ -1,0 +1,334 @@
+"""A collection: what is added is found, once, whatever happened on the way."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stones import BALL, rows_of, write_stones
+from unbend import Collection, Mesh, read_mesh, write_mesh
+from unbend.collection import Failure, _adding, _collection, _store, descriptor
+from unbend.collection._engine import Outcome
+from unbend.errors import FileError, InputError, MissingExtraError
+
+
+def assert_same_rows(one: Collection, other: Collection) -> None:
+    """Rows are equal but for rounding, which hangs on the number of threads."""
+    left, right = rows_of(one), rows_of(other)
+    assert [row["path"] for row in left] == [row["path"] for row in right]
+    for mine, theirs in zip(left, right, strict=True):
+        for name in ("id", "n_vertices", "n_faces", "area", "notes", "version"):
+            assert mine[name] == theirs[name]
+        np.testing.assert_allclose(mine["descriptor"], theirs["descriptor"], atol=1e-4)
+
+
+def test_it_begins_empty_and_leaves_no_trace(tmp_path: Path) -> None:
+    collection = Collection(tmp_path / "new")
+    assert (len(collection), list(collection), collection.exists) == (0, [], False)
+    assert not (tmp_path / "new").exists()
+    for use in (
+        lambda: collection.search(BALL),
+        collection.distances,
+        collection.info,
+        lambda: collection.export(tmp_path / "all.csv"),
+    ):
+        with pytest.raises(FileError, match="there are no shapes in"):
+            use()
+
+
+def test_a_shape_finds_itself_then_those_like_it(filled: Collection, stones: Path) -> None:
+    rows = rows_of(filled)
+    vectors = np.array([row["descriptor"] for row in rows])
+    for i in (0, 7):
+        apart = np.linalg.norm(vectors - vectors[i], axis=1)
+        hits = filled.search(stones / f"stone{i:02}.ply", 12)
+        assert hits[0].path == rows[i]["path"]
+        assert [hit.path for hit in hits] == [rows[j]["path"] for j in np.argsort(apart)]
+        np.testing.assert_allclose([hit.distance for hit in hits], np.sort(apart), atol=1e-3)
+    np.testing.assert_allclose(vectors[0], descriptor(stones / "stone00.ply"), atol=1e-4)
+
+
+def test_what_is_there_by_content_is_skipped(own: Collection, tmp_path: Path) -> None:
+    first, *_ = rows_of(own)
+    copies = [tmp_path / name for name in ("one.ply", "two.ply")]
+    for copy in copies:
+        shutil.copy(first["path"], copy)
+    done = own.add([*copies, Path(first["path"]).parent], workers=0)
+    assert (done.added, done.skipped, done.failures) == (0, 14, ())
+    own.remove([first["id"]])
+    done = own.add([*copies, first["path"], copies[0]], workers=0)
+    assert (done.added, done.skipped, len(own)) == (1, 3, 12)
+
+
+def test_what_another_adds_is_seen(own: Collection) -> None:
+    other = Collection(own.path)
+    first, *_ = own
+    own.remove([first.id])
+    assert len(other) == len(list(other)) == 11
+    other.add(first.path, workers=0)
+    assert len(own) == 12
+
+
+def test_a_file_that_changed_takes_its_own_place(tmp_path: Path) -> None:
+    (path,) = write_stones(tmp_path / "shapes", 1)
+    collection = Collection(tmp_path / "store")
+    collection.add(path, workers=0)
+    write_mesh(path, (2 * BALL.vertices, BALL.faces))
+    assert collection.add(path, workers=0).added == 1
+    (entry,) = collection
+    np.testing.assert_allclose(entry.area, 4 * 4 * np.pi, rtol=0.05)
+
+
+def test_bad_files_stop_nothing_and_are_named(tmp_path: Path) -> None:
+    bad = tmp_path / "bad"
+    write_stones(bad, 1)
+    (bad / "torn.ply").write_bytes(b"ply\nnothing more")
+    (bad / "empty.off").write_bytes(b"")
+    write_mesh(bad / "line.obj", (np.outer([0, 1, 2], [1, 1, 1]), [[0, 1, 2]]))
+    (bad / ".hidden.ply").write_bytes(b"not looked at")
+    collection = Collection(tmp_path / "store")
+    done = collection.add([bad, tmp_path / "nowhere.ply", f"{tmp_path}/*.stl"], workers=0)
+    assert done.added == len(collection) == 1
+    reasons = {Path(one.path).name: one.reason for one in done.failures}
+    assert set(reasons) == {"torn.ply", "empty.off", "line.obj", "nowhere.ply", "*.stl"}
+    assert reasons["nowhere.ply"] == "there is no such file"
+    assert "degenerate" in reasons["line.obj"]
+    assert all("\n" not in reason for reason in reasons.values())
+
+
+def test_a_file_that_kills_its_worker_is_named_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (path,) = write_stones(tmp_path / "shapes", 1)
+
+    @contextmanager
+    def deadly(**options):
+        yield lambda function, items: ([Outcome(item, None, "it died")] for item in items if item)
+
+    monkeypatch.setattr(_adding, "engine", deadly)
+    done = Collection(tmp_path / "store").add(path)
+    assert (done.added, done.failures) == (0, (Failure(str(path), "it died"),))
+
+
+def test_open_and_torn_shapes_in_pieces_are_welcome(tmp_path: Path) -> None:
+    half = BALL.faces[BALL.vertices[BALL.faces].mean(axis=1)[:, 2] > 0]
+    box = [[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)]
+    sides = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]]
+    shapes = {
+        "bowl": (BALL.vertices, half),
+        "box": (np.array(box, dtype=float), sides),
+        "pair": (
+            np.concatenate([BALL.vertices, BALL.vertices + 5]),
+            np.concatenate([BALL.faces, BALL.faces + BALL.n_vertices]),
+        ),
+        "points": (BALL.vertices, np.empty((0, 3), dtype=int)),
+    }
+    for name, shape in shapes.items():
+        write_mesh(tmp_path / f"{name}.ply", Mesh(*shape))
+    collection = Collection(tmp_path / "store")
+    assert collection.add(tmp_path, workers=0).failures == ()
+    assert [Path(row["path"]).stem for row in rows_of(collection)] == sorted(shapes)
+    hits = collection.search(tmp_path / "box.ply", 2, rerank="form")
+    assert Path(hits[0].path).stem == "box"
+
+
+def test_forms_rank_again(filled: Collection, stones: Path) -> None:
+    hits = filled.search(stones / "stone07.ply", 2, rerank="form")
+    assert hits[0].path == str(stones / "stone07.ply")
+    assert 0 <= hits[0].reranked < 1e-4 < hits[1].reranked
+
+
+def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
+    tmp_path: Path, moebius_strip: Mesh
+) -> None:
+    (path,) = write_stones(tmp_path, 8)[7:]
+    write_mesh(tmp_path / "strip.ply", moebius_strip)
+    vertices = read_mesh(path).vertices
+    both = np.concatenate([vertices, 0.01 * vertices])
+    write_mesh(tmp_path / "with_dust.ply", (both, [*BALL.faces, *(BALL.faces + len(vertices))]))
+    collection = Collection(tmp_path / "store")
+    collection.add([path, tmp_path / "strip.ply", tmp_path / "with_dust.ply"], workers=0)
+    hits = collection.search(path, 3, rerank="match")
+    assert {Path(hit.path).stem for hit in hits[:2]} == {"stone07", "with_dust"}
+    np.testing.assert_allclose([hit.reranked for hit in hits], [0, 0, np.inf], atol=0.01)
+
+
+def test_an_index_finds_what_looking_at_all_finds(
+    filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_collection, "_LEAST_INDEXED", 300)
+    rows = rows_of(filled)
+    chance = np.random.default_rng(0)
+    many = Collection(tmp_path / "store")
+    for start in (0, 300):
+        some = [
+            {
+                **rows[i % 12],
+                "id": f"{start + i:032x}",
+                "path": f"/nowhere/{start + i}",
+                "descriptor": np.float32(chance.normal(size=len(rows[0]["descriptor"]))),
+            }
+            for i in range(300)
+        ]
+        many._store.commit([*some, *rows])
+        exact, near = (many.search(rows[5]["path"], 5, index=index) for index in (False, True))
+        assert near[0].path == exact[0].path == rows[5]["path"]
+        assert len({hit.id for hit in near} & {hit.id for hit in exact}) >= 4
+        assert many.info().indexed
+
+
+def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
+    entries, table = filled.distances()
+    assert [entry.path for entry in entries] == sorted(entry.path for entry in filled)
+    vectors = np.array([row["descriptor"] for row in rows_of(filled)])
+    np.testing.assert_allclose(table, np.linalg.norm(vectors[:, None] - vectors, axis=2), atol=1e-6)
+
+
+def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_collection, "available_memory", lambda: 1000)
+    with pytest.raises(InputError, match="all pairs of 12 shapes need"):
+        filled.distances()
+
+
+def test_shapes_are_found_by_path_or_id_and_removed(own: Collection) -> None:
+    first, second, *_ = sorted(own, key=lambda entry: entry.path)
+    assert own.find([first.path, second.id[:8]]) == [first, second]
+    with pytest.raises(InputError, match="is not in the collection"):
+        own.remove([first.id, "it's not there"])
+    assert len(own) == 12
+    assert own.remove([first.id]) == [first]
+    assert first.path not in {entry.path for entry in own}
+    assert Path(first.path).exists()
+
+
+def test_a_thumbnail_is_a_picture_of_the_shape(filled: Collection, tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    entry = next(iter(filled))
+    (tmp_path / "thumbnail.png").write_bytes(filled.thumbnail(entry.id))
+    picture = imread(tmp_path / "thumbnail.png")
+    rows, columns, channels = picture.shape
+    assert max(rows, columns) in range(90, 100)
+    assert channels == 4
+    assert picture[0, 0, 3] == 0  # nothing in the corner of a stone's picture
+    assert picture[rows // 2, columns // 2, 3] == 1
+
+
+def test_export_keeps_every_number(filled: Collection, tmp_path: Path) -> None:
+    from pyarrow.parquet import read_table
+
+    assert filled.export(tmp_path / "all.parquet") == filled.export(tmp_path / "all.csv") == 12
+    kept = {row["id"]: row for row in rows_of(filled)}
+    assert {row["id"]: row for row in read_table(tmp_path / "all.parquet").to_pylist()} == kept
+    with open(tmp_path / "all.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            expected = kept[row["id"]]["descriptor"]
+            vector = [float(row[f"descriptor_{i}"]) for i in range(len(expected))]
+            np.testing.assert_allclose(vector, expected, rtol=1e-6)
+            assert row["path"] == kept[row["id"]]["path"]
+    with pytest.raises(FileError, match="unknown suffix"):
+        filled.export(tmp_path / "all.json")
+
+
+def test_mistakes(filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="n must be at least 1"):
+        filled.search(BALL, 0)
+    with pytest.raises(InputError, match="rerank must be"):
+        filled.search(BALL, rerank="forms")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="is a file"):
+        Collection(tmp_path / "file")
+    with pytest.raises(FileError, match="holds other things"):
+        Collection(tmp_path)
+    monkeypatch.setattr(_collection, "DESCRIPTOR_VERSION", "another")
+    for use in (lambda: filled.add(tmp_path), lambda: filled.search(BALL), filled.distances):
+        with pytest.raises(InputError, match="do not compare with those of this unbend, another"):
+            use()
+    monkeypatch.setitem(sys.modules, "lancedb", None)
+    with pytest.raises(MissingExtraError, match=r"unbend\[collection\]"):
+        Collection(tmp_path / "store")
+
+
+def test_commits_pile_up_only_so_far(
+    filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_store, "_COMMITS_UNMERGED", 4)
+    store = Collection(tmp_path / "store")._store
+    for i, row in enumerate(rows_of(filled)):
+        store.commit([row])
+        assert len(store) == i + 1
+    assert len(list((tmp_path / "store" / "shapes.lance" / "_indices").iterdir())) >= 2
+
+
+ADD = (
+    "import sys\nfrom unbend import Collection\nCollection(sys.argv[1]).add(sys.argv[2], workers=1)"
+)
+
+
+def test_killed_and_resumed_it_is_as_if_undisturbed(
+    filled: Collection, stones: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "add.py").write_text(ADD)  # a script without a guard, as people write them
+    done = subprocess.Popen([sys.executable, tmp_path / "add.py", tmp_path / "killed", stones])
+    while done.poll() is None and len(Collection(tmp_path / "killed")) < 3:
+        time.sleep(0.02)
+    done.send_signal(signal.SIGKILL)
+    done.wait()
+    killed = Collection(tmp_path / "killed")
+    last = killed.add(stones, workers=0)
+    assert last.skipped >= 3
+    assert last.added + last.skipped == 12
+    assert_same_rows(killed, filled)
+
+
+def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
+    filled: Collection, stones: Path, tmp_path: Path
+) -> None:
+    dask = [sys.executable, "-m", "dask"]
+    known = tmp_path / "scheduler.json"
+    quiet = {
+        "cwd": tmp_path,
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        "env": {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    }
+    where = ["--scheduler-file", known, "--no-dashboard"]
+    started = [
+        subprocess.Popen([*dask, "scheduler", "--port", "0", *where], **quiet),
+        *(
+            subprocess.Popen([*dask, "worker", "--nthreads", "1", "--no-nanny", *where], **quiet)
+            for _ in range(2)
+        ),
+    ]
+    try:
+        while not (known.exists() and known.read_text().endswith("}")):
+            assert started[0].poll() is None
+            time.sleep(0.05)
+        address = json.loads(known.read_text())["address"]
+        collection = Collection(tmp_path / "store")
+        killed = []
+
+        def kill_one(stage: str, share: float) -> None:
+            if share > 0.3 and not killed:
+                started[1].kill()
+                killed.append(started[1].wait())
+
+        done = collection.add(stones, scheduler=address, progress=kill_one)
+        assert killed
+        assert (done.added, done.failures) == (12, ())
+        assert_same_rows(collection, filled)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()

@@ -1,0 +1,134 @@
+"""The descriptor sees the shape, however it is posed, sized, meshed, torn or put together."""
+
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import connected_components
+
+from unbend import Mesh
+from unbend.collection import descriptor
+from unbend.collection._whole import whole_surface
+from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
+from unbend.errors import MeshError
+
+
+@pytest.fixture(scope="module")
+def person() -> Mesh:
+    return make_biped("standing", n_vertices=1500).mesh
+
+
+@pytest.fixture(scope="module")
+def apart(person):
+    """How far from a person something is, where an ape is 1 away."""
+    own = descriptor(person)
+    ape = descriptor(make_biped("standing", n_vertices=1500, species="ape").mesh)
+    unit = np.linalg.norm(ape - own)
+    return lambda mesh: float(np.linalg.norm(descriptor(mesh) - own) / unit)
+
+
+def two(mesh: Mesh, vertices, faces) -> Mesh:
+    """A mesh with more vertices and faces behind its own."""
+    return Mesh(
+        np.concatenate([mesh.vertices, vertices]),
+        np.concatenate([mesh.faces, np.asarray(faces) + mesh.n_vertices]),
+    )
+
+
+def test_motions_and_sizes_change_nothing(person, apart):
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    order = np.random.default_rng(1).permutation(person.n_vertices)
+    moved = 1e3 * person.vertices[order] @ turn.T + 50
+    assert apart(Mesh(moved, np.argsort(order)[person.faces])) < 1e-2
+    assert apart(Mesh(person.vertices, person.faces[:, ::-1])) < 1e-2
+
+
+def test_poses_and_meshings_change_little(apart):
+    assert apart(make_biped("sitting", n_vertices=1500).mesh) < 0.3
+    assert apart(make_biped("running", n_vertices=4000, meshing=2).mesh) < 0.3
+    assert apart(make_quadruped("standing", n_vertices=1500).mesh) > 1
+    assert apart(make_octopus(n_vertices=1500).mesh) > 1
+
+
+def test_damage_changes_little(person, apart):
+    assert apart(cut_discs(person, 0.04, 4, random_state=0).mesh) < 0.3
+    assert apart(add_noise(person, 0.15, random_state=0).mesh) < 0.3
+
+
+def test_seams_repeated_faces_and_loose_vertices_change_nothing(person, apart):
+    soup = Mesh(
+        person.vertices[person.faces].reshape(-1, 3), np.arange(3 * person.n_faces).reshape(-1, 3)
+    )
+    assert apart(soup) < 1e-2
+    assert apart(two(person, person.vertices, person.faces[:, ::-1])) < 1e-2
+    assert apart(two(person, [[9.0, 9, 9]], np.empty((0, 3), int))) < 1e-2
+
+
+def test_dust_changes_nothing(person, apart):
+    chance = np.random.default_rng(0)
+    places = chance.normal(size=(100, 1, 3)) + 0.002 * chance.normal(size=(100, 3, 3))
+    assert apart(two(person, places.reshape(-1, 3), np.arange(300).reshape(-1, 3))) < 1e-2
+
+
+def test_all_large_pieces_count(person, apart):
+    beside = two(person, np.add(person.vertices, [0.9, 0, 0]), person.faces)
+    assert apart(beside) > 0.5
+
+
+def test_a_surface_is_joined_where_it_was_cut_apart(person, apart):
+    # The upper half's rim is a copy of the lower half's, a little above it.
+    upper = person.vertices[person.faces].mean(axis=1)[:, 1] > np.median(person.vertices[:, 1])
+    faces = person.faces.copy()
+    faces[upper] += person.n_vertices
+    lifted = np.add(person.vertices, [0, 1e-3, 0])
+    assert apart(Mesh(np.concatenate([person.vertices, lifted]), faces)) < 0.05
+
+
+def test_a_thousand_pieces_are_one_surface(person):
+    # Every face is a piece of its own, a little smaller than it was.
+    corners = person.vertices[person.faces]
+    apart = corners + 0.1 * (corners.mean(axis=1, keepdims=True) - corners)
+    faces = np.arange(3 * person.n_faces).reshape(-1, 3)
+    found = whole_surface(Mesh(apart.reshape(-1, 3), faces))
+    count, _ = connected_components(found.stiffness, directed=False)
+    assert count == 1
+    assert found.areas.sum() == pytest.approx(1)
+
+
+def test_pieces_far_apart_are_linked(person):
+    far = two(person, np.add(person.vertices, 100), person.faces)
+    assert connected_components(whole_surface(far).stiffness, directed=False)[0] == 1
+
+
+def test_spikes_are_not_cut_into_too_many_pieces(person):
+    spikes = np.random.default_rng(0).normal(size=(30, 1, 3))
+    spikes = spikes + np.array([[0, 0, 0], [0, 1e3, 0], [0, 1e3, 1e-4]])
+    spiky = two(person, spikes.reshape(-1, 3), np.arange(90).reshape(-1, 3))
+    assert len(whole_surface(spiky).points) <= 20_000
+
+
+def test_a_few_large_triangles_are_a_box_like_any_other():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3.0)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [one for a, b, c, d in sides for one in ((a, b, c), (a, c, d))]
+    other = [one for a, b, c, d in sides for one in ((a, b, d), (b, c, d))]
+    first, second = (descriptor(Mesh(corners, rows)) for rows in (faces, other))
+    cube = descriptor(Mesh(corners / [1, 2, 3], faces))
+    assert np.linalg.norm(first - second) < 0.1 * np.linalg.norm(first - cube)
+
+
+@pytest.mark.parametrize("faces", [[[0, 1, 2]], [[0, 1, 2], [0, 1, 2]], [[0, 1, 3], [4, 5, 6]]])
+def test_sheets_and_scraps_are_described(faces):
+    points = np.random.default_rng(0).normal(size=(7, 3))
+    found = descriptor(Mesh(points, faces))
+    assert found.dtype == np.float32
+    assert np.isfinite(found).all()
+
+
+def test_point_clouds_are_described(person):
+    found = descriptor(Mesh(person.vertices))
+    assert found.shape == descriptor(person).shape
+    assert np.isfinite(found).all()
+
+
+def test_what_has_no_area_is_refused():
+    with pytest.raises(MeshError, match="degenerate"):
+        descriptor(Mesh(np.arange(3)[:, None] * np.ones(3), [[0, 1, 2]]))

@@ -1,0 +1,95 @@
+"""The engine: results come as they are done, and a worker that dies stops nothing."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+
+from unbend._parallel import n_cores
+from unbend.collection import _engine
+from unbend.collection._engine import engine
+from unbend.errors import InputError
+
+# The function that is run is `eval`, and the items are what it evaluates: any worker knows it.
+DEATH = "__import__('os')._exit(1)"
+
+
+def results(run, items):
+    return {
+        outcome.item: (outcome.value, outcome.reason)
+        for outcomes in run(eval, items)
+        for outcome in outcomes
+    }
+
+
+def test_this_process_will_do() -> None:
+    with engine(workers=0) as run:
+        assert results(run, ["1 + 1", None, "2 * 3"]) == {"1 + 1": (2, None), "2 * 3": (6, None)}
+
+
+def test_what_kills_its_worker_is_named_and_all_else_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
+    monkeypatch.setenv("OMP_NUM_THREADS", "6")
+    before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
+    items = [f"{i} * {i}" for i in range(12)]
+    items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
+    names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
+    with engine(workers=2) as run:
+        found = results(run, items)
+        broken = results(run, ["1 / 0"])
+        threads = results(run, [f"__import__('os').environ['{name}']" for name in names])
+    reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
+    assert reasons == {_engine._DEADLY}
+    assert found == {f"{i} * {i}": (i * i, None) for i in range(12)}
+    assert broken == {"1 / 0": (None, "ZeroDivisionError: division by zero")}
+    # Workers have their share of threads, and this process stays as it was.
+    assert [value for value, _ in threads.values()] == [str(max(n_cores() // 2, 1))] * 4
+    assert dict(os.environ) == before
+    assert dict(vars(sys.modules["__main__"])) == main
+
+
+def test_no_more_items_are_taken_than_are_worked_on() -> None:
+    taken = []
+
+    def endless():
+        while True:
+            taken.append(None)
+            yield "1"
+
+    with engine(workers=1) as run:
+        source = run(eval, endless())
+        while not next(source):
+            pass
+        source.close()
+    assert len(taken) <= 2 * _engine._TASKS_PER_THREAD
+
+
+def test_mistakes() -> None:
+    for options, sentence in (
+        ({"workers": -1}, "workers must be 0 or more"),
+        ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "leave out workers"),
+    ):
+        with pytest.raises(InputError, match=sentence), engine(**options):
+            pass
+
+
+def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_engine, "_PATIENCE_SECONDS", 2)
+    with (
+        pytest.raises(InputError, match="no Dask scheduler answers"),
+        engine(scheduler="tcp://127.0.0.1:1"),
+    ):
+        pass
+
+
+def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_engine, "n_cores", lambda: 8)
+    monkeypatch.setattr(_engine, "available_memory", lambda: 2**32)
+    assert _engine._local_shape(None) == (8, 1, 2**29)
+    assert _engine._local_shape(2) == (2, 4, 2**31)
+    monkeypatch.setattr(_engine, "available_memory", lambda: 2**30)
+    assert _engine._local_shape(None) == (2, 4, 2**29)

@@ -1,0 +1,47 @@
+"""What is kept of a shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from unbend import Mesh, canonical_form, spectrum
+from unbend.collection._descriptor import Basis
+from unbend.collection._entry import FORM_POINTS, sample_form, thumbnail
+from unbend.datasets import make_sphere
+from unbend.mesh import vertex_areas
+
+BALL = make_sphere(3)
+
+
+def stone() -> Mesh:
+    x, y, z = BALL.vertices.T
+    points = np.stack([2 * x, 1.2 * y + 0.3 * x**2, z + 0.2 * x * y], axis=1)
+    return Mesh(points / np.sqrt(vertex_areas(Mesh(points, BALL.faces)).sum()), BALL.faces)
+
+
+def test_the_form_is_the_exact_canonical_form_at_farthest_points() -> None:
+    exact = canonical_form(stone(), weighting="area", cache=False).points
+    pairs = spectrum(stone(), 8, cache=False)
+    found = sample_form(Basis(pairs.eigenvalues, pairs.eigenfunctions, pairs.areas))
+    assert found.shape == (FORM_POINTS, 3)
+    # Rows of the exact form, but for the axes' signs; none is far from all that were taken.
+    gaps, rows = cKDTree(np.abs(exact)).query(np.abs(found))
+    assert gaps.max() < 1e-6
+    assert len(set(rows)) > FORM_POINTS / 2
+    left = cKDTree(np.abs(found)).query(np.abs(exact))[0].max()
+    apart = cKDTree(found).query(found, 2)[0][:, 1]
+    assert left <= apart.min() + 1e-6
+
+
+def test_of_few_points_some_repeat() -> None:
+    few = Basis(np.array([0.0, 1.0]), np.array([[1.0, 1], [1, -1], [1, 2], [1, 0]]), np.ones(4) / 4)
+    found = sample_form(few)
+    assert found.shape == (FORM_POINTS, 3)
+    np.testing.assert_array_equal(np.unique(found[:, 0]), [-1, 0, 1, 2])
+    assert not found[:, 1:].any()
+
+
+def test_a_point_cloud_has_no_picture() -> None:
+    assert thumbnail(Mesh(BALL.vertices)) == b""
+    assert thumbnail(BALL).startswith(b"\x89PNG")

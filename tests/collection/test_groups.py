@@ -1,0 +1,46 @@
+"""Groups without labels: clusters that are there are found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+from sklearn.metrics import silhouette_score
+
+from unbend.collection import find_groups
+from unbend.collection._groups import silhouette
+from unbend.errors import InputError
+
+CHANCE = np.random.default_rng(0)
+CENTRES = np.array([[0, 0], [9, 0], [0, 9]])
+LABELS = np.repeat([0, 1, 2], [4, 9, 6])
+POINTS = CENTRES[LABELS] + 0.5 * CHANCE.normal(size=(19, 2))
+
+
+def test_clusters_are_found_the_largest_first() -> None:
+    order = CHANCE.permutation(19)
+    found = find_groups(cdist(POINTS[order], POINTS[order]))
+    np.testing.assert_array_equal(found, np.array([2, 0, 1])[LABELS[order]])
+
+
+def test_as_many_as_asked_for() -> None:
+    table = cdist(POINTS, POINTS)
+    for n in (1, 2, 5, 19):
+        assert len(np.unique(find_groups(table, n))) == n
+    with pytest.raises(InputError, match="19 shapes make 1 to 19 groups, not 20"):
+        find_groups(table, 20)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_few_shapes(n: int) -> None:
+    table = 1.0 - np.eye(n)
+    np.testing.assert_array_equal(find_groups(table), np.zeros(n))
+    np.testing.assert_array_equal(find_groups(table, n), np.arange(n))
+
+
+def test_the_silhouette_is_scikit_learns() -> None:
+    table = cdist(POINTS, POINTS)
+    for labels in (LABELS, np.minimum(LABELS, 1), np.append(LABELS[:-1], 3)):
+        ours = silhouette(table, labels)
+        np.testing.assert_allclose(ours, silhouette_score(table, labels, metric="precomputed"))
+    assert silhouette(table, np.zeros(19, dtype=int)) == 0

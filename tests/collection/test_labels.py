@@ -1,0 +1,50 @@
+"""Labels find the shapes that are meant, or say which line does not."""
+
+import pytest
+
+from unbend.collection import read_labels
+from unbend.errors import FileError
+
+
+@pytest.fixture
+def table(tmp_path):
+    def write(text):
+        (tmp_path / "labels.csv").write_text(text)
+        return tmp_path / "labels.csv"
+
+    return write
+
+
+def test_paths_may_be_whole_or_from_the_table_or_an_end(table, tmp_path):
+    paths = [str(tmp_path / "a" / "0.off"), "/far/b/0.off", "/far/c/1.off", "/far/c/2.off"]
+    found = read_labels(
+        table(f"label,note,path\ncat,,{paths[0]}\ncat,,a/0.off\ndog,x,b/0.off\nbird,,1.off\n"),
+        paths,
+    )
+    assert found == ["cat", "dog", "bird", None]
+
+
+def test_paths_from_where_we_are(table, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert read_labels(table("path,label\n./0.off,cat\n"), [str(tmp_path / "0.off")]) == ["cat"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("path,kind\n0.off,cat\n", "no column label"),
+        ("", "no column path"),
+        ("path,label\n9.off,cat\n", "line 2: 9.off is no shape"),
+        ("path,label\n0.off,cat\n", "line 2: 0.off is several shapes"),
+        ("path,label\n1.off,\n", "line 2 lacks a path or a label"),
+        ("path,label\n1.off,cat\n1.off,dog\n", "line 3 calls .*1.off a dog, an earlier one a cat"),
+    ],
+)
+def test_a_line_that_does_not_fit_is_named(table, text, message):
+    with pytest.raises(FileError, match=message):
+        read_labels(table(text), ["/a/0.off", "/b/0.off", "/c/1.off"])
+
+
+def test_a_table_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(FileError, match="cannot read"):
+        read_labels(tmp_path / "none.csv", [])

@@ -1,0 +1,64 @@
+"""What the mean of a collection is written as."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, read_mesh
+from unbend.collection import Failure, MeanShape, shape_statistics, write_mean
+from unbend.errors import FileError
+
+
+@pytest.fixture
+def found(blob: Mesh) -> MeanShape:
+    shapes = [blob.vertices * [1, 1 + 0.1 * i, 1 + 0.02 * i**2] for i in range(4)]
+    names = tuple(f"{i}.ply" for i in range(4))
+    statistics = shape_statistics(shapes, n_components=2)
+    left_out = (Failure("odd.ply", "the match's confidence is 0.10"),)
+    return MeanShape(blob, statistics, names, np.full(4, 0.9), np.ones(4), left_out)
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_everything_is_written(found, tmp_path):
+    written = write_mean(tmp_path / "new" / "out", found)
+    assert [path.name for path in written] == [
+        "mean.ply",
+        "component_1_minus.ply",
+        "component_1_plus.ply",
+        "component_2_minus.ply",
+        "component_2_plus.ply",
+        "variances.csv",
+        "scores.csv",
+        "left_out.csv",
+        "components.png",
+    ]
+    assert all(path.stat().st_size > 0 for path in written)
+    np.testing.assert_array_equal(read_mesh(written[0]).vertices, found.statistics.mean)
+    np.testing.assert_array_equal(read_mesh(written[2]).vertices, found.statistics.at(0, 3))
+    np.testing.assert_array_equal(read_mesh(written[3]).vertices, found.statistics.at(1, -3))
+    folder = written[0].parent
+    variances = [float(row["variance"]) for row in rows(folder / "variances.csv")]
+    np.testing.assert_array_equal(variances, found.statistics.variances)
+    scores = rows(folder / "scores.csv")
+    assert [row["path"] for row in scores] == list(found.names)
+    assert float(scores[2]["score_1"]) == found.statistics.scores[2, 0]
+    assert rows(folder / "left_out.csv") == [
+        {"path": "odd.ply", "reason": "the match's confidence is 0.10"}
+    ]
+
+
+def test_without_matplotlib_there_is_no_picture(found, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    assert write_mean(tmp_path, found)[-1].name == "left_out.csv"
+
+
+def test_a_folder_that_cannot_be_made_is_refused(found, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot make the folder"):
+        write_mean(tmp_path / "file" / "out", found)

@@ -1,0 +1,70 @@
+"""Pairs of a collection, matched once."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stones import BALL
+from unbend import Collection, Mesh, match, read_match, write_mesh
+from unbend.errors import FileError, InputError
+
+
+@pytest.fixture
+def three(own: Collection, tmp_path: Path) -> tuple[Collection, list[Path]]:
+    """Three stones, in files that may be changed."""
+    for entry in own:
+        shutil.copy(entry.path, tmp_path)
+    own.remove([entry.path for entry in own])
+    paths = [tmp_path / f"stone{i:02}.ply" for i in (3, 4, 5)]
+    own.add(paths, workers=0)
+    return own, paths
+
+
+def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
+    collection, paths = three
+    out = tmp_path / "matches"
+    some = collection.match([(str(paths[0]), str(paths[2]))], out, workers=0)
+    assert (some.matched, some.skipped) == (1, 0)
+    told = []
+    rest = collection.match(None, out, workers=0, progress=lambda *how: told.append(how))
+    assert (rest.matched, rest.skipped, rest.failures) == (2, 1, ())
+    assert told[-1][0].startswith("2 of 2 pairs")
+    assert len(list((out / "spectra").iterdir())) == 3
+    with open(out / "matches.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    pairs = [(row["source"], row["target"]) for row in rows]
+    assert pairs == [(str(paths[i]), str(paths[j])) for i, j in ((0, 1), (0, 2), (1, 2))]
+    found = read_match(out / rows[2]["file"])
+    alone = match(paths[1], paths[2], cache=False)
+    np.testing.assert_array_equal(found.source_to_target, alone.source_to_target)
+    np.testing.assert_allclose(float(rows[2]["confidence"]), alone.confidence)
+
+
+def test_what_cannot_be_matched_is_named_once(
+    three: tuple[Collection, list[Path]], tmp_path: Path, moebius_strip: Mesh
+) -> None:
+    collection, paths = three
+    collection.remove([str(paths[0])])
+    write_mesh(tmp_path / "strip.ply", moebius_strip)
+    collection.add(tmp_path / "strip.ply", workers=0)
+    write_mesh(paths[2], (3 * BALL.vertices, BALL.faces))
+    done = collection.match(None, tmp_path / "matches", workers=0)
+    assert (done.matched, done.skipped) == (0, 0)
+    reasons = {Path(one.path).name: one.reason for one in done.failures}
+    assert set(reasons) == {"strip.ply", paths[2].name}
+    assert "only one side" in reasons["strip.ply"]
+    assert "is not what it was when it was added" in reasons[paths[2].name]
+
+
+def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
+    collection, _ = three
+    with pytest.raises(InputError, match=r"nobody.ply is not in the collection"):
+        collection.match([("nobody.ply", "nobody.ply")], tmp_path / "matches", workers=0)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot make the folder"):
+        collection.match(None, tmp_path / "file" / "matches", workers=0)

@@ -1,0 +1,30 @@
+"""Small shapes in files, and what a collection keeps of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unbend import Collection, write_mesh
+from unbend.datasets import make_sphere
+
+BALL = make_sphere(2)
+
+
+def write_stones(folder: Path, count: int) -> list[Path]:
+    """Write so many stones, each less round than the one before."""
+    folder.mkdir(exist_ok=True)
+    paths = [folder / f"stone{i:02}.ply" for i in range(count)]
+    for i, path in enumerate(paths):
+        x, y, z = BALL.vertices.T
+        points = np.stack([x * (1 + 0.1 * i), y * (1 + 0.05 * i * z), z + 0.03 * i * x**2], axis=1)
+        write_mesh(path, (points, BALL.faces))
+    return paths
+
+
+def rows_of(collection: Collection) -> list[dict[str, Any]]:
+    """All that is kept, ordered by path."""
+    store = collection._store
+    return sorted(store.select(store.schema.names), key=lambda row: row["path"])
