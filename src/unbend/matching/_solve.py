@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,24 +25,20 @@ from unbend.matching._registration import (
 )
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._tips import find_tips, guess_limbs
+from unbend.matching._tips import Limbs, find_tips, guess_limbs
 from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
-# After the first, weakest pull so many candidates are drawn on that lead to different places, and
-# so many of those are followed on the finer proxies.
-_TIGHTENED, _FOLLOWED = 24, 8
+# After the first, weakest pull so many guesses from tips are drawn on that lead to different
+# places; so many of all candidates are followed on the finer proxies.
+_TIGHTENED, _FOLLOWED = 16, 8
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
 # Growth on the full meshes begins with so many functions and multiplies their number by this, over
 # so many samples.
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
-
-
-# Makes poses and maps of the rough proxies.
-Start = Callable[[], Registered]
 
 
 class Levels(NamedTuple):
@@ -82,9 +77,11 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
-    starts: list[Start] = [functools.partial(from_map, sides, one) for one in maps]
-    starts += from_tips(sides)
-    found = tried(sides, starts)
+    begun = ranked(run_all(functools.partial(from_map, sides, one) for one in maps))
+    begun += from_tips(sides, begun)
+    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
+    followed = distinct(ranked(begun), theirs, ours.areas)[:_FOLLOWED]
+    found = ranked(run_all(functools.partial(followed_up, sides, one) for one in followed))
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     best = distinct(found, theirs, ours.areas)[:_REGROWN]
     if ours.partial or theirs.partial:
@@ -97,52 +94,45 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     return distinct(found, theirs, ours.areas)
 
 
-def from_map(sides: Sides, functional_map: FloatArray) -> Registered:
-    """Begin with a functional map."""
-    return rough_start(sides.source.rough.shape, sides.target.rough.shape, functional_map)
-
-
-def from_tips(sides: Sides) -> Iterator[Start]:
-    """Begin with guesses which tips of limbs correspond."""
-    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    mine, other = find_tips(ours), find_tips(theirs)
-    rough = sides.source.rough, sides.target.rough
-    for one in guess_limbs(mine, other, len(ours.landmarks)):
-        ways = (
-            mine.fields[rough[0].kept][:, one.source],
-            other.fields[rough[1].kept][:, one.target],
-        )
-        yield functools.partial(from_ways, sides, *ways, one.size)
-
-
-def from_ways(sides: Sides, ours: FloatArray, theirs: FloatArray, size: float) -> Registered:
-    """Begin with the ways to the tips of limbs."""
-    return limb_start(sides.source.rough.shape, sides.target.rough.shape, ours, theirs, size)
-
-
-def tried(sides: Sides, starts: Sequence[Start]) -> list[Candidate]:
-    """Register hypotheses on the proxies and rank them; most stop on the rough ones."""
+def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
+    """Register the rough proxies from a functional map."""
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
-    finer = sides.source.proxy.shape, sides.target.proxy.shape
+    start = rough_start(ours, theirs, functional_map)
+    return judge(ours, theirs, register(ours, theirs, start, PULLS[:1], _STEPS), sides.turned)
 
-    def begin(start: Start) -> Candidate:
-        found = register(ours, theirs, start(), LOOSE[:1], _STEPS, resize=False)
+
+def from_tips(sides: Sides, known: list[Candidate]) -> list[Candidate]:
+    """Register the rough proxies from guesses which tips of limbs correspond.
+
+    Only those are given that lead where none does of those that are known.
+    """
+    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
+    mine, other = find_tips(sides.source.proxy.shape), find_tips(sides.target.proxy.shape)
+    fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
+
+    def begin(one: Limbs) -> Candidate:
+        ways = fields[0][:, one.source], fields[1][:, one.target]
+        start = limb_start(ours, theirs, *ways, one.size)
+        found = register(ours, theirs, start, LOOSE[:1], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
     def tighten(one: Candidate) -> Candidate:
         found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
-    def go_on(one: Candidate) -> Candidate:
-        found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
-        found = register(*finer, found, PULLS[1:], _STEPS)
-        return judge(*finer, found, sides.turned)
+    guesses = guess_limbs(mine, other, len(ours.landmarks))
+    begun = ranked(run_all(functools.partial(begin, one) for one in guesses))
+    known = distinct(known, theirs, ours.areas)
+    others = distinct([*known, *begun], theirs, ours.areas)[len(known) :]
+    return run_all(functools.partial(tighten, one) for one in others[:_TIGHTENED])
 
-    begun = ranked(run_all(functools.partial(begin, one) for one in starts))
-    begun = distinct(begun, theirs, ours.areas)[:_TIGHTENED]
-    begun = ranked(run_all(functools.partial(tighten, one) for one in begun))
-    followed = distinct(begun, theirs, ours.areas)[:_FOLLOWED]
-    return ranked(run_all(functools.partial(go_on, one) for one in followed))
+
+def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
+    """Go on with a candidate on the finer proxies."""
+    finer = sides.source.proxy.shape, sides.target.proxy.shape
+    found = lift(candidate.registered, sides.source.rough, sides.target.rough, *finer)
+    found = register(*finer, found, PULLS[1:], _STEPS)
+    return judge(*finer, found, sides.turned)
 
 
 def loosened(sides: Sides, candidate: Candidate) -> Candidate:
