@@ -173,7 +173,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
     if not polish:
         return judge(ours, theirs, lifted, candidate.reflected)
-    run_all(functools.partial(_make_ready, one) for one in (ours, theirs))
+    run_all(functools.partial(_make_ready, one, PULLS) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
         found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
@@ -218,11 +218,11 @@ def _make_levels(shape: Shape) -> Levels:
     proxy = make_proxy(shape, _PROXY_VERTICES)
     rough = make_proxy(proxy.shape, _ROUGH_VERTICES)
     for one in (proxy.shape, rough.shape):
-        _make_ready(one)
+        _make_ready(one, LOOSE + PULLS[1:])
     return Levels(shape, proxy, rough)
 
 
-def _make_ready(shape: Shape) -> None:
+def _make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
     """Make what several threads would make several times."""
     _ = shape.averaging, shape.patches, shape.normals, shape.position_coefficients, shape.spokes
-    _ = [shape.pulled(pull) for pull in PULLS]
+    _ = [shape.pulled(pull) for pull in pulls]
