@@ -101,7 +101,7 @@ def test_a_sheet_seen_from_behind_is_inside_out() -> None:
 
 def _judged(energy: float, orientation: float = 1.0) -> Candidate:
     none = np.zeros(0, dtype=bool)
-    return Candidate(_identity(_person()), energy, orientation, False, None, none)
+    return Candidate(_identity(_person()), energy, orientation, False, none)
 
 
 def test_of_equals_the_first_stays_first() -> None:

@@ -45,8 +45,6 @@ class Candidate:
         Share of the surface that stays right side out, less the rest, in the worse direction.
     reflected : bool
         Whether the target was taken as its mirror image.
-    hypothesis : (k, k) ndarray of float64, or None
-        The functional map that was registered, if it began with one.
     missed : (l,) ndarray of bool
         Which landmarks it leads elsewhere.
     """
@@ -55,7 +53,6 @@ class Candidate:
     energy: float
     orientation: float
     reflected: bool
-    hypothesis: FloatArray | None
     missed: BoolArray
 
     @property
@@ -69,7 +66,6 @@ def judge(
     target: Shape,
     found: Registered,
     reflected: bool = False,
-    hypothesis: FloatArray | None = None,
 ) -> Candidate:
     """Judge a registration of two shapes."""
     left, right = landing_places(source, target, found)
@@ -82,7 +78,7 @@ def judge(
         _right_side_out(target, source, found.backward, found.target),
     )
     missed = _missed(source, target, found)
-    return Candidate(found, energy, orientation, reflected, hypothesis, missed)
+    return Candidate(found, energy, orientation, reflected, missed)
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -37,12 +37,13 @@ _TIGHTENED, _FOLLOWED = 24, 8
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
-# Growth on the full meshes multiplies the number of functions by this, over so many samples.
-_GROWTH, _GROWN_OVER = 1.25, 1500
+# Growth on the full meshes begins with so many functions and multiplies their number by this, over
+# so many samples.
+_GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
 
 
-# Poses and maps, and the functional map that they come of, if of one.
-Start = tuple[Registered, FloatArray | None]
+# Makes poses and maps of the rough proxies.
+Start = Callable[[], Registered]
 
 
 class Levels(NamedTuple):
@@ -81,7 +82,7 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
-    starts: list[Callable[[], Start]] = [functools.partial(from_map, sides, one) for one in maps]
+    starts: list[Start] = [functools.partial(from_map, sides, one) for one in maps]
     starts += from_tips(sides)
     found = tried(sides, starts)
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
@@ -96,13 +97,12 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     return distinct(found, theirs, ours.areas)
 
 
-def from_map(sides: Sides, functional_map: FloatArray) -> Start:
+def from_map(sides: Sides, functional_map: FloatArray) -> Registered:
     """Begin with a functional map."""
-    rough = rough_start(sides.source.rough.shape, sides.target.rough.shape, functional_map)
-    return rough, functional_map
+    return rough_start(sides.source.rough.shape, sides.target.rough.shape, functional_map)
 
 
-def from_tips(sides: Sides) -> Iterator[Callable[[], Start]]:
+def from_tips(sides: Sides) -> Iterator[Start]:
     """Begin with guesses which tips of limbs correspond."""
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     mine, other = find_tips(ours), find_tips(theirs)
@@ -115,31 +115,28 @@ def from_tips(sides: Sides) -> Iterator[Callable[[], Start]]:
         yield functools.partial(from_ways, sides, *ways, one.size)
 
 
-def from_ways(sides: Sides, ours: FloatArray, theirs: FloatArray, size: float) -> Start:
+def from_ways(sides: Sides, ours: FloatArray, theirs: FloatArray, size: float) -> Registered:
     """Begin with the ways to the tips of limbs."""
-    return limb_start(sides.source.rough.shape, sides.target.rough.shape, ours, theirs, size), None
+    return limb_start(sides.source.rough.shape, sides.target.rough.shape, ours, theirs, size)
 
 
-def tried(sides: Sides, starts: Sequence[Callable[[], Start]]) -> list[Candidate]:
+def tried(sides: Sides, starts: Sequence[Start]) -> list[Candidate]:
     """Register hypotheses on the proxies and rank them; most stop on the rough ones."""
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
     finer = sides.source.proxy.shape, sides.target.proxy.shape
 
-    def begin(start: Callable[[], Start]) -> Candidate:
-        found, functional_map = start()
-        found = register(ours, theirs, found, LOOSE[:1], _STEPS, resize=functional_map is not None)
-        return judge(ours, theirs, found, sides.turned, functional_map)
+    def begin(start: Start) -> Candidate:
+        found = register(ours, theirs, start(), LOOSE[:1], _STEPS, resize=False)
+        return judge(ours, theirs, found, sides.turned)
 
     def tighten(one: Candidate) -> Candidate:
-        found = register(
-            ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=one.hypothesis is not None
-        )
-        return judge(ours, theirs, found, sides.turned, one.hypothesis)
+        found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
+        return judge(ours, theirs, found, sides.turned)
 
     def go_on(one: Candidate) -> Candidate:
         found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
         found = register(*finer, found, PULLS[1:], _STEPS)
-        return judge(*finer, found, sides.turned, one.hypothesis)
+        return judge(*finer, found, sides.turned)
 
     begun = ranked(run_all(functools.partial(begin, one) for one in starts))
     begun = distinct(begun, theirs, ours.areas)[:_TIGHTENED]
@@ -152,27 +149,33 @@ def loosened(sides: Sides, candidate: Candidate) -> Candidate:
     """Let a candidate's poses relax, and draw them together again."""
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     found = register(ours, theirs, candidate.registered, LOOSE + PULLS[1:], _STEPS)
-    return judge(ours, theirs, found, sides.turned, candidate.hypothesis)
+    return judge(ours, theirs, found, sides.turned)
 
 
 def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     """Register anew from the functional map, of a size, of a candidate's own point maps."""
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    start = rough_start(ours, theirs, functional_map(sides, candidate, size))
+    found = register(ours, theirs, start, PULLS, _STEPS)
+    return judge(ours, theirs, found, sides.turned)
+
+
+def functional_map(sides: Sides, candidate: Candidate, size: int) -> FloatArray:
+    """Orthogonal map of so many functions, (size, size), that fits a candidate's point maps."""
+    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
     forward, backward = candidate.registered[:2]
     size = min(size, ours.k, theirs.k)
     pairs = Pairs(forward[None], backward[None], np.zeros(1))
-    functional_map = orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0]
-    start = rough_start(ours, theirs, functional_map)
-    found = register(ours, theirs, start, PULLS, _STEPS)
-    return judge(ours, theirs, found, sides.turned, candidate.hypothesis)
+    return np.asarray(orthogonal_maps(ours.basis[:, :size], theirs.basis[:, :size], pairs)[0])
 
 
 @one_blas_thread()
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves.
 
-    They are registered from the proxies' poses and, once more, from those of its hypothesis grown
-    through all eigenfunctions, which slides less where the two metrics agree. The judge tells.
+    They are registered from the proxies' poses and, if they are whole, once more from those of
+    their functional map grown through all eigenfunctions, which slides less where the two metrics
+    agree. The judge tells.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
@@ -186,15 +189,13 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
         return judge(ours, theirs, found, candidate.reflected)
 
-    def grown(hypothesis: FloatArray) -> Candidate:
-        start = grown_start(ours, theirs, hypothesis, lifted)
+    def grown() -> Candidate:
+        start = grown_start(ours, theirs, functional_map(sides, candidate, _GROWN_FROM), lifted)
         found = register(ours, theirs, start, PULLS, _STEPS)
         return judge(ours, theirs, found, candidate.reflected)
 
-    tasks: list[Callable[[], Candidate]] = [from_proxies]
-    if candidate.hypothesis is not None:
-        tasks.append(functools.partial(grown, candidate.hypothesis))
-    return ranked(run_all(tasks))[0]
+    part = ours.partial or theirs.partial
+    return ranked(run_all([from_proxies] if part else [from_proxies, grown]))[0]
 
 
 def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
@@ -208,19 +209,19 @@ def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
 
 
 def grown_start(
-    source: Shape, target: Shape, hypothesis: FloatArray, near: Registered
+    source: Shape, target: Shape, functional_map: FloatArray, near: Registered
 ) -> Registered:
-    """Poses and maps of a hypothesis grown through all functions, maps sought from near ones."""
-    sizes, most = [len(hypothesis)], min(source.k, target.k)
+    """Poses and maps of a functional map grown through all functions, sought from near ones."""
+    sizes, most = [len(functional_map)], min(source.k, target.k)
     while sizes[-1] < most:
         sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    functional_map = grow(
+    grown = grow(
         (source.eigenvalues, source.basis[source.samples[:_GROWN_OVER]]),
         (target.eigenvalues, target.basis[target.samples[:_GROWN_OVER]]),
-        hypothesis,
+        functional_map,
         sizes[1:],
     )
-    return smooth_start(source, target, functional_map, near)
+    return smooth_start(source, target, grown, near)
 
 
 def _make_levels(shape: Shape) -> Levels:
