@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-portable lint format bench clean
+.PHONY: demo test test-browser browser test-portable lint format bench clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -32,6 +32,17 @@ test-portable: .venv/test.stamp ## the tests again under what rounds differently
 	NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR" \
 	$(BIN)/pytest -n 1 $(ARITHMETIC)
 	OPENBLAS_CORETYPE=$(NEWEST_BLAS) OMP_NUM_THREADS=2 $(PYTEST) $(ARITHMETIC)
+
+test-browser: .venv/test.stamp browser ## the pages in Chromium; what they look like is kept in screenshots/
+	UNBEND_BROWSER_NEEDED=1 UNBEND_SCREENSHOTS=$(CURDIR)/screenshots \
+	$(BIN)/pytest tests/report/pages/test_browser.py
+
+CHROMIUM = $(UNBEND_BROWSER) $(shell command -v chromium chromium-browser google-chrome google-chrome-stable)
+
+browser: ## installs Chromium where there is none and we may
+	@test -n "$(strip $(CHROMIUM))" || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	&& apt-get update -qq && apt-get install -qq -y chromium >/dev/null; } || { echo \
+	"no Chromium was found: install it, or name a browser like it in UNBEND_BROWSER" >&2; exit 1; }
 
 lint: .venv/test.stamp ## ruff and mypy, changing nothing
 	$(BIN)/ruff check .

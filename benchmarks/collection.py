@@ -159,9 +159,7 @@ def main() -> None:
         print(f"processor time a shape, one thread of ours: {ours:.3f} s; ShapeDNA {peer:.3f} s")
         rows = Collection(folder / "store1")._store.select(["descriptor"])
         like = np.array([row["descriptor"] for row in rows], dtype=np.float32)
-        print(
-            f"{'rows':>9}  {'exact':>8}  {'index':>8}  found  {'build':>7}  ShapeDNA, brute force"
-        )
+        print("     rows     exact     index  found    build     asked  committed  ShapeDNA, brute")
         for count in options.rows:
             print(search(folder / f"rows{count}", like, count), flush=True)
 

@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import Diagnosis as Diagnosis
     from unbend.preparation import diagnose as diagnose
+    from unbend.report.pages import form_page as form_page
+    from unbend.report.pages import match_page as match_page
     from unbend.spectral import Laplacian as Laplacian
     from unbend.spectral import Spectrum as Spectrum
     from unbend.spectral import laplacian as laplacian
@@ -78,10 +80,12 @@ _HOME = {
     "distance": "distances",
     "evaluate": "correspondence",
     "farthest_point_sampling": "canonical",
+    "form_page": "report.pages",
     "interpolate": "canonical",
     "invert_map": "io",
     "laplacian": "spectral",
     "match": "matching",
+    "match_page": "report.pages",
     "mean_shape": "collection",
     "morph": "correspondence",
     "procrustes": "alignment",

@@ -39,12 +39,20 @@ def test_writes_any_dimension_as_a_table(mesh, blob, tmp_path, suffix):
     np.testing.assert_array_equal(table, form.points)
 
 
+def test_writes_a_page(mesh, tmp_path):
+    page = tmp_path / "form.html"
+    done = run(mesh, "--report", page, "--up", "z")
+    assert done.stdout.splitlines()[-1].split(maxsplit=1)[1] == f"open {page} in a browser"
+    assert "blob.off" in page.read_text(encoding="utf-8")
+    assert run(mesh, "--report", tmp_path / "form.pdf").exit_code == 2
+
+
 def test_prints_aligned_rows_and_the_next_step(mesh):
     done = run(mesh)
     rows = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert rows["mesh"] == "blob.off, 642 vertices, 1,280 faces"
     assert rows["form"] == "exact biharmonic, uniform weights, cotangent Laplacian"
-    assert rows["next"] == "add -o OUT.ply to write the form"
+    assert rows["next"] == "add -o OUT.ply to write the form, --report HTML to look at it"
     assert len({line.index(line.split(maxsplit=1)[1]) for line in done.stdout.splitlines()}) == 1
 
 

@@ -40,9 +40,10 @@ def folder(tmp_path_factory) -> Path:
     write_map(path / "b.vts", truth)
     write_map(path / "b.sym.vts", TARGET.mirror[truth])
     figure = path / "match.png"
-    done = right(
-        "match", path / "a.ply", path / "b.ply", "-o", path / "ab.npz", "--figure", figure, "--json"
-    )
+    shown = ["--figure", figure, "--report", path / "match.html"]
+    known = ["--source-truth", path / "a.vts", "--target-truth", path / "b.vts"]
+    out = ["-o", path / "ab.npz", "--json"]
+    done = right("match", path / "a.ply", path / "b.ply", *out, *shown, *known)
     (path / "match.json").write_text(done.stdout)
     return path
 
@@ -56,6 +57,9 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     assert len(told["hypotheses"]) == len(written.hypotheses)
     assert written.faces is not None
     assert (folder / "match.png").read_bytes().startswith(b"\x89PNG")
+    page = (folder / "match.html").read_text(encoding="utf-8")
+    assert f"confidence {written.confidence:.2f}" in page
+    assert "points counted</th><td>800<" in page
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".txt", ".csv", ".vts"])
@@ -210,6 +214,9 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply none.ply", "there is no such file"),
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
+        ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
+        ("match a.ply b.ply --source-truth a.vts --target-truth b.vts", "shown by --report"),
+        ("match a.ply b.ply --report r.html --source-truth a.vts", "both --source-truth and"),
         ("match a.ply b.ply --n-eigenpairs 2", "at least 4"),
         ("match a.ply b.ply --landmarks long.vts", "unknown suffix"),
         ("match a.ply b.ply --landmarks words.txt", "a landmark is two vertex numbers"),

@@ -313,6 +313,7 @@ def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
     ]
     try:
         while not (known.exists() and known.read_text().endswith("}")):
+            assert started[0].poll() is None
             time.sleep(0.05)
         address = json.loads(known.read_text())["address"]
         collection = Collection(tmp_path / "store")

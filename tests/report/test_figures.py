@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from unbend.datasets import make_octopus
 from unbend.errors import FileError, InputError, MissingExtraError
@@ -117,6 +118,12 @@ def test_canonical_forms_figure(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
     with pytest.raises(InputError, match="600 vertices"):
         draw_canonical_forms([("a", shapes[0].mesh, shapes[0].rest[:9])], path)
+    with pytest.raises(InputError, match="for all columns or for none"):
+        draw_canonical_forms([(*columns[0], None, shapes[0].rest), columns[1]], path)
+    detailed = [(*column, None, shapes[0].rest) for column in columns]
+    draw_canonical_forms(detailed, tmp_path / "three.png")
+    rows = [imread(one).shape[0] for one in (path, tmp_path / "three.png")]
+    assert rows[1] > 1.4 * rows[0]
     with pytest.raises(InputError, match="at least one"):
         draw_canonical_forms([], path)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from unbend.datasets import make_sphere
 from unbend.report.raster import rasterize
 
 
@@ -26,3 +27,18 @@ def test_rounding_does_not_change_the_size_of_a_picture():
         for scale in np.linspace(0.9, 1.1, 101)
     }
     assert sizes == {(102, 102, 4)}
+
+
+def test_outlines_move_outward_by_pixels_in_every_direction():
+    ball = make_sphere(3)
+    plain, thick = (
+        rasterize(ball.vertices, ball.faces, np.ones((642, 3)), (100, 100), thicker)
+        for thicker in (0.0, 5.0)
+    )
+    radii = []
+    for picture, extent in (plain, thick):
+        pixel = (extent[1] - extent[0]) / picture.shape[1]
+        covered = picture[..., 3].sum() * pixel**2
+        radii.append((np.sqrt(covered / np.pi), pixel))
+    assert abs(radii[0][0] - 1) < 0.02
+    assert abs(radii[1][0] - (1 + 5 * radii[1][1])) < 0.02

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import is_whole
+from unbend._display import Drawn
 from unbend._options import refuse_given
 from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
-from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
+from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike
@@ -25,7 +26,7 @@ _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class CanonicalForm:
+class CanonicalForm(Drawn):
     """A shape's canonical form and how it was made.
 
     Attributes
@@ -51,6 +52,9 @@ class CanonicalForm:
     residual : float or None
         What `n_coarse` leaves: the largest residual of the form's eigenpairs on all vertices,
         relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
+    surface : (n, 3) ndarray of float64, or None
+        With ``detail="preserved"``: the vertices of the surface itself, laid as rigidly as possible
+        into the form's pose; NaN where `points` is. At unit area, unless the scale was kept.
     """
 
     points: FloatArray
@@ -64,6 +68,7 @@ class CanonicalForm:
     notes: tuple[str, ...]
     seconds: dict[str, float]
     residual: float | None = None
+    surface: FloatArray | None = None
 
 
 def canonical_form(
@@ -84,6 +89,7 @@ def canonical_form(
     random_state: int = 0,
     cache: bool = True,
     n_coarse: int | None = None,
+    detail: Detail | None = None,
     progress: Progress | None = None,
 ) -> CanonicalForm:
     """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
@@ -130,6 +136,9 @@ def canonical_form(
         is factorised in place of the mesh, and its form refined on all vertices to a residual
         of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
         and commute-time forms with uniform weights.
+    detail : "preserved", optional
+        Give the `surface` too: the mesh as it looks in the form's pose, its limbs as thick and its
+        edges about as long as they are. Needs faces and at least 3 dimensions.
     progress : callable, optional
         Called with a step's name and the share of it that is done, 0 to 1.
 
@@ -156,7 +165,8 @@ def canonical_form(
     References
     ----------
     Yang, Obaseki and Chen, "Spectral multi-dimensional scaling using biharmonic distance",
-    GRAPP 2019. Aflalo and Kimmel, "Spectral multidimensional scaling", PNAS 110(45), 2013.
+    GRAPP 2019. Aflalo and Kimmel, "Spectral multidimensional scaling", PNAS 110(45), 2013. Detail:
+    after Lian, Godil and Xiao, "Feature-preserved 3D canonical form", IJCV 102, 2013.
 
     Examples
     --------
@@ -185,6 +195,8 @@ def canonical_form(
         )
     if n_coarse is not None and n_coarse < _FEWEST_COARSE:
         raise InputError(f"n_coarse must be at least {_FEWEST_COARSE}, not {n_coarse}")
+    if detail is not None:
+        _check_detail(detail, n_components, n_coarse)
     options = Options(
         distance,
         n_components,
@@ -202,11 +214,27 @@ def canonical_form(
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
     _check_dimension(n_components, surface, chosen, options.n_eigenpairs)
+    if detail is not None and surface.mesh.is_point_cloud:
+        raise InputError(f"{surface.mesh.name}: detail needs faces, and this is a point cloud")
     large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
     points, eigenvalues, metric, residual = route(surface, options, steps)
     with steps("stress"):
         stress = _stress(points, metric, random_state)
+    laid = None
+    if detail is not None:
+        from unbend.canonical._detail import lay_into_pose  # slow to import, and seldom needed
+
+        with steps("detail"):
+            laid = lay_into_pose(
+                surface.mesh.vertices / np.sqrt(surface.area),
+                surface.mesh.faces,
+                surface.operator.areas,
+                points[:, :3],
+                progress or (lambda stage, share: None),
+            )
+        if keep_scale:
+            laid *= np.sqrt(surface.area)
     negative = _eigenvalue_notes(eigenvalues)
     for note in negative:
         warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
@@ -225,6 +253,7 @@ def canonical_form(
         notes=surface.prepared.notes + negative,
         seconds=steps.seconds,
         residual=residual,
+        surface=None if laid is None else surface.prepared.expand(laid),
     )
 
 
@@ -237,6 +266,14 @@ def _choose_method(method: str, distance: DistanceKind) -> str:
     if method == "exact" and distance not in SPECTRAL:
         raise InputError(f'the {distance} distance has no exact form; use method="sampled"')
     return method
+
+
+def _check_detail(detail: str, n_components: int, n_coarse: int | None) -> None:
+    if detail != "preserved":
+        raise InputError(f'detail must be "preserved" or left out, not {detail!r}')
+    if n_components < 3:
+        raise InputError(f"detail needs a form of at least 3 dimensions, not {n_components}")
+    refuse_given("is for forms without detail; leave it out", n_coarse=n_coarse)
 
 
 def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -> None:

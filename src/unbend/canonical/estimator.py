@@ -6,7 +6,7 @@ from typing import Any
 
 from unbend._types import FloatArray, Progress
 from unbend.canonical._canonical_form import canonical_form
-from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Method, Weighting
+from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.errors import MissingExtraError
 
 try:
@@ -27,7 +27,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     Parameters
     ----------
     n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
-    laplacian, component, keep_scale, random_state, cache, n_coarse, progress
+    laplacian, component, keep_scale, random_state, cache, n_coarse, detail, progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -39,7 +39,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     stress_ : float
         Normalised stress.
     form_ : CanonicalForm
-        The whole result.
+        The whole result; with `detail`, its `surface` too.
 
     See Also
     --------
@@ -77,6 +77,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         random_state: int = 0,
         cache: bool = True,
         n_coarse: int | None = None,
+        detail: Detail | None = None,
         progress: Progress | None = None,
     ) -> None:
         self.n_components = n_components
@@ -94,6 +95,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.random_state = random_state
         self.cache = cache
         self.n_coarse = n_coarse
+        self.detail = detail
         self.progress = progress
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:

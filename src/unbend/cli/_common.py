@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -40,7 +41,7 @@ BaseOption = Annotated[
     typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
 ]
 UpOption = Annotated[
-    Axis, typer.Option("--up", help="The source's axis that points upward, for the figure.")
+    Axis, typer.Option("--up", help="The source's axis that points upward, to look at it.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON to standard output.")]
 ComponentOption = Annotated[
@@ -68,6 +69,11 @@ CacheOption = Annotated[
 ]
 
 
+def command_line() -> str:
+    """Give the command that is running, as it could be typed again."""
+    return shlex.join(["unbend", *sys.argv[1:]])
+
+
 def say(kind: str, sentence: str) -> None:
     """Print one line such as ``error: ...`` to stderr, where it cannot spoil piped output."""
     typer.echo(f"{kind}: {sentence}", err=True)
@@ -79,7 +85,7 @@ def warn_if_doubtful(confidence: float) -> None:
         say(
             "warning",
             f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
-            "or look alike from both sides; judge it by unbend match --figure",
+            "or look alike from both sides; judge it by unbend match --report",
         )
 
 

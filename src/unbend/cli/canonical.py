@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import DistanceKind, Interpolation, Method, Weighting
+from unbend.choices import Detail, DistanceKind, Interpolation, Method, Weighting
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -16,6 +16,8 @@ from unbend.cli._common import (
     MeshArgument,
     RandomStateOption,
     TimeOption,
+    UpOption,
+    command_line,
     parse_component,
     print_json,
     print_notes,
@@ -43,6 +45,15 @@ def canonical(
             "(dimension 3), .npy or .csv (any dimension).",
         ),
     ] = None,
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="HTML",
+            help="Write a page to look at the form in a browser, beside the shape.",
+        ),
+    ] = None,
+    up: UpOption = "y",
     n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
     distance: Annotated[
         DistanceKind, typer.Option("--distance", help="The distance that the form keeps.")
@@ -88,6 +99,14 @@ def canonical(
             "place of a larger one, and refine its form on all vertices.",
         ),
     ] = None,
+    detail: Annotated[
+        Detail | None,
+        typer.Option(
+            "--detail",
+            help="preserved: write the surface itself, laid as rigidly as possible into the form's "
+            "pose, in place of the form.",
+        ),
+    ] = None,
     random_state: RandomStateOption = 0,
     cache: CacheOption = True,
     as_json: JsonOption = False,
@@ -100,6 +119,8 @@ def canonical(
     \b
     Examples:
       unbend canonical cat.off -o cat_canonical.ply
+      unbend canonical cat.off -o cat_unbent.ply --detail preserved
+      unbend canonical cat.off --report form.html --up z
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
       unbend canonical statue.ply -o statue_canonical.ply --n-coarse 200000
@@ -115,6 +136,8 @@ def canonical(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
+    if report is not None:
+        check_writable(report, (".html",))
     with steps_on_stderr() as progress:
         progress("reading", 0)
         shape = read_mesh(mesh)
@@ -135,45 +158,63 @@ def canonical(
             random_state=random_state,
             cache=cache,
             n_coarse=n_coarse,
+            detail=detail,
             progress=progress,
         )
         if out is not None:
             progress("writing", 0)
             write_form(out, shape, form)
+        if report is not None:
+            from unbend.report.pages import form_page
+
+            form_page(
+                shape,
+                form,
+                report,
+                up=up,
+                keep_scale=keep_scale,
+                command=command_line(),
+                cache=cache,
+                progress=progress,
+            )
     print_notes(shape.notes)
     if as_json:
-        _print_json(mesh, shape, form, out)
+        _print_json(mesh, shape, form, out, report)
     else:
-        _print_summary(shape, form, out)
+        _print_summary(shape, form, out, report)
 
 
 def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
-    """Write a form in the format that the file's suffix names."""
+    """Write a form, or the surface in its pose, in the format that the file's suffix names."""
     import numpy as np
 
     from unbend.io import atomic_write, write_mesh
     from unbend.mesh import Mesh
 
     suffix = Path(out).suffix.lower()
+    points = form.points if form.surface is None else form.surface
     if suffix in _MESH_SUFFIXES:
         # Faces outside the chosen component have lost their vertices: no viewer could draw them.
-        there = np.isfinite(form.points.sum(axis=1))
+        there = np.isfinite(points.sum(axis=1))
         faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-        write_mesh(out, Mesh(form.points, faces))
+        write_mesh(out, Mesh(points, faces))
         return
     with atomic_write(out) as file:
         if suffix == ".npy":
-            np.save(file, form.points)
+            np.save(file, points)
         else:
-            names = ",".join(f"x{i + 1}" for i in range(form.points.shape[1]))
-            np.savetxt(file, form.points, "%.17g", ",", header=names, comments="")
+            names = ",".join(f"x{i + 1}" for i in range(points.shape[1]))
+            np.savetxt(file, points, "%.17g", ",", header=names, comments="")
 
 
-def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, out: str | None) -> None:
+def _print_json(
+    mesh: str, shape: Mesh, form: CanonicalForm, out: str | None, report: str | None
+) -> None:
     print_json(
         {
             "mesh": mesh,
             "out": out,
+            "report": report,
             "vertices": shape.n_vertices,
             "faces": shape.n_faces,
             "method": form.method,
@@ -190,7 +231,7 @@ def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, out: str | None) ->
     )
 
 
-def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None) -> None:
+def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None, report: str | None) -> None:
     kind = f"{shape.n_faces:,} faces" if shape.n_faces else "a point cloud"
     shown = [f"{value:.5g}" for value in form.eigenvalues[:8]]
     rows = {
@@ -202,8 +243,10 @@ def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None) -> None:
         **({} if form.residual is None else {"residual": f"{form.residual:.0e}"}),
         "time": f"{sum(form.seconds.values()):.2f} s",
     }
-    if out is None:
-        rows["next"] = "add -o OUT.ply to write the form"
-    else:
+    if out is not None:
         rows["written"] = out
+    if report is not None:
+        rows["next"] = f"open {report} in a browser"
+    elif out is None:
+        rows["next"] = "add -o OUT.ply to write the form, --report HTML to look at it"
     print_rows(rows)

@@ -55,17 +55,22 @@ def demo(
     columns: list[CanonicalColumn] = []
     with steps_on_stderr() as progress:
         for species, make in (("dog", make_quadruped), ("human", make_biped)):
-            first = None
+            first = upright = None
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
-                points = canonical_form(mesh).points
+                form = canonical_form(mesh, detail="preserved")
+                points, surface = form.points, form.surface
+                assert surface is not None  # detail was asked for
                 if first is None:
-                    first, colors = points, position_colors(mesh.vertices)
+                    first, upright = points, mesh.vertices
+                    colors = position_colors(mesh.vertices)
                 # A form is unique up to a rotation or reflection: draw them all one way round.
                 rotation, translation = procrustes(points, first)
                 points = points @ rotation.T + translation
-                columns.append(CanonicalColumn(f"{species}, {pose}", mesh, points, colors))
+                turn, shift = procrustes(surface, upright, reflect=False)
+                upright = surface = surface @ turn.T + shift
+                columns.append(CanonicalColumn(f"{species}, {pose}", mesh, points, colors, surface))
         progress("comparing", 0)
         pairs = _compare(columns)
         progress("drawing", 0)

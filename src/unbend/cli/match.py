@@ -19,6 +19,7 @@ from unbend.cli._common import (
     SourceArgument,
     TargetArgument,
     UpOption,
+    command_line,
     parse_component,
     print_json,
     print_notes,
@@ -85,6 +86,31 @@ def match(
             help="Draw both shapes (.png, .pdf, .svg), corresponding points in one colour.",
         ),
     ] = None,
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="HTML",
+            help="Write a page to look at the match in a browser: both shapes turn together, and a "
+            "place on one shows its partner on the other.",
+        ),
+    ] = None,
+    source_truth: Annotated[
+        str | None,
+        typer.Option(
+            "--source-truth",
+            metavar="FILE",
+            help="Source vertices whose image is known: the report then shows the errors.",
+        ),
+    ] = None,
+    target_truth: Annotated[
+        str | None,
+        typer.Option("--target-truth", metavar="FILE", help="Their true images, row by row."),
+    ] = None,
+    mirrored_truth: Annotated[
+        str | None,
+        typer.Option("--mirrored-truth", metavar="FILE", help="Their images on the other side."),
+    ] = None,
     up: UpOption = "y",
     cache: CacheOption = True,
     as_json: JsonOption = False,
@@ -98,11 +124,18 @@ def match(
     Examples:
       unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
       unbend match cat0.off cat1.off -o cat0_cat1.vts
+      unbend match cat0.off cat1.off --report match.html --up z
       unbend match scan.ply model.ply --component largest --json
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
-    from unbend.io import MAP_SUFFIXES, check_writable, read_landmarks, read_mesh
+    from unbend.io import (
+        MAP_SUFFIXES,
+        check_writable,
+        read_landmarks,
+        read_map,
+        read_mesh,
+    )
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -110,12 +143,18 @@ def match(
         check_writable(out, (".npz", *MAP_SUFFIXES))
     if figure is not None:
         check_writable(figure, (".png", ".pdf", ".svg"))
+    if report is not None:
+        check_writable(report, (".html",))
+    truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
     hints = None if landmarks is None else read_landmarks(landmarks)
     start = time.perf_counter()
     with steps_on_stderr() as progress:
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
+        truth = [
+            read_map(path, n_target=shapes[i > 0].n_vertices) for i, path in enumerate(truth_files)
+        ]
         found = find_match(
             *shapes,
             method=method,
@@ -125,7 +164,7 @@ def match(
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=method != "icp" and (figure is not None or _keeps_all(out)),
+            barycentric=method != "icp" and any((figure, report, _keeps_all(out))),
             cache=cache,
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
@@ -137,6 +176,19 @@ def match(
         if figure is not None:
             progress("drawing", 0)
             _draw(shapes, found, figure, up)
+        if report is not None:
+            from unbend.report.pages import match_page
+
+            match_page(
+                shapes[0],
+                shapes[1],
+                found,
+                report,
+                up=up,
+                truth=truth or None,
+                command=command_line(),
+                progress=progress,
+            )
     for shape in shapes:
         print_notes(shape.notes)
     warn_if_doubtful(found.confidence)
@@ -147,6 +199,7 @@ def match(
                 "target": target,
                 "out": out,
                 "figure": figure,
+                "report": report,
                 "method": method,
                 "source_vertices": len(found.source_to_target),
                 "target_vertices": len(found.target_to_source),
@@ -174,7 +227,19 @@ def match(
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
         typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
-    typer.echo(f"next: {_next_step(source, target, out)}")
+    typer.echo(f"next: {_next_step(source, target, out, report)}")
+
+
+def _truth_files(report: str | None, *paths: str | None) -> list[str]:
+    """Check that truths go together, and with a report."""
+    from unbend.errors import InputError
+
+    given = [path for path in paths if path is not None]
+    if given and (report is None or None in paths[:2]):
+        raise InputError(
+            "a truth is shown by --report, and needs both --source-truth and --target-truth"
+        )
+    return given
 
 
 def summary(shapes: list[Mesh], found: Match, seconds: float) -> str:
@@ -228,8 +293,10 @@ def _draw(shapes: list[Mesh], found: Match, figure: str, up: Axis) -> None:
     draw_match(shapes[0], shapes[1], found, figure, up=up)
 
 
-def _next_step(source: str, target: str, out: str | None) -> str:
+def _next_step(source: str, target: str, out: str | None, report: str | None) -> str:
+    if report is not None:
+        return f"open {report} in a browser"
     if out is None:
-        return "add -o MAP.npz to keep the match, --figure PNG to look at it"
+        return "add -o MAP.npz to keep the match, --report HTML to look at it"
     paths = " ".join(map(shlex.quote, (source, target)))
     return f"unbend transfer {paths} --map {shlex.quote(out)} --values VALUES.npy -o OUT.npy"

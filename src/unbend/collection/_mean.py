@@ -17,7 +17,7 @@ from unbend.collection._progress import counted
 from unbend.collection._rows import Failure
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.correspondence import register
-from unbend.errors import InputError, UnbendError
+from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_areas
 
@@ -148,6 +148,8 @@ def mean_shape(
     tasks = [Task(i, mesh, template, cache) for i, mesh in enumerate(meshes)]
     rows: dict[int, Laid] = {}
     tell = counted(progress, "shapes", len(tasks))
+    if scheduler is not None and workers == 0:
+        workers = None
     with engine(workers=workers, scheduler=scheduler) as run:
         for outcomes in run(lay, tasks):
             for task, laid, died in outcomes:
@@ -184,10 +186,8 @@ def lay(task: Task) -> Laid:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = register(task.template, as_mesh(task.mesh), cache=task.cache)
-    except UnbendError as error:
-        return _nothing(name, str(error))
     except Exception as error:  # of whatever kind: it is this mesh's, and others go on
-        return _nothing(name, f"{type(error).__name__}: {error}".split("\n", 1)[0])
+        return _nothing(name, Failure.of(name, error).reason)
     return Laid(name, found.mesh.vertices, found.confidence, found.coverage)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._display import Drawn
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._transfer import as_point_map
@@ -45,7 +46,7 @@ class Overlap:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Drawn):
     """Geodesic errors of a point map, by three protocols.
 
     Errors are geodesic distances on the target, divided by the square root of its area; infinite

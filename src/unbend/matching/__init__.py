@@ -6,6 +6,7 @@ from unbend.matching._archive import (
     write_functional_map,
     write_match,
 )
+from unbend.matching._decimation import decimate
 from unbend.matching._kernels import (
     edge_covariances,
     rotated_divergence,
@@ -15,13 +16,15 @@ from unbend.matching._kernels import (
 )
 from unbend.matching._match import match, prepare_spectrum, symmetry
 from unbend.matching._projection import closest_faces
-from unbend.matching._result import Match
+from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
 
 __all__ = [
+    "Hypothesis",
     "Match",
     "Shape",
     "closest_faces",
+    "decimate",
     "edge_covariances",
     "match",
     "prepare_spectrum",

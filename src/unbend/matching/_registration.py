@@ -113,6 +113,8 @@ def limb_start(
     """
     pairs = nearest_pairs(size**0.5 * ours[None], size**-0.5 * theirs)
     forward, backward = pairs.forward[0], pairs.backward[0]
+    if not (source.partial or target.partial):
+        size = 1.0
     return Registered(
         forward,
         backward,
@@ -336,13 +338,13 @@ def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
 def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
     """Symmetric residual over samples of the spectral forms that the maps align, 0 to about 1.
 
-    Samples without a partner do not count; NaN if none has one.
+    Samples without a partner do not count; 1 if none has one.
     """
     k = min(source.k, target.k)
     ours, theirs = source.samples[:_SAMPLES], target.samples[:_SAMPLES]
     ours, theirs = ours[found.source.within[ours]], theirs[found.target.within[theirs]]
     if not len(ours) or not len(theirs):
-        return float("nan")
+        return 1.0
     rows = np.concatenate([ours, found.backward[theirs]])
     images = np.concatenate([found.forward[ours], theirs])
     left, _, right = np.linalg.svd(source.basis[rows, :k].T @ target.basis[images, :k])

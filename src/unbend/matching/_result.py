@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from unbend._display import Drawn
 from unbend._types import FloatArray, IntArray
 
 
@@ -25,7 +26,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
-class Match:
+class Match(Drawn):
     """A map between two shapes.
 
     Attributes

@@ -26,15 +26,14 @@ from unbend.matching._registration import (
 )
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._tips import find_tips, guess_limbs, map_from_limbs
+from unbend.matching._tips import find_tips, guess_limbs
 from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
-# A best map of less energy is that of one body in two poses, and no other source is asked.
-_ALIKE = 0.2
-# After the first, weakest pull so many candidates are followed that lead to different places.
-_FOLLOWED = 8
+# After the first, weakest pull so many candidates are drawn on that lead to different places, and
+# so many of those are followed on the finer proxies.
+_TIGHTENED, _FOLLOWED = 24, 8
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -82,12 +81,11 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     """Find the distinct ways in which two shapes may correspond, the best first."""
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
-    found = tried(sides, [functools.partial(from_map, sides, one) for one in maps])
+    starts: list[Callable[[], Start]] = [functools.partial(from_map, sides, one) for one in maps]
+    starts += from_tips(sides)
+    found = tried(sides, starts)
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    unlike = found[0].energy > _ALIKE or bool(found[0].missed.any())
-    if unlike:
-        found = ranked([*found, *tried(sides, list(from_tips(sides)))])
-    best = distinct(found, theirs, ours.areas)[: _REGROWN if unlike else 1]
+    best = distinct(found, theirs, ours.areas)[:_REGROWN]
     if ours.partial or theirs.partial:
         tasks = [functools.partial(loosened, sides, one) for one in best]
     else:
@@ -110,17 +108,11 @@ def from_tips(sides: Sides) -> Iterator[Callable[[], Start]]:
     mine, other = find_tips(ours), find_tips(theirs)
     rough = sides.source.rough, sides.target.rough
     for one in guess_limbs(mine, other, len(ours.landmarks)):
-        if ours.partial or theirs.partial:
-            ways = (
-                mine.fields[rough[0].kept][:, one.source],
-                other.fields[rough[1].kept][:, one.target],
-            )
-            yield functools.partial(from_ways, sides, *ways, one.size)
-        else:
-            functional_map = map_from_limbs(
-                ours, theirs, mine.vertices[one.source], other.vertices[one.target]
-            )
-            yield functools.partial(from_map, sides, functional_map)
+        ways = (
+            mine.fields[rough[0].kept][:, one.source],
+            other.fields[rough[1].kept][:, one.target],
+        )
+        yield functools.partial(from_ways, sides, *ways, one.size)
 
 
 def from_ways(sides: Sides, ours: FloatArray, theirs: FloatArray, size: float) -> Start:
@@ -135,11 +127,14 @@ def tried(sides: Sides, starts: Sequence[Callable[[], Start]]) -> list[Candidate
 
     def begin(start: Callable[[], Start]) -> Candidate:
         found, functional_map = start()
-        if functional_map is None:
-            found = register(ours, theirs, found, LOOSE, _STEPS, resize=False)
-        else:
-            found = register(ours, theirs, found, PULLS[:1], _STEPS)
+        found = register(ours, theirs, found, LOOSE[:1], _STEPS, resize=functional_map is not None)
         return judge(ours, theirs, found, sides.turned, functional_map)
+
+    def tighten(one: Candidate) -> Candidate:
+        found = register(
+            ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=one.hypothesis is not None
+        )
+        return judge(ours, theirs, found, sides.turned, one.hypothesis)
 
     def go_on(one: Candidate) -> Candidate:
         found = lift(one.registered, sides.source.rough, sides.target.rough, *finer)
@@ -147,6 +142,8 @@ def tried(sides: Sides, starts: Sequence[Callable[[], Start]]) -> list[Candidate
         return judge(*finer, found, sides.turned, one.hypothesis)
 
     begun = ranked(run_all(functools.partial(begin, one) for one in starts))
+    begun = distinct(begun, theirs, ours.areas)[:_TIGHTENED]
+    begun = ranked(run_all(functools.partial(tighten, one) for one in begun))
     followed = distinct(begun, theirs, ours.areas)[:_FOLLOWED]
     return ranked(run_all(functools.partial(go_on, one) for one in followed))
 

@@ -26,8 +26,6 @@ _FEWEST, _LEFT_OUT = 3, 2
 # What leaving a tip out costs, in the deviation of the logarithms of the ways.
 _LEAVING_OUT = 0.04
 _KEPT = 60
-# Functions of the maps that are fitted to the tips, and the weight of commuting with the Laplacian.
-_SIZE, _COMMUTING = 7, 0.1
 
 
 class Tips(NamedTuple):
@@ -100,11 +98,6 @@ def guess_limbs(source: Tips, target: Tips, n_landmarks: int = 0) -> list[Limbs]
     ]
 
 
-def map_from_limbs(source: Shape, target: Shape, ours: IntArray, theirs: IntArray) -> FloatArray:
-    """Orthogonal map (k, k) of few functions that fits pairs of vertices and nearly commutes."""
-    return _fitted(source, target, ours, theirs, min(_SIZE, source.k, target.k))
-
-
 def _assignments(
     ours: FloatArray, theirs: FloatArray, fixed: set[int]
 ) -> list[tuple[float, IntArray, IntArray, float]]:
@@ -145,20 +138,3 @@ def _whitening(n: int, rows: IntArray, columns: IntArray) -> FloatArray:
     values, vectors = np.linalg.eigh(np.eye(len(rows)) + limbs @ limbs.T)
     root = vectors / np.sqrt(values) @ vectors.T
     return np.asarray(root - root.mean(axis=0))
-
-
-def _fitted(source: Shape, target: Shape, ours: IntArray, theirs: IntArray, k: int) -> FloatArray:
-    """Orthogonal map of k functions that fits pairs of vertices and nearly commutes."""
-    left, right = source.basis[ours, :k], target.basis[theirs, :k]
-    ours_scaled = source.eigenvalues[:k] / source.eigenvalues[k - 1]
-    theirs_scaled = target.eigenvalues[:k] / target.eigenvalues[k - 1]
-    apart = (ours_scaled[:, None] - theirs_scaled) ** 2
-    unit = len(ours) * (right**2).mean()
-    gram, load = left.T @ left / unit, left.T @ right / unit
-    tiny = 1e-6 * np.eye(k)  # a function that no tip sees and that commutes with none
-    columns = [
-        np.linalg.solve(gram + _COMMUTING * np.diag(apart[:, j]) + tiny, load[:, j])
-        for j in range(k)
-    ]
-    u, _, v = np.linalg.svd(np.stack(columns, axis=1))
-    return np.asarray(u @ v)

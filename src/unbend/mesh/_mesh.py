@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import Drawn
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Drawn):
     """A triangle mesh, or a point cloud when it has no faces.
 
     Vertex order is never changed by unbend: row ``i`` of every per-vertex result belongs to

@@ -26,6 +26,10 @@ __all__ = [
 ]
 
 
+# Pixels by which forms are drawn thicker on each side than they are: their limbs are threads.
+_THICKER = 2.5
+
+
 class CanonicalColumn(NamedTuple):
     """One shape in a figure of canonical forms.
 
@@ -40,12 +44,15 @@ class CanonicalColumn(NamedTuple):
     colors : (n,) or (n, 3) array_like, optional
         As for :func:`draw_mesh`. None: those of the first column if the numbers of vertices
         agree, else from the original's positions.
+    surface : (n, 3) array_like, optional
+        The surface itself in the form's pose, drawn below the form; for all columns or for none.
     """
 
     caption: str
     original: Any
     canonical: Any
     colors: Any = None
+    surface: Any = None
 
 
 def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
@@ -164,12 +171,13 @@ def draw_canonical_forms(
 
     Parameters
     ----------
-    columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors])
-        The shapes, left to right. The same point has the same colour above and below.
+    columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors[, surface]])
+        The shapes, left to right. The same point has the same colour above and below. Forms are
+        drawn 2.5 pixels thicker on each side than they are, for their limbs are threads.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
     view, canonical_view : str or (azimuth, elevation)
-        As for :func:`draw_mesh`, for the upper and the lower row.
+        As for :func:`draw_mesh`, for the upper row (and surfaces), and for the row of forms.
 
     Raises
     ------
@@ -199,32 +207,43 @@ def draw_canonical_forms(
     if not columns:
         raise InputError("a figure of canonical forms needs at least one column")
     filled = [CanonicalColumn(*column) for column in columns]
-    figure = new_figure(2.4 * len(filled), 5.2)
-    rows: list[list[Any]] = [[], []]
+    detailed = [column.surface is not None for column in filled]
+    if any(detailed) != all(detailed):
+        raise InputError("give the surface in the form's pose for all columns or for none")
+    count = 3 if all(detailed) else 2
+    figure = new_figure(2.4 * len(filled), 2.5 * count + 0.2)
+    rows: list[list[Any]] = [[] for _ in range(count)]
     first_colors: Any = None
-    for i, (caption, original, canonical, colors) in enumerate(filled):
+    for i, (caption, original, canonical, colors, surface) in enumerate(filled):
         mesh = as_mesh(original)
-        points = np.asarray(canonical, dtype=np.float64)
-        if points.shape != mesh.vertices.shape:
-            raise InputError(
-                f"the canonical form of {caption!r} has shape {points.shape}, but its original "
-                f"has {mesh.n_vertices} vertices"
-            )
+        points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         if colors is None:
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
             colors = first_colors if fits else position_colors(mesh.vertices)
         first_colors = colors if first_colors is None else first_colors
-        for row, (vertices, seen_from) in enumerate(
-            ((mesh.vertices, view), (points, canonical_view))
-        ):
-            width = 0.96 / len(filled)
-            ax = figure.add_axes((0.02 + i * width, (0.53, 0.06)[row], width, 0.45))
-            _draw(ax, vertices, mesh, colors, seen_from)
+        drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, _THICKER)]
+        if surface is not None:
+            laid = _places(surface, mesh, f"the surface of {caption!r}")
+            drawn.append((laid, view, 0.0))
+        width, height = 0.96 / len(filled), 0.94 / count
+        for row, (vertices, seen_from, thicker) in enumerate(drawn):
+            below = 0.05 + (count - 1 - row) * height
+            ax = figure.add_axes((0.02 + i * width, below, width, 0.96 * height))
+            _draw(ax, vertices, mesh, colors, seen_from, thicker)
             rows[row].append(ax)
-        figure.text(0.02 + (i + 0.5) * width, 0.02, caption, ha="center", fontsize=9)
+        figure.text(0.02 + (i + 0.5) * width, 0.015, caption, ha="center", fontsize=9)
     for row_axes in rows:
         same_scale(row_axes)
     save_figure(figure, path)
+
+
+def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
+    points = np.asarray(given, dtype=np.float64)
+    if points.shape != mesh.vertices.shape:
+        raise InputError(
+            f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"
+        )
+    return points
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
@@ -255,12 +274,21 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
 
 
 def _draw(
-    ax: Any, vertices: FloatArray, mesh: Mesh, colors: Any, view: str | tuple[float, float]
+    ax: Any,
+    vertices: FloatArray,
+    mesh: Mesh,
+    colors: Any,
+    view: str | tuple[float, float],
+    thicker: float = 0.0,
 ) -> None:
     box = ax.get_window_extent()
     seen = vertices @ view_rotation(view).T
     picture, extent = rasterize(
-        seen, mesh.faces, rgb_of(colors, mesh), (max(16, int(box.width)), max(16, int(box.height)))
+        seen,
+        mesh.faces,
+        rgb_of(colors, mesh),
+        (max(16, int(box.width)), max(16, int(box.height))),
+        thicker,
     )
     ax.imshow(
         picture, extent=extent, origin="lower", interpolation="bilinear", interpolation_stage="rgba"

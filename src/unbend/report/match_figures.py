@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
 
-__all__ = ["draw_error_curves", "draw_match", "draw_similarities", "pattern_colors"]
+__all__ = ["draw_error_curves", "draw_match", "draw_similarities", "error_curves", "pattern_colors"]
 
 # Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
 _STRIPES = 9
@@ -186,6 +187,14 @@ def draw_error_curves(
     """
     if not evaluations:
         raise InputError("there are no evaluations to draw")
+    figure = error_curves(evaluations)
+    if title:
+        figure.axes[0].set_title(title, fontsize=10)
+    save_figure(figure, path)
+
+
+def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
+    """Draw the curves of :func:`draw_error_curves`, as a matplotlib figure."""
     figure = new_figure(5.2, 3.8)
     figure.set_layout_engine("constrained")
     ax = figure.add_subplot()
@@ -201,9 +210,7 @@ def draw_error_curves(
     ax.grid(color="0.9")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", frameon=False, fontsize=9)
-    if title:
-        ax.set_title(title, fontsize=10)
-    save_figure(figure, path)
+    return figure
 
 
 def draw_similarities(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
@@ -58,7 +60,11 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
 
 
 def rasterize(
-    seen: FloatArray, faces: IntArray, rgb: FloatArray, size: tuple[int, int]
+    seen: FloatArray,
+    faces: IntArray,
+    rgb: FloatArray,
+    size: tuple[int, int],
+    thicker: float = 0.0,
 ) -> tuple[FloatArray, tuple[float, float, float, float]]:
     """Draw triangles, the nearest in front.
 
@@ -72,6 +78,8 @@ def rasterize(
         Colours of the vertices, 0 to 1.
     size : (int, int)
         Width and height in pixels that the picture is fitted into.
+    thicker : float, default=0
+        Pixels by which outlines are moved outward, so that threads can be seen.
 
     Returns
     -------
@@ -87,9 +95,11 @@ def rasterize(
     low, high = corners[..., :2].min(axis=(0, 1)), corners[..., :2].max(axis=(0, 1))
     # Drawn at twice the resolution and averaged: smooth outlines. The mesh may be flat.
     pixel = float(max(((high - low) / size).max(), 1e-12)) * 1.02 / 2
+    pixel *= 1 + 2 * thicker / min(size)  # the margin that it needs
     middle = (low + high) / 2
     # What is a whole number of pixels but for rounding is that number, on every processor.
-    counts = (np.ceil((high - low) / (2 * pixel) - 1e-6).astype(int) + 2) * 2
+    margin = 2 * math.ceil(thicker) + 2
+    counts = (np.ceil((high - low) / (2 * pixel) - 1e-6).astype(int) + margin) * 2
     origin = middle - counts * pixel / 2
     face, column, row, share = _covered(corners, origin, pixel)
     depth = np.einsum("ci,ci->c", share, corners[face, :, 2])
@@ -116,6 +126,10 @@ def rasterize(
     image = np.zeros((counts[0] * counts[1], 4))
     image[place, :3] = _lit(color, normal)
     image[place, 3] = 1
+    if thicker:
+        flat = image.reshape(counts[1], counts[0], 4)
+        away, nearby = distance_transform_edt(flat[..., 3] == 0, return_indices=True)
+        image = np.where((away <= 2 * thicker)[..., None], flat[tuple(nearby)], 0.0)
     image = image.reshape(counts[1] // 2, 2, counts[0] // 2, 2, 4)
     alpha = image[..., 3:].mean(axis=(1, 3))
     blended = (image[..., :3] * image[..., 3:]).mean(axis=(1, 3)) / np.maximum(alpha, 1e-12)

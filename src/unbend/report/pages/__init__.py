@@ -1,0 +1,8 @@
+"""Interactive pages: one HTML file each, which opens in any browser without a network."""
+
+from unbend.report.pages._document import Page, table
+from unbend.report.pages._form_page import form_page
+from unbend.report.pages._match_page import match_page
+from unbend.report.pages._mesh_page import mesh_page
+
+__all__ = ["Page", "form_page", "match_page", "mesh_page", "table"]

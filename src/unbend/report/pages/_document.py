@@ -1,0 +1,249 @@
+"""One HTML file with everything in it: the words, the styles, the scripts and the data."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from unbend._types import FloatArray
+from unbend.io import atomic_write, check_writable
+
+SUFFIXES = (".html",)
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'sha256-{style_hash}'; script-src 'sha256-{script_hash}'">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<header>
+<h1>{heading}</h1>
+<p class="lead">{lead}</p>
+<p class="trouble" id="trouble" role="alert" hidden></p>
+<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+</header>
+<main>
+{body}
+</main>
+<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+network.</footer>
+<script type="application/json" id="data">{data}</script>
+<script>{script}</script>
+</body>
+</html>
+"""  # noqa: E501
+
+
+@dataclass(frozen=True, repr=False)
+class Page:
+    """A page that holds everything it shows; a notebook shows it as it is.
+
+    Attributes
+    ----------
+    title : str
+    html : str
+        The whole file.
+    """
+
+    title: str
+    html: str
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file that is either complete or not there.
+
+        Parameters
+        ----------
+        path : path
+            The file to write, .html.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        check_writable(path, SUFFIXES)
+        with atomic_write(path) as file:
+            file.write(self.html.encode("utf-8"))
+
+    def __repr__(self) -> str:
+        return f"Page({self.title!r}, {len(self.html) / 1e6:.1f} MB)"
+
+    def _repr_html_(self) -> str:
+        frame = 'sandbox="allow-scripts" style="width: 100%; height: 45rem; border: 0"'
+        return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
+
+
+def make_page(
+    *,
+    title: str,
+    heading: str,
+    lead: str,
+    body: str,
+    data: dict[str, Any],
+    scripts: Sequence[str],
+) -> Page:
+    """Put a page together.
+
+    Parameters
+    ----------
+    title, lead : str
+        Plain text.
+    heading, body : str
+        HTML: what comes from a user has been escaped.
+    data : dict
+        For JSON; the scripts find it unpacked.
+    scripts : sequence of str
+        Names of files beside this one, in their order.
+    """
+    folder = files("unbend.report.pages")
+    style, *parts = (folder.joinpath(name).read_text("utf-8") for name in ("page.css", *scripts))
+    script = "\n".join(parts)
+    html = _PAGE.format(
+        title=escape(title),
+        heading=heading,
+        lead=escape(lead),
+        body=body,
+        version=version("unbend"),
+        # Nothing in JSON needs "<" as it is, and HTML would end the script at "</script>".
+        data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+        style=style,
+        script=script,
+        style_hash=_digest(style),
+        script_hash=_digest(script),
+    )
+    return Page(title, html)
+
+
+def _digest(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+
+def section(heading: str, *blocks: str) -> str:
+    """Put HTML under a heading of plain text."""
+    return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
+
+
+def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
+    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
+    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
+    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
+    for first, *others in rows:
+        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
+        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
+    return "<table>" + "\n".join(lines) + "</table>"
+
+
+def canvas(name: str, caption: str, description: str, box: str = "") -> str:
+    """Make a place to draw in, with alternative text and, if named, a box for a vertex's number."""
+    entry = ""
+    if box:
+        entry = f'<label>vertex <input type="number" id="{box}" min="0" step="1"></label>'
+    return (
+        f'<figure><canvas id="{name}" tabindex="0" role="img" aria-label="{escape(description)}">'
+        f"</canvas><figcaption><b>{escape(caption)}</b>{entry}</figcaption></figure>"
+    )
+
+
+def view_controls(up: str, *, several: bool = True) -> str:
+    """Make what every page has to change the view, or several, with."""
+    axes = "".join(f"<option{' selected' * (axis == up)}>{axis}</option>" for axis in "xyz")
+    return (
+        '<label><input type="checkbox" id="grid" checked> grid</label>'
+        + '<label><input type="checkbox" id="linked" checked> turn together</label>' * several
+        + f'<label>up <select id="up">{axes}</select></label>'
+        '<button type="button" id="reset">Reset view</button>'
+    )
+
+
+def hint(html: str) -> str:
+    """Set a remark in small print; what comes from a user has been escaped."""
+    return f'<p class="hint">{html}</p>'
+
+
+def curve_svg(
+    x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
+) -> str:
+    """Draw curves of percentages, the second one dashed."""
+    plot = _Plot(float(x.max()), 100.0, x_label, y_label)
+    for i, (name, values) in enumerate(curves):
+        spots = "L".join(plot.spot(a, b) for a, b in zip(x, values, strict=True))
+        kind = "curve other" if i else "curve"
+        plot.parts.append(f'<path class="{kind}" d="M{spots}"><title>{escape(name)}</title></path>')
+    told = "; ".join(
+        f"{name}: {values[len(x) // 4]:.1f} % within {x[len(x) // 4]:g}, "
+        f"{values[-1]:.1f} % within {x.max():g}"
+        for name, values in curves
+    )
+    return plot.svg(told)
+
+
+def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
+    """Draw a dot for each value, counted from 0."""
+    plot = _Plot(_round_above(len(values) - 1), _round_above(float(values.max())), x_label, y_label)
+    for i, value in enumerate(values):
+        x, y = plot.spot(i, value).split(",")
+        plot.parts.append(
+            f'<circle cx="{x}" cy="{y}" r="3"><title>{i}: {value:.6g}</title></circle>'
+        )
+    return plot.svg(f"{len(values)} values from {values[0]:.4g} to {values[-1]:.4g}")
+
+
+def _round_above(value: float) -> float:
+    """Find a number not below this one whose quarters are short to write."""
+    unit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
+    return float(
+        next(one * unit for one in (1, 1.2, 1.6, 2, 3, 4, 6, 8, 10) if one * unit >= value)
+    )
+
+
+class _Plot:
+    """Axes from 0, and what is drawn between them."""
+
+    left, top, width, height = 58.0, 10.0, 420.0, 220.0
+
+    def __init__(self, high: float, top: float, x_label: str, y_label: str) -> None:
+        self.high = high, top
+        self.parts = []
+        for share in np.linspace(0, 1, 5):
+            x, y = self.spot(share * high, share * top).split(",")
+            base = self.top + self.height
+            self.parts += [
+                f'<path class="axis" d="M{self.left} {y}h{self.width}"/>',
+                f'<text x="{self.left - 6}" y="{float(y) + 4}" text-anchor="end">'
+                f"{share * top:.4g}</text>",
+                f'<text x="{x}" y="{base + 18}" text-anchor="middle">{share * high:.4g}</text>',
+            ]
+        self.parts += [
+            f'<text x="{self.left + self.width / 2}" y="{base + 38}" text-anchor="middle">'
+            f"{escape(x_label)}</text>",
+            f'<text transform="translate(12 {self.top + self.height / 2}) rotate(-90)" '
+            f'text-anchor="middle">{escape(y_label)}</text>',
+        ]
+
+    def spot(self, x: float, y: float) -> str:
+        """Place of a point in the drawing."""
+        right, up = x / self.high[0], y / self.high[1]
+        return f"{self.left + self.width * right:.1f},{self.top + self.height * (1 - up):.1f}"
+
+    def svg(self, told: str) -> str:
+        """Put everything together, with alternative text."""
+        tall = self.top + self.height + 46
+        return (
+            f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(told)}">'
+            f"{''.join(self.parts)}</svg>"
+        )

@@ -1,0 +1,275 @@
+"""A page on which a shape and its canonical form turn, with what the form was made from."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from html import escape
+from typing import Any, get_args
+
+import numpy as np
+
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend.alignment import procrustes
+from unbend.canonical import CanonicalForm
+from unbend.choices import Axis, LaplacianKind
+from unbend.distances import spectral_filter
+from unbend.errors import InputError, UnbendWarning
+from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.mesh import Mesh
+from unbend.report.pages._document import (
+    SUFFIXES,
+    Page,
+    canvas,
+    dots_svg,
+    hint,
+    make_page,
+    section,
+    table,
+    view_controls,
+)
+from unbend.report.pages._packing import pack_places, pack_whole
+from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+from unbend.spectral import spectrum
+
+_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "form.js")
+# Eigenfunctions that distances on the page are summed over, and those offered to look at.
+_N_EIGENPAIRS, _OFFERED = 60, 12
+# Distances on the page are exact to this share of the widest coordinate of their embedding.
+_STEPS = 2**13
+_HINT = (
+    "Click on a place to keep it, and point at another to read how far apart they are. Drag to "
+    "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
+)
+
+
+def form_page(
+    mesh: MeshLike,
+    form: CanonicalForm,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    up: Axis = "y",
+    keep_scale: bool = False,
+    command: str = "",
+    cache: bool = True,
+    progress: Progress | None = None,
+) -> Page:
+    """Write a canonical form as a page that opens in any browser, without a network.
+
+    The shape and its form turn together, the same place in the same colour; both can be coloured
+    by the first eigenfunctions and by the biharmonic distance from any vertex. A form with its
+    `surface` shows that too. Below are the spectrum and the form's eigenvalues and stress.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    form : CanonicalForm
+        Of that mesh, from :func:`unbend.canonical_form`.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
+    up : {"x", "y", "z"}, default="y"
+        The shape's axis that points upward.
+    keep_scale : bool, default=False
+        Whether the form was made with this option.
+    command : str, default=""
+        What made the form, shown on the page.
+    cache : bool, default=True
+        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
+    progress : callable, optional
+        Called with a stage's name and the share of it that is done.
+
+    Returns
+    -------
+    Page
+        With its `html`.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Of a shape with more than 60,000 vertices so many are drawn. A form of more than three
+    dimensions is drawn in its first three. Distances on the page are biharmonic, whatever the
+    form's, and leave out all but the first 60 eigenfunctions.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import canonical_form, form_page
+    >>> from unbend.datasets import make_octopus
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "form.html")
+    ...     form_page(mesh, canonical_form(mesh), path)
+    Page('octopus, canonical form', 0.1 MB)
+    """
+    if path is not None:
+        check_writable(path, SUFFIXES)
+    mesh = as_mesh(mesh)
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name} has no faces to draw")
+    if len(form.points) != mesh.n_vertices:
+        raise InputError(
+            f"the form has {len(form.points)} points, but {mesh.name} has "
+            f"{mesh.n_vertices} vertices"
+        )
+    if up not in get_args(Axis):
+        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    step = progress or (lambda stage, share: None)
+    step("page, places", 0.0)
+    inside = np.asarray(np.isfinite(form.points).all(axis=1))
+    shown = show(mesh)
+    places = _turned_to_fit(form.points, mesh.vertices, inside)
+    laid = None
+    if form.surface is not None:
+        laid = _turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+    step("page, eigenfunctions", 0.2)
+    values, embedding = _embedding(mesh, form, inside, cache)
+    rows = shown.ids
+    data = {
+        "shape": shown.packed(mesh.vertices)
+        | {
+            "colors": pack_places(places_as_colors(mesh, shown)[rows]),
+            "known": pack_whole(inside[rows].astype(np.int64)),
+        },
+        "form": _packed(places[rows], shown.faces),
+        "surface": None if laid is None else _packed(laid[rows], shown.faces),
+        "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
+        "unit": _unit(form, keep_scale),
+        "cells": cells_of(mesh.vertices[rows]),
+    }
+    page = make_page(
+        title=f"{mesh.name}, canonical form",
+        heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
+        lead=f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
+        f"stress {form.stress:.3f}.",
+        body="\n".join(
+            [
+                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), laid is not None),
+                '<div class="columns">',
+                _spectrum(values),
+                _form_facts(form),
+                "</div>",
+                _facts(mesh, form, shown.told(mesh), command),
+            ]
+        ),
+        data=data,
+        scripts=_SCRIPTS,
+    )
+    if path is not None:
+        page.write(path)
+    return page
+
+
+def _turned_to_fit(
+    points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
+) -> FloatArray:
+    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
+    places = np.zeros((len(points), 3))
+    places[:, : points.shape[1]] = points[:, :3]
+    turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
+    return np.asarray(np.where(inside[:, None], places @ turn.T, np.nan))
+
+
+def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
+    return {"places": pack_places(places), "faces": faces_within(places, faces)}
+
+
+def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
+    """Tell how long a biharmonic distance of one is in the form; None for other distances."""
+    if form.distance != "biharmonic":
+        return None
+    return float(np.sqrt(form.area)) if keep_scale else 1.0
+
+
+def _embedding(
+    mesh: Mesh, form: CanonicalForm, inside: BoolArray, cache: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues at unit area, and eigenfunctions so weighted that straight is biharmonic."""
+    kind: LaplacianKind = "robust" if form.laplacian == "robust" else "cotangent"
+    part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
+        count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
+        found = spectrum(part, count, laplacian=kind, cache=cache)
+    values = found.eigenvalues * form.area
+    weights = np.sqrt(spectral_filter("biharmonic", values, 1.0)) * np.sqrt(form.area)
+    return values, (found.eigenfunctions * weights)[:, 1:]
+
+
+def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
+    functions = "".join(
+        f'<option value="function-{k}">eigenfunction {k + 1}</option>' for k in range(n_functions)
+    )
+    same = "The same place has the same colour on the shape and on its form."
+    return (
+        '<div class="controls" role="group" aria-label="Controls">'
+        '<label>Colours <select id="paint"><option value="place">same place, same colour</option>'
+        '<option value="distance">distance from the clicked vertex</option>'
+        f'{functions}<option value="plain">plain</option></select></label>'
+        '<label>Thicken the form <input type="range" id="thicken" min="0" max="4" step="0.25" '
+        'value="1.5"></label>'
+        f"{view_controls(up)}</div>\n"
+        '<div class="pair">'
+        + canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex")
+        + canvas("form", "Its canonical form", f"The canonical form of {name}. {same}")
+        + (
+            canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}")
+            if detailed
+            else ""
+        )
+        + f'</div>\n<p class="readout" id="readout" aria-live="polite">{_HINT}</p>'
+    )
+
+
+def _spectrum(values: FloatArray) -> str:
+    return section(
+        "Spectrum",
+        dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
+        hint("The lowest eigenvalues of the shape's Laplacian. They are the same in every pose."),
+    )
+
+
+def _form_facts(form: CanonicalForm) -> str:
+    values = form.eigenvalues
+    rows = [(f"eigenvalue {i + 1}", f"{value:.5g}") for i, value in enumerate(values[:8])]
+    rows.append(("stress", f"{form.stress:.4f}"))
+    if form.residual is not None:
+        rows.append(("residual", f"{form.residual:.0e}"))
+    return section(
+        "Form",
+        table(rows),
+        hint(
+            "An eigenvalue is how far the form reaches along one of its axes, squared and summed "
+            "over vertices. Stress is how far straight distances within the form miss the "
+            f"{escape(form.distance)} distances on the shape: 0 is perfect."
+        ),
+    )
+
+
+def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str) -> str:
+    rows = [
+        ("shape", "; ".join([mesh.name, f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"])),
+        ("done to it", "; ".join([*mesh.notes, *form.notes, *told]) or "nothing"),
+        (
+            "form",
+            f"{form.method} {form.distance}, {form.weighting} weights, {form.laplacian} Laplacian",
+        ),
+        (
+            "for display",
+            "the form is turned or mirrored as a whole to lie as the shape does; its surface is "
+            "drawn thicker on each side by the pixels that were chosen",
+        ),
+        (
+            "distances here",
+            f"biharmonic, at unit area, summed over the first {_N_EIGENPAIRS} eigenfunctions at "
+            "most",
+        ),
+    ]
+    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
+    return section("How it was made", table(rows), made)

@@ -1,0 +1,129 @@
+"""A map from one shape to another, packed for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import FloatArray, IntArray
+from unbend.alignment import procrustes
+from unbend.correspondence import as_point_map, evaluate, morph, transfer
+from unbend.io import invert_map
+from unbend.matching import Match
+from unbend.mesh import Mesh, edge_ends
+from unbend.report.pages._packing import pack_places, pack_whole
+from unbend.report.pages._shown import Shown, places_as_colors
+
+# The morph between source and target is computed at these shares, and is cubic between them. That
+# along another map than the first has fewer, to keep pages small.
+_FRAMES, _FEW_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 1.0)
+# Vertices that the truth does not name take the mean error of neighbours, so far from any it names.
+_FILLED_RINGS = 3
+
+
+def pack_map(
+    source: Mesh,
+    target: Mesh,
+    match: Match | IntArray,
+    shown: tuple[Shown, Shown],
+    forms: tuple[FloatArray, FloatArray],
+    truth: Sequence[npt.ArrayLike] | None,
+    *,
+    first: bool,
+) -> dict[str, Any]:
+    """Pack all that a page shows of one map.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The target standing as the source does.
+    match : Match or (n_source,) ndarray of int64
+    shown : two of Shown
+        The parts of both that are shown.
+    forms : two of (n, 3) ndarray of float64
+        Canonical forms.
+    truth : sequence of 2 or 3 (r,) array_like of int, or None
+        See :func:`unbend.match_page`.
+    first : bool
+        Whether it is the map that the page shows first.
+    """
+    ours, theirs = shown
+    forward = as_point_map(match)
+    backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
+    carried = transfer(source.vertices, match, kind="scalar", source=source, target=target)
+    colors = places_as_colors(source, ours, carried)[theirs.ids]
+    shares = _FRAMES if first else _FEW_FRAMES
+    errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
+    return {
+        "source": _links(forward[ours.ids], theirs),
+        "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
+        "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
+        "errors": None if errors is None else pack_places(errors[ours.ids][:, None]),
+        **_motion(forms, forward),
+    }
+
+
+def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
+    """Pack partners, -1 for none, and what is seen in their place where that is another vertex."""
+    seen = np.where(partners >= 0, other.stand_ins[partners], -1)
+    same = (seen == partners).all()
+    return {
+        "partners": pack_whole(partners),
+        "standIns": None if same else pack_whole(seen),
+    }
+
+
+def _frames(
+    source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown, shares: Sequence[float]
+) -> list[FloatArray]:
+    """Places of the shown vertices on their way to the target; none if too few have an image."""
+    images = as_point_map(match)[ours.ids]
+    if (images >= 0).sum() < 3:
+        return []
+    along: Match | IntArray = images
+    if isinstance(match, Match) and match.faces is not None and match.weights is not None:
+        along = replace(
+            match,
+            source_to_target=images,
+            faces=match.faces[ours.ids],
+            weights=match.weights[ours.ids],
+        )
+    thin = Mesh(source.vertices[ours.ids], ours.faces)
+    return [morph(thin, target, along, share).vertices for share in shares]
+
+
+def _motion(forms: tuple[FloatArray, FloatArray], forward: IntArray) -> dict[str, Any]:
+    """Motion that lays the source's form onto the target's."""
+    images = np.full_like(forms[0], np.nan)
+    there = forward >= 0
+    images[there] = forms[1][forward[there]]
+    there = np.asarray(np.isfinite(forms[0] + images).all(axis=1))
+    turn, shift = np.eye(3), np.zeros(3)
+    if there.sum() >= 3:
+        turn, shift = procrustes(forms[0][there], images[there])
+    return {"rotation": turn.tolist(), "translation": shift.tolist()}
+
+
+def _errors_of_vertices(
+    source: Mesh, target: Mesh, match: Match | IntArray, truth: Sequence[npt.ArrayLike]
+) -> FloatArray:
+    """Error of each source vertex, of its neighbours where only they have one, else -1."""
+    forward = as_point_map(match)
+    direct = evaluate(match, target, *truth).direct
+    sources, *images = (np.asarray(one) for one in truth)
+    counted = (forward[sources] >= 0) & np.all([one >= 0 for one in images], axis=0)
+    errors = np.full(len(forward), -1.0)
+    errors[sources[counted]] = np.minimum(direct, 1.0)
+    ends = edge_ends(source.faces, len(forward))
+    for _ in range(_FILLED_RINGS):
+        known = errors >= 0
+        i, j = np.concatenate([ends, ends[:, ::-1]]).T
+        i, j = i[known[i]], j[known[i]]
+        count = np.bincount(j, minlength=len(errors))
+        mean = np.bincount(j, errors[i], len(errors)) / np.maximum(count, 1)
+        errors = np.where(known | (count == 0), errors, mean)
+    return errors

@@ -1,0 +1,204 @@
+"""A page on which two matched shapes turn, and a place on one shows its partner on the other."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Sequence
+from html import escape
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend.alignment import procrustes
+from unbend.canonical import canonical_form
+from unbend.choices import Axis
+from unbend.correspondence import as_point_map, evaluate, transfer
+from unbend.errors import InputError, UnbendWarning
+from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.matching import Match
+from unbend.mesh import Mesh, vertex_areas
+from unbend.report.pages import _match_words as words
+from unbend.report.pages._document import SUFFIXES, Page, make_page
+from unbend.report.pages._maps import pack_map
+from unbend.report.pages._packing import pack_places
+from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+
+_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "match.js")
+# The error that is drawn in the last colour.
+_WORST = 0.1
+
+
+def match_page(
+    source: MeshLike,
+    target: MeshLike,
+    match: Match | npt.ArrayLike,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    up: Axis = "y",
+    truth: Sequence[npt.ArrayLike] | None = None,
+    command: str = "",
+    progress: Progress | None = None,
+) -> Page:
+    """Write a match as a page that opens in any browser, without a network: one HTML file.
+
+    Both shapes turn together, the same place in the same colour; pointing at one marks the partner
+    on the other and tells both vertex numbers; a slider morphs the source into the target. Below
+    are both canonical forms, before and after they are aligned, and what is known of the match.
+
+    Parameters
+    ----------
+    source, target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none:
+        such vertices are grey. Of a match's alternatives and its mirror image, if they were asked
+        for, the page lets choose one.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
+    up : {"x", "y", "z"}, default="y"
+        The source's axis that points upward.
+    truth : sequence of 2 or 3 (r,) array_like of int, optional
+        Source vertices, their true target vertices and perhaps the mirrored ones, as for
+        :func:`unbend.evaluate`: the page then shows the errors.
+    command : str, default=""
+        What made the match, shown on the page.
+    progress : callable, optional
+        Called with a stage's name and the share of it that is done.
+
+    Returns
+    -------
+    Page
+        With its `html`.
+
+    Raises
+    ------
+    InputError
+        If a shape has no faces, the map or the truth does not fit, or there is no such axis.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Of a shape with more than 60,000 vertices so many are drawn; all are computed on. The target is
+    turned as a whole, and scaled to the area of what is matched, to stand as the source does.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from unbend import match_page
+    >>> from unbend.datasets import make_octopus
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "match.html")
+    ...     match_page(mesh, mesh, np.arange(600), path)
+    Page('octopus to octopus', 0.1 MB)
+    """
+    if path is not None:
+        check_writable(path, SUFFIXES)
+    source, target = as_mesh(source), as_mesh(target)
+    for mesh in (source, target):
+        if mesh.is_point_cloud:
+            raise InputError(f"{mesh.name} has no faces to draw")
+    if up not in get_args(Axis):
+        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    step = progress or (lambda stage, share: None)
+    step("page, places", 0.0)
+    maps = _maps(match)
+    first = next(iter(maps.values()))
+    carried = transfer(source.vertices, first, kind="scalar", source=source, target=target)
+    target = _standing_alike(target, source, carried, as_point_map(first) >= 0)
+    shown = show(source), show(target)
+    rows = shown[0].ids
+    step("page, canonical forms", 0.1)
+    forms = _form(source), _form(target)
+    packed = []
+    for i, one in enumerate(maps.values()):
+        step("page, maps", 0.3 + 0.6 * i / len(maps))
+        packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
+    found = None if truth is None else evaluate(first, target, *truth, source=source)
+    known = first if isinstance(first, Match) else None
+    blocks = [
+        words.pictures(
+            (source.name, target.name),
+            up,
+            tuple(maps),
+            morphs=bool(packed[0]["frames"]),
+            errors=found is not None,
+        ),
+        words.forms(),
+        '<div class="columns">',
+        *([words.errors(found, _WORST)] if found is not None else []),
+        *([words.hypotheses(known)] if known is not None and known.hypotheses else []),
+        "</div>",
+        words.facts((source, target), shown, known, command),
+    ]
+    page = make_page(
+        title=f"{source.name} to {target.name}",
+        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
+        lead=_lead(first, target),
+        body="\n".join(blocks),
+        data={
+            "source": shown[0].packed(source.vertices)
+            | {"colors": pack_places(places_as_colors(source, shown[0])[rows])},
+            "target": shown[1].packed(target.vertices),
+            "forms": {
+                side: {
+                    "places": pack_places(form[part.ids]),
+                    "faces": faces_within(form[part.ids], part.faces),
+                }
+                for side, form, part in zip(("source", "target"), forms, shown, strict=True)
+            },
+            "maps": packed,
+            "worst": _WORST,
+            "cells": cells_of(source.vertices[rows]),
+        },
+        scripts=_SCRIPTS,
+    )
+    if path is not None:
+        page.write(path)
+    return page
+
+
+def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
+    """Name the maps that there are to choose from."""
+    if not isinstance(match, Match):
+        return {"as given": as_point_map(match)}
+    maps: dict[str, Match | IntArray] = {}
+    for i, one in enumerate((match, *match.alternatives)):
+        trust = "" if math.isnan(one.confidence) else f", confidence {one.confidence:.2f}"
+        maps[f"{i + 1}{trust}"] = one
+    if match.mirrored is not None:
+        maps["mirror image"] = match.mirrored
+    return maps
+
+
+def _form(mesh: Mesh) -> FloatArray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)  # the match has said it already
+        return canonical_form(mesh, component="largest").points
+
+
+def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: BoolArray) -> Mesh:
+    """Turn, scale and shift the target as a whole to where the map has it on the source."""
+    there = np.asarray(np.isfinite(carried).all(axis=1))
+    areas = vertex_areas(source)[matched].sum(), vertex_areas(target)[there].sum()
+    places = target.vertices * (math.sqrt(areas[0] / areas[1]) if min(areas) > 0 else 1.0)
+    if there.sum() >= 3:
+        turn, shift = procrustes(places[there], carried[there], reflect=False)
+        places = places @ turn.T + shift
+    return Mesh(places, target.faces, name=target.name, notes=target.notes)
+
+
+def _lead(match: Match | IntArray, target: Mesh) -> str:
+    forward = as_point_map(match)
+    matched = int((forward >= 0).sum())
+    part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
+    told = f"{part} vertices matched to a shape of {target.n_vertices:,}"
+    if isinstance(match, Match) and not math.isnan(match.confidence):
+        told += f"; confidence {match.confidence:.2f}"
+    return told + "."

@@ -1,0 +1,154 @@
+"""What the match page says around its pictures."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from unbend.correspondence import THRESHOLDS, Evaluation
+from unbend.matching import Match
+from unbend.mesh import Mesh
+from unbend.report.pages._document import (
+    canvas,
+    curve_svg,
+    hint,
+    section,
+    table,
+    view_controls,
+)
+from unbend.report.pages._shown import Shown
+
+_HINT = (
+    "Point at a place on either shape to see its partner on the other; click to keep it. Drag to "
+    "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
+)
+
+
+def pictures(
+    names: tuple[str, str], up: str, maps: tuple[str, ...], *, morphs: bool, errors: bool
+) -> str:
+    """Make room for both shapes, with what moves and colours them."""
+    choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
+    choice = f'<label>Map <select id="map">{choices}</select></label>' if len(maps) > 1 else ""
+    morph = (
+        '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
+        "</label>"
+        '<button type="button" id="play">Play</button>'
+        if morphs
+        else ""
+    )
+    error = '<option value="1">by error</option>' if errors else ""
+    sides = [
+        canvas(
+            side,
+            f"{side.capitalize()}: {name}",
+            f"The {side} shape, {name}, in three dimensions. The same place has the same colour on "
+            "both shapes; the numbers of a vertex and its partner are told below.",
+            f"{side}-vertex",
+        )
+        for side, name in zip(("source", "target"), names, strict=True)
+    ]
+    return (
+        f'<div class="controls" role="group" aria-label="Controls">{choice}{morph}'
+        '<label>Colours <select id="paint"><option value="0">same place, same colour</option>'
+        f'{error}<option value="2">plain</option></select></label>'
+        f"{view_controls(up)}</div>\n"
+        f'<div class="pair">{"".join(sides)}</div>\n'
+        f'<p class="readout" id="readout" aria-live="polite">{escape(_HINT)}</p>'
+    )
+
+
+def forms() -> str:
+    """Make room for the canonical forms."""
+    described = "The canonical forms of both shapes, one over the other, "
+    return section(
+        "Canonical forms",
+        '<div class="pair low">'
+        + canvas("before", "As they were computed", described + "before they are aligned.")
+        + canvas("after", "Aligned by the match", described + "after they are aligned.")
+        + "</div>",
+        hint(
+            '<span class="chip ours"></span>source '
+            '<span class="chip theirs"></span>target. Limbs are threads there; every surface is '
+            "drawn 1.5 pixels thicker on each side than it is."
+        ),
+    )
+
+
+def errors(found: Evaluation, worst: float) -> str:
+    """Say how far the map is from the truth."""
+    curves = [("against the truth", found.curve())]
+    rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
+    if found.map_min is not None:
+        curves.append(("mirror image allowed", found.curve("map-min")))
+        rows.append(("mean, mirror image allowed (dashed)", f"{found.mean('map-min'):.4f}"))
+    rows += [
+        ("points counted", f"{len(found.direct):,}"),
+        ("target covered", f"{found.coverage:.1%} of its area"),
+    ]
+    if found.overlap.iou < 1:
+        rows += [
+            ("given a partner that have one", f"{found.overlap.precision:.1%}"),
+            ("with a partner that were given one", f"{found.overlap.recall:.1%}"),
+        ]
+    x = "geodesic error, in units of the square root of the target's area"
+    return section(
+        "Errors",
+        curve_svg(THRESHOLDS, curves, x, "points within it, %"),
+        table(rows),
+        hint(
+            f'Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
+            "Vertices that the truth does not name take the mean of their neighbours, and are grey "
+            "far from any that it names; the target shows the error of what is mapped to it."
+        ),
+    )
+
+
+def hypotheses(match: Match) -> str:
+    """List what else the search considered."""
+    taken = min(one.energy for one in match.hypotheses)
+    rows = [
+        (
+            "taken" if i == 0 else str(i + 1),
+            f"{one.energy:.4f}",
+            f"{one.energy - taken:+.4f}",
+            f"{one.orientation:+.2f}",
+        )
+        for i, one in enumerate(match.hypotheses)
+    ]
+    return section(
+        "Alternatives",
+        table(rows, ("hypothesis", "energy", "beside the least", "orientation")),
+        hint(
+            "Energy is the share of the surfaces' local shape that a map leaves unexplained; what "
+            "is close to the first may well be a symmetry of the shape. Orientation is 1 where a "
+            "map keeps the surface right side out, -1 where it turns it inside out."
+        ),
+    )
+
+
+def facts(
+    meshes: tuple[Mesh, Mesh], shown: tuple[Shown, Shown], match: Match | None, command: str
+) -> str:
+    """Say what was matched, what was done to it, and by which command."""
+    rows = []
+    for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
+        told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
+        rows.append((side, "; ".join([mesh.name, *told, *mesh.notes, *part.told(mesh)])))
+    rows.append(
+        ("for display", "the target is turned as a whole, and brought to the source's size")
+    )
+    if match is not None:
+        known = not math.isnan(match.confidence)
+        rows += [
+            ("confidence", f"{match.confidence:.2f}" if known else "not estimated"),
+            ("orientation", f"{match.orientation:+.2f}"),
+            (
+                "area with a partner",
+                f"{match.overlap_source:.0%} of the source's, "
+                f"{match.overlap_target:.0%} of the target's",
+            ),
+            ("residual of the aligned forms", f"{match.residual:.3f}"),
+        ]
+    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
+    return section("How it was made", table(rows), made)

@@ -1,0 +1,64 @@
+"""Arrays packed into text, small enough to travel within a page.
+
+Rows lie beside their neighbours, so differences are small: each number becomes its difference from
+the one before, the bytes of like weight go together, and zlib does the rest. ``data.js`` unpacks.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+
+# Positions keep this share of a shape's longest side: 2^-14, a fraction of a pixel on any screen.
+_STEPS = 2**14
+
+
+def pack_whole(numbers: IntArray) -> dict[str, Any]:
+    """Pack whole numbers, each column by differences down the rows.
+
+    Parameters
+    ----------
+    numbers : (n,) or (n, c) ndarray of int64
+        Differences within 32 bits.
+
+    Returns
+    -------
+    dict
+        For JSON: ``columns``, ``planes`` (bytes of a number) and ``data``.
+    """
+    table = numbers.reshape(len(numbers), -1).astype(np.int64)
+    steps = np.diff(table, axis=0, prepend=0)
+    folded = np.where(steps < 0, -2 * steps - 1, 2 * steps).astype("<u4")
+    planes = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
+    columns = np.ascontiguousarray(folded.T).view(np.uint8).reshape(table.shape[1], -1, 4)
+    data = np.ascontiguousarray(columns[:, :, :planes].transpose(0, 2, 1)).tobytes()
+    packed = base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+    return {"columns": table.shape[1], "planes": planes, "data": packed}
+
+
+def pack_places(places: FloatArray, step: float | None = None) -> dict[str, Any]:
+    """Pack real numbers, rounded to a whole number of steps.
+
+    Parameters
+    ----------
+    places : (n, c) ndarray of float64
+        Rows that are not finite become the lowest of the others.
+    step : float, optional
+        By default a 16,384th of the widest column's range.
+
+    Returns
+    -------
+    dict
+        As of :func:`pack_whole`, with the ``low`` of each column and the ``step``.
+    """
+    finite = np.asarray(np.isfinite(places).all(axis=1))
+    low = places[finite].min(axis=0) if finite.any() else np.zeros(places.shape[1])
+    above = np.where(finite[:, None], places - low, 0.0)
+    step = step or max(float(above.max(initial=0)), 1e-300) / _STEPS
+    whole = np.rint(above / step).astype(np.int64)
+    return pack_whole(whole) | {"low": low.tolist(), "step": step}

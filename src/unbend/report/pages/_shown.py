@@ -1,0 +1,92 @@
+"""What a page shows of a mesh: what faces use, thinned if a browser could not turn all of it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from unbend._arrays import snap
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray
+from unbend.matching import decimate
+from unbend.mesh import Mesh
+from unbend.report.pages._packing import pack_places, pack_whole
+
+MOST_VERTICES = 60_000
+_GRID = 14.0
+
+
+class Shown(NamedTuple):
+    """The part of a mesh that a page shows.
+
+    Attributes
+    ----------
+    ids : (m,) ndarray of int64
+        Its vertices among the mesh's, ascending.
+    faces : (f, 3) ndarray of int64
+        Of the shown vertices.
+    stand_ins : (n,) ndarray of int64
+        The shown vertex in whose place each of the mesh's is seen; -1 where no face uses it.
+    """
+
+    ids: IntArray
+    faces: IntArray
+    stand_ins: IntArray
+
+    def told(self, mesh: Mesh) -> tuple[str, ...]:
+        """Say in sentences what is not shown."""
+        told, n_used = [], int((self.stand_ins >= 0).sum())
+        if n_used < mesh.n_vertices:
+            told.append(f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown")
+        if len(self.ids) < n_used:
+            told.append(
+                f"{len(self.ids):,} of {n_used:,} vertices are drawn; results were computed on all "
+                "of them"
+            )
+        return tuple(told)
+
+    def packed(self, places: FloatArray) -> dict[str, Any]:
+        """Pack places of all vertices, (n, 3), with the faces and, where needed, the numbers."""
+        everything = len(self.ids) == len(self.stand_ins)
+        return {
+            "places": pack_places(places[self.ids]),
+            "faces": pack_whole(self.faces),
+            "ids": None if everything else pack_whole(self.ids),
+        }
+
+
+def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
+    """Choose what is shown of a mesh with faces: no more than so many vertices, if possible."""
+    ids, corners = np.unique(mesh.faces, return_inverse=True)
+    faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
+    kept = np.arange(len(ids))
+    if len(ids) > most:
+        kept, faces, parents = decimate(snap(mesh.vertices[ids]), faces, most)
+    stand_ins = np.full(mesh.n_vertices, -1)
+    stand_ins[ids] = parents
+    return Shown(ids[kept], faces, stand_ins)
+
+
+def places_as_colors(mesh: Mesh, shown: Shown, carried: FloatArray | None = None) -> FloatArray:
+    """Places along the sides of what is shown of a mesh, 0 to 1, the longest side first.
+
+    Of its vertices, or of other places in its space that were carried to another shape.
+    """
+    seen = mesh.vertices[shown.ids]
+    sides = np.ptp(seen, axis=0)
+    order = np.argsort(-sides, kind="stable")
+    places = mesh.vertices if carried is None else carried
+    return np.asarray(((places - seen.min(axis=0)) / np.maximum(sides, 1e-300))[:, order])
+
+
+def cells_of(places: FloatArray) -> list[float]:
+    """How often grid lines that make squares cross the longest and the middle side."""
+    sides = np.sort(np.ptp(places, axis=0))[::-1]
+    return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
+
+
+def faces_within(places: FloatArray, faces: IntArray) -> dict[str, Any] | None:
+    """Pack the faces whose corners are finite; None where all are."""
+    inside = np.asarray(np.isfinite(places).all(axis=1))[faces].all(axis=1)
+    return None if inside.all() else pack_whole(faces[inside])

@@ -1,0 +1,199 @@
+"""A browser without a window, driven by Chromium's own protocol over two pipes."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import selectors
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import numpy.typing as npt
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+_PATIENCE = 60.0
+# Chromium reads commands from descriptor 3 and answers on 4.
+_LAUNCH = (
+    "import os, sys\n"
+    "for new, old in ((3, int(sys.argv[1])), (4, int(sys.argv[2]))):\n"
+    "    os.dup2(old, new)\n"
+    "os.execv(sys.argv[3], sys.argv[3:])\n"
+)
+
+
+def find_browser() -> str | None:
+    """Find Chromium: what UNBEND_BROWSER names, or one on the path."""
+    return os.environ.get("UNBEND_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+class Browser:
+    """A page in a browser that has no network; everything that goes wrong is in `problems`."""
+
+    def __init__(self, program: str, profile: Path, *, width: int = 940, height: int = 720):
+        # High descriptors, which the two that Chromium wants cannot overwrite.
+        import fcntl
+
+        pipes = [os.pipe(), os.pipe()]
+        ends = [[fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, 50) for fd in pipe] for pipe in pipes]
+        for fd in (*pipes[0], *pipes[1]):
+            os.close(fd)
+        (theirs_in, self._write), (self._read, theirs_out) = ends
+        arguments = [
+            "--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader", f"--user-data-dir={profile}", "--no-first-run",
+            "--disable-extensions", "--disable-background-networking", "--disable-dev-shm-usage",
+            f"--window-size={width},{height}", "--hide-scrollbars", "about:blank",
+        ]  # fmt: skip
+        self._log = open(profile.with_suffix(".log"), "wb")  # noqa: SIM115
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _LAUNCH, str(theirs_in), str(theirs_out), program, *arguments],
+            pass_fds=(theirs_in, theirs_out),
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+        )
+        os.close(theirs_in)
+        os.close(theirs_out)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._read, selectors.EVENT_READ)
+        self._buffer, self._number, self._session = b"", 0, ""
+        self.problems: list[str] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+        offline = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+        self.call("Network.emulateNetworkConditions", offline=True, **offline)
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+
+    def close(self) -> None:
+        """End the browser."""
+        self._process.kill()
+        self._process.wait()
+        self._selector.close()
+        self._log.close()
+        os.close(self._read)
+        os.close(self._write)
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Send one command and wait for its answer."""
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._write, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._number:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']}")
+                result: dict[str, Any] = answer["result"]
+                return result
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            if not self._selector.select(_PATIENCE):
+                raise TimeoutError("the browser does not answer")
+            read = os.read(self._read, 2**20)
+            if not read:
+                raise RuntimeError(f"the browser has ended; see {self._log.name}")
+            self._buffer += read
+        line, _, self._buffer = self._buffer.partition(b"\0")
+        event: dict[str, Any] = json.loads(line)
+        self._note(event.get("method", ""), event.get("params", {}))
+        return event
+
+    def _note(self, method: str, told: dict[str, Any]) -> None:
+        if method == "Runtime.exceptionThrown":
+            details = told["exceptionDetails"]
+            self.problems.append(details.get("exception", {}).get("description", details["text"]))
+        if method == "Runtime.consoleAPICalled" and told["type"] in ("error", "warning", "assert"):
+            self.problems.append(str([one.get("value") for one in told["args"]]))
+        if method == "Log.entryAdded" and told["entry"]["level"] == "error":
+            self.problems.append(told["entry"]["text"])
+        if method == "Network.requestWillBeSent":
+            address = told["request"]["url"]
+            if not address.startswith(("file:", "data:", "blob:", "about:")):
+                self.problems.append(f"asked the network for {address}")
+
+    def run(self, script: str) -> Any:
+        """Evaluate JavaScript in the page, a promise to its end."""
+        answer = self.call(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
+        if "exceptionDetails" in answer:
+            raise RuntimeError(answer["exceptionDetails"]["exception"]["description"])
+        return answer["result"].get("value")
+
+    def open(self, page: Path) -> None:
+        """Open a file from disk and wait until it has drawn."""
+        self.call("Page.navigate", url=page.resolve().as_uri())
+        until = time.monotonic() + _PATIENCE
+        while not self.run("document.documentElement?.dataset.ready || ''"):
+            if self.problems or time.monotonic() > until:
+                raise RuntimeError(f"{page.name} did not draw: {self.problems}")
+            time.sleep(0.05)
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until two frames have been drawn."""
+        self.run("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+
+    def middle(self, selector: str, right: float = 0.0, up: float = 0.0) -> tuple[float, float]:
+        """Place on the screen within an element, from its middle, in shares of half its size."""
+        box = self.run(
+            f"(e => {{ e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect();"
+            f" return [b.left, b.top, b.width, b.height] }})(document.querySelector({selector!r}))"
+        )
+        left, top, width, height = box
+        return left + width * (1 + right) / 2, top + height * (1 - up) / 2
+
+    def mouse(self, kind: str, x: float, y: float, **more: Any) -> None:
+        """Send one event of the mouse."""
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+    def click(self, x: float, y: float) -> None:
+        """Point at a place, press and release."""
+        self.mouse("mouseMoved", x, y)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.mouse(kind, x, y, button="left", clickCount=1)
+        self.settle()
+
+    def drag(self, start: tuple[float, float], right: float, down: float) -> None:
+        """Press at a place, move and release."""
+        x, y = start
+        self.mouse("mousePressed", x, y, button="left", clickCount=1)
+        for share in (0.5, 1.0):
+            self.mouse("mouseMoved", x + share * right, y + share * down, button="left", buttons=1)
+        self.mouse("mouseReleased", x + right, y + down, button="left", clickCount=1)
+        self.settle()
+
+    def press(self, key: str) -> None:
+        """Press a key on what has the focus."""
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+        self.settle()
+
+    def picture(self, selector: str = "", save: Path | None = None) -> npt.NDArray[np.float64]:
+        """Pixels of an element, or of the whole page, kept as a file if named."""
+        name = selector or "html"
+        box = self.run(
+            f"(b => [b.left + scrollX, b.top + scrollY, b.width, b.height])"
+            f"(document.querySelector({name!r}).getBoundingClientRect())"
+        )
+        clip = dict(zip(("x", "y", "width", "height"), box, strict=True), scale=1)
+        more = {"captureBeyondViewport": True, "clip": clip}
+        data = base64.b64decode(self.call("Page.captureScreenshot", **more)["data"])
+        if save is not None:
+            save.write_bytes(data)
+        return np.asarray(matplotlib.image.imread(io.BytesIO(data)), dtype=np.float64)[..., :3]

@@ -1,0 +1,111 @@
+"""The surface in its form's pose: itself, but for its pose, whatever that was."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from unbend import Mesh, canonical_form, procrustes
+from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import InputError
+from unbend.mesh import edge_ends, vertex_areas
+
+
+def apart(points, others, reflect=False):
+    """Distance that is left after the best motion, as a share of the size."""
+    rotation, translation = procrustes(points, others, reflect=reflect)
+    left = points @ rotation.T + translation - others
+    return np.linalg.norm(left) / np.linalg.norm(others - others.mean(axis=0))
+
+
+def laid(mesh, **options):
+    return canonical_form(mesh, detail="preserved", **options).surface
+
+
+@pytest.fixture(scope="module")
+def dogs():
+    """A dog in three poses."""
+    return [
+        make_quadruped(pose, n_vertices=1500).mesh for pose in ("standing", "galloping", "sitting")
+    ]
+
+
+@pytest.fixture(scope="module")
+def unbent(dogs):
+    return [laid(dog) for dog in dogs]
+
+
+def test_a_sphere_is_its_own_form_and_stays_as_it_is():
+    ball = make_sphere(3)
+    unit = np.sqrt(vertex_areas(ball).sum())
+    assert apart(laid(ball), ball.vertices / unit) < 5e-3
+
+
+def test_poses_of_one_shape_become_nearly_one(dogs, unbent):
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        before = apart(dogs[i].vertices, dogs[j].vertices)
+        assert apart(unbent[i], unbent[j]) < min(0.7 * before, 0.2)
+
+
+def test_the_surface_is_kept(dogs, unbent):
+    for dog, points in zip(dogs, unbent, strict=True):
+        i, j = edge_ends(dog.faces, 1500).T
+        unit = np.sqrt(vertex_areas(dog).sum())
+        before = np.linalg.norm(dog.vertices[i] - dog.vertices[j], axis=1) / unit
+        stretch = np.linalg.norm(points[i] - points[j], axis=1) / before
+        assert abs(np.median(stretch) - 1) < 0.03
+        assert np.percentile(stretch, 5) > 0.8
+        assert np.percentile(stretch, 95) < 1.2
+        # The right side stays out, and limbs keep their girth: the volume is about the same.
+        assert volume(points, dog.faces) == pytest.approx(
+            volume(dog.vertices, dog.faces) / unit**3, rel=0.25
+        )
+
+
+def volume(points, faces):
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+
+
+def test_motions_and_units_change_nothing_and_mirrors_mirror(blob):
+    plain = laid(blob)
+    turn = Rotation.from_rotvec([0.3, 1.0, -2.0]).as_matrix()
+    moved = Mesh(40 * blob.vertices @ turn.T + 7, blob.faces)
+    assert apart(laid(moved), plain) < 1e-6
+    area = vertex_areas(moved).sum()
+    np.testing.assert_allclose(laid(moved, keep_scale=True), np.sqrt(area) * laid(moved))
+    mirrored = laid(Mesh(blob.vertices * [1, 1, -1], blob.faces))
+    assert apart(mirrored * [1, 1, -1], plain) < 1e-6
+    assert apart(mirrored, plain) > 0.01
+
+
+def test_what_is_no_part_of_the_surface_is_nan(blob):
+    loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
+    with pytest.warns(match="unreferenced"):
+        found = laid(loose)
+    assert np.isnan(found[-1]).all()
+    np.testing.assert_allclose(found[:-1], laid(blob), atol=1e-9)
+
+
+def test_the_form_itself_is_the_same(blob):
+    plain, detailed = canonical_form(blob), canonical_form(blob, detail="preserved")
+    np.testing.assert_array_equal(plain.points, detailed.points)
+    assert plain.surface is None
+    assert "detail" in detailed.seconds
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"detail": "kept"}, 'must be "preserved"'),
+        ({"detail": "preserved", "n_components": 2}, "at least 3 dimensions"),
+        ({"detail": "preserved", "n_coarse": 100}, "n_coarse"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(blob, options, message):
+    with pytest.raises(InputError, match=message):
+        canonical_form(blob, **options)
+
+
+def test_points_have_no_detail(blob):
+    with pytest.raises(InputError, match="detail needs faces"):
+        canonical_form(blob.vertices, detail="preserved")

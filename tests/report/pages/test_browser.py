@@ -1,0 +1,331 @@
+"""Pages in a real browser, from disk and without a network: what is seen is what was computed.
+
+Skipped where there is no Chromium; ``make test-browser`` installs it and fails without one. The
+screenshots are kept where UNBEND_SCREENSHOTS says.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import Browser, find_browser
+from unbend import Mesh, canonical_form, distance, form_page, match_page
+from unbend.datasets import make_quadruped
+from unbend.io import invert_map
+from unbend.matching import Hypothesis, Match
+from unbend.report.pages import _match_page, mesh_page
+from unbend.report.pages._shown import show
+
+PROGRAM = find_browser()
+N = 900
+SHUFFLE = np.random.default_rng(0).permutation(N)
+# Source vertices without a partner: the ones from here on.
+LOST = 880
+MIRRORED = np.argsort(SHUFFLE)[::-1].copy()
+
+pytestmark = pytest.mark.skipif(
+    PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"),
+    reason="no Chromium here: make test-browser installs it",
+)
+
+
+@pytest.fixture(scope="module")
+def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = os.environ.get("UNBEND_SCREENSHOTS")
+    if not folder:
+        return tmp_path_factory.mktemp("screenshots")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return Path(folder)
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory):
+    assert PROGRAM, "no Chromium was found"
+    browser = Browser(PROGRAM, tmp_path_factory.mktemp("browser") / "profile")
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(chromium: Browser):
+    """A browser to which nothing bad happens during a test."""
+    chromium.problems.clear()
+    yield chromium
+    assert chromium.problems == []
+
+
+@pytest.fixture(scope="module")
+def dogs() -> tuple[Mesh, Mesh, np.ndarray]:
+    """A dog in two poses, the second one's vertices shuffled, and the map between them."""
+    first, second = (make_quadruped(pose, n_vertices=N).mesh for pose in ("standing", "walking"))
+    forward = np.argsort(SHUFFLE)
+    forward[LOST:] = -1
+    target = Mesh(second.vertices[SHUFFLE], np.argsort(SHUFFLE)[second.faces], name="walking")
+    return Mesh(first.vertices, first.faces, name="standing <b>"), target, forward
+
+
+@pytest.fixture(scope="module")
+def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source, target, forward = dogs
+    path = tmp_path_factory.mktemp("pages") / "match.html"
+    known = np.flatnonzero(forward >= 0)
+    found = Match(
+        source_to_target=forward,
+        target_to_source=invert_map(forward, target),
+        functional_map=np.eye(2),
+        orientation=0.9,
+        residual=0.1,
+        confidence=0.9,
+        hypotheses=(Hypothesis(0.2, 0.9), Hypothesis(0.3, 0.8)),
+        mirrored=MIRRORED,
+    )
+    match_page(source, target, found, path, truth=(known, np.roll(forward[known], 1)))
+    return path
+
+
+def changed(before, after) -> float:
+    """Share of the pixels that differ."""
+    return float((np.abs(before - after).max(axis=2) > 0.05).mean())
+
+
+def drawn(picture) -> float:
+    """Share of the pixels that are not the ground's, whose colours hardly differ from grey."""
+    return float((np.ptp(picture, axis=2) > 0.1).mean())
+
+
+def numbers(browser: Browser) -> list[int]:
+    boxes = "[...document.querySelectorAll('#source-vertex, #target-vertex')]"
+    return browser.run(f"{boxes}.map(box => box.value === '' ? -1 : +box.value)")
+
+
+def test_both_shapes_and_forms_are_drawn(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    for name in ("source", "target", "before", "after"):
+        assert drawn(browser.picture(f"#{name}")) > 0.01, f"{name} is blank"
+    browser.picture(save=screenshots / "match.png")
+    assert "standing <b>" in browser.run("document.querySelector('h1').textContent")
+
+
+def test_a_click_tells_the_partner_on_either_side(browser, match_html, dogs, screenshots) -> None:
+    _, target, forward = dogs
+    backward = invert_map(forward, target)
+    browser.open(match_html)
+    plain = browser.picture("#target")
+    seen = set()
+    for right in (-0.3, 0.0, 0.2):
+        browser.click(*browser.middle("#source", right, 0.1))
+        ours, theirs = numbers(browser)
+        assert ours >= 0
+        assert theirs == forward[ours]
+        seen.add(ours)
+        told = browser.run("document.querySelector('#readout').textContent")
+        assert f"source vertex {ours}" in told
+    assert len(seen) == 3
+    # The partner is marked on the other shape.
+    browser.run("document.activeElement.blur()")
+    assert 0 < changed(plain, browser.picture("#target")) < 0.05
+    browser.picture(save=screenshots / "match-marked.png")
+    browser.click(*browser.middle("#target", 0.0, 0.1))
+    ours, theirs = numbers(browser)
+    assert ours == backward[theirs]
+
+
+def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) -> None:
+    browser.open(match_html)
+    x, y = browser.middle("#source", 0.05, 0.1)
+    browser.click(x, y)
+    assert numbers(browser)[0] >= 0
+    # The mark is drawn where the vertex is.
+    picture = browser.picture("#source")
+    box = browser.run("(b => [b.left, b.top])(part('source').getBoundingClientRect())")
+    row, column = round(y - box[1]), round(x - box[0])
+    near = picture[row - 12 : row + 12, column - 12 : column + 12]
+    orange = np.array([0xD5, 0x5E, 0x00]) / 255
+    assert (np.abs(near - orange).max(axis=2) < 0.06).sum() > 20
+
+
+def test_a_number_can_be_typed(browser, match_html, dogs) -> None:
+    _, target, forward = dogs
+    browser.open(match_html)
+    typed = "(b => {{ b.value = '{}'; b.dispatchEvent(new Event('change')) }})(part('{}-vertex'))"
+    browser.run(typed.format(123, "source"))
+    assert numbers(browser) == [123, forward[123]]
+    browser.run(typed.format(7, "target"))
+    assert numbers(browser) == [invert_map(forward, target)[7], 7]
+    browser.run(typed.format(LOST + 3, "source"))
+    assert numbers(browser) == [LOST + 3, -1]
+    assert "no target vertex" in browser.run("part('readout').textContent")
+    browser.run(typed.format(10**6, "source"))
+    assert "not shown" in browser.run("part('readout').textContent")
+
+
+def test_thinned_shapes_tell_the_numbers_of_the_files(
+    browser, dogs, tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_match_page, "show", lambda mesh: show(mesh, 300))
+    source, target, forward = dogs
+    match_page(source, target, forward, tmp_path / "thin.html")
+    shown = show(source, 300).ids
+    assert 0 < len(shown) <= 300
+    browser.open(tmp_path / "thin.html")
+    for right in (-0.3, 0.0, 0.2):
+        browser.click(*browser.middle("#source", right, 0.1))
+        ours, theirs = numbers(browser)
+        assert ours in shown
+        assert theirs == forward[ours]
+    (lost,) = np.setdiff1d(np.arange(N), shown)[:1]
+    browser.run(f"part('source-vertex').value = {lost}")
+    browser.run("part('source-vertex').dispatchEvent(new Event('change'))")
+    assert browser.run("part('readout').textContent") == "that vertex is not shown"
+
+
+def test_another_map_can_be_chosen(browser, match_html, dogs) -> None:
+    browser.open(match_html)
+    plain = browser.picture("#target")
+    typed = (
+        "(b => { b.value = '123'; b.dispatchEvent(new Event('change')) })(part('source-vertex'))"
+    )
+    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('map'))"
+    browser.run(typed)
+    browser.run(choose.format(1))
+    assert numbers(browser) == [123, MIRRORED[123]]
+    browser.settle()
+    assert changed(plain, browser.picture("#target")) > 0.05
+    browser.run(choose.format(0, "map"))
+    assert numbers(browser) == [123, dogs[2][123]]
+
+
+def test_both_shapes_turn_together_by_mouse_and_keys(browser, match_html) -> None:
+    browser.open(match_html)
+    names = ("source", "target")
+    start = [browser.picture(f"#{name}") for name in names]
+    browser.drag(browser.middle("#source", 0.8, 0.8), 120, 10)
+    turned = [browser.picture(f"#{name}") for name in names]
+    assert min(map(changed, start, turned)) > 0.02
+    browser.run("part('target').focus()")
+    browser.press("ArrowLeft")
+    browser.press("+")
+    assert min(map(changed, turned, [browser.picture(f"#{name}") for name in names])) > 0.02
+    browser.run("part('reset').click()")
+    browser.run("document.activeElement.blur()")
+    assert max(map(changed, start, [browser.picture(f"#{name}") for name in names])) < 0.001
+    # Not linked, the one that is dragged turns alone.
+    browser.run("part('linked').click()")
+    browser.drag(browser.middle("#source", 0.8, 0.8), 120, 10)
+    alone = [browser.picture(f"#{name}") for name in names]
+    assert changed(start[0], alone[0]) > 0.02
+    assert changed(start[1], alone[1]) < 0.001
+
+
+def test_the_slider_morphs_the_source_into_the_target(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    move = "(s => {{ s.value = {}; s.dispatchEvent(new Event('input')) }})(part('morph'))"
+    start = browser.picture("#source")
+    browser.run(move.format(0.5))
+    browser.settle()
+    half = browser.picture("#source", save=screenshots / "match-morph.png")
+    browser.run(move.format(1))
+    browser.settle()
+    end = browser.picture("#source")
+    assert min(changed(start, half), changed(half, end), changed(start, end)) > 0.01
+    # At its end the source stands as the target does, but for what has no partner.
+    target = browser.picture("#target")
+    assert changed(end, target) < 0.3 * changed(start, target)
+    browser.run(move.format(0))
+    browser.settle()
+    assert changed(start, browser.picture("#source")) < 0.001
+
+
+def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> None:
+    browser.open(match_html)
+    place = browser.picture("#source")
+    browser.run("(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })(part('paint'))")
+    browser.settle()
+    assert changed(place, browser.picture("#source")) > 0.05
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    browser.call("Emulation.setEmulatedMedia", features=dark)
+    browser.settle()
+    page = browser.picture(save=screenshots / "match-dark.png")
+    browser.call("Emulation.setEmulatedMedia", features=[])
+    assert np.median(page) < 0.2
+
+
+@pytest.fixture(scope="module")
+def form_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pages") / "form.html"
+    form_page(dogs[0], canonical_form(dogs[0], detail="preserved"), path)
+    return path
+
+
+def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screenshots) -> None:
+    browser.open(form_html)
+    names = ("shape", "form", "surface")
+    start = [browser.picture(f"#{name}") for name in names]
+    assert min(map(drawn, start)) > 0.01
+    browser.picture(save=screenshots / "form.png")
+    browser.drag(browser.middle("#form", 0.9, 0.9), 120, 10)
+    assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
+
+
+def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
+    mesh_page(dogs[0]).write(tmp_path / "mesh.html")
+    browser.open(tmp_path / "mesh.html")
+    start = browser.picture("#shape")
+    assert drawn(start) > 0.01
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    number = browser.run("+part('vertex').value")
+    assert browser.run("part('readout').textContent") == f"vertex {number}"
+    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    assert changed(start, browser.picture("#shape")) > 0.02
+
+
+def test_a_notebook_shows_what_it_has(browser, dogs, tmp_path, screenshots) -> None:
+    cell = tmp_path / "notebook.html"
+    ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
+    cell.write_text(f"<!doctype html><body>{dogs[0]._repr_html_()}{ready}", encoding="utf-8")
+    browser.open(cell)
+    for _ in range(100):
+        if drawn(browser.picture("iframe")) > 0.01:
+            break
+    else:
+        pytest.fail("the frame is blank")
+    browser.picture(save=screenshots / "notebook.png")
+
+
+def test_two_places_tell_their_distances(browser, form_html, dogs, screenshots) -> None:
+    form = canonical_form(dogs[0])
+    browser.open(form_html)
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    first = browser.run("+part('shape-vertex').value")
+    browser.mouse("mouseMoved", *browser.middle("#shape", -0.3, 0.1))
+    browser.settle()
+    browser.settle()
+    told = browser.run("part('readout').textContent")
+    names, far, straight = re.fullmatch(
+        r"(.*): biharmonic distance (\S+), straight in the form (\S+)", told
+    ).groups()
+    ids = [int(one) for one in re.findall(r"\d+", names)]
+    assert ids[0] == first != ids[1]
+    exact = distance(dogs[0], first)[0, ids[1]] / np.sqrt(form.area)
+    assert float(far) == pytest.approx(exact, rel=0.05)
+    apart = np.linalg.norm(form.points[first] - form.points[ids[1]])
+    assert float(straight) == pytest.approx(apart, abs=1e-3)
+
+
+def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, screenshots) -> None:
+    browser.open(form_html)
+    browser.click(*browser.middle("#shape", 0.0, 0.1))
+    seen = [browser.picture("#shape")]
+    choose = "(s => {{ s.value = '{}'; s.dispatchEvent(new Event('change')) }})(part('paint'))"
+    for kind in ("distance", "function-0", "function-5", "plain"):
+        browser.run(choose.format(kind))
+        browser.settle()
+        seen.append(browser.picture("#shape", save=screenshots / f"form-{kind}.png"))
+    assert min(map(changed, seen, seen[1:])) > 0.02
+    thin = browser.picture("#form")
+    browser.run("(s => { s.value = 4; s.dispatchEvent(new Event('input')) })(part('thicken'))")
+    browser.settle()
+    assert changed(thin, browser.picture("#form")) > 0.002

@@ -1,0 +1,62 @@
+"""The form page tells of the form; its distances are the library's, but for what it leaves out."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, canonical_form, distance, form_page
+from unbend.datasets import make_sphere
+from unbend.errors import InputError
+from unbend.report.pages._form_page import _embedding
+
+
+def test_straight_in_the_embedding_is_the_truncated_distance(blob: Mesh) -> None:
+    big = Mesh(7 * blob.vertices, blob.faces)
+    form = canonical_form(big)
+    values, embedding = _embedding(big, form, np.ones(642, bool), False)
+    assert values[0] == 0
+    straight = np.linalg.norm(embedding - embedding[5], axis=1) * np.sqrt(form.area)
+    (truncated,) = distance(big, 5, n_eigenpairs=61)
+    np.testing.assert_allclose(straight, truncated, atol=1e-7 * truncated.max())
+    (exact,) = distance(big, 5)
+    assert np.abs(straight - exact).max() < 0.06 * exact.max()
+
+
+def test_the_page_tells_of_the_form(blob: Mesh, tmp_path: Path) -> None:
+    page = tmp_path / "form.html"
+    two = Mesh(
+        np.vstack([blob.vertices, make_sphere(1).vertices + 9]),
+        np.vstack([blob.faces, make_sphere(1).faces + 642]),
+        name="two <i>",
+    )
+    with pytest.warns(match="component 0 of 2"):
+        form = canonical_form(two, component="largest", n_components=2)
+    form_page(two, form, page, command="unbend canonical 'two <i>'")
+    text = page.read_text(encoding="utf-8")
+    assert "two <i>" not in text
+    assert f"form of 642 vertices; stress {form.stress:.3f}" in text
+    assert "component 0 of 2 was kept" in text
+    assert f"<td>{form.eigenvalues[1]:.5g}</td>" in text
+    assert text.count("<circle") == 61
+
+
+def test_the_scale_that_was_kept_is_no_part_of_distances(blob: Mesh, tmp_path: Path) -> None:
+    kept = canonical_form(blob, keep_scale=True)
+    form_page(blob, kept, tmp_path / "a.html", keep_scale=True)
+    unit = f'"unit": {float(np.sqrt(kept.area))!r}'
+    assert unit in (tmp_path / "a.html").read_text(encoding="utf-8")
+    form_page(blob, canonical_form(blob, distance="diffusion"), tmp_path / "b.html")
+    assert '"unit": null' in (tmp_path / "b.html").read_text(encoding="utf-8")
+
+
+def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
+    form, page = canonical_form(blob), tmp_path / "form.html"
+    with pytest.raises(InputError, match="100 points"):
+        form_page(blob, replace(form, points=form.points[:100]), page)
+    with pytest.raises(InputError, match="no faces"):
+        form_page(blob.vertices, form, page)
+    with pytest.raises(InputError, match="up must be"):
+        form_page(blob, form, page, up="w")
+    assert not page.exists()

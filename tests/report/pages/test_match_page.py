@@ -1,0 +1,150 @@
+"""The match page holds what it shows, asks no network, and lets no name become HTML."""
+
+import json
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, match, match_page
+from unbend.errors import FileError, InputError
+from unbend.matching import Hypothesis
+from unbend.report.pages._match_page import _standing_alike
+from unbend.report.pages._shown import show
+
+EVIL = "<script>alert('x')</script>&\"</title>"
+
+
+def data_of(page: Path) -> dict:
+    text = page.read_text(encoding="utf-8")
+    (found,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text)
+    return json.loads(found)
+
+
+def test_a_name_is_never_html(blob: Mesh, tmp_path: Path) -> None:
+    page = tmp_path / "match.html"
+    mesh = Mesh(blob.vertices, blob.faces, name=EVIL, notes=(EVIL,))
+    match_page(mesh, mesh, np.arange(642), page, command=f"unbend match '{EVIL}'")
+    text = page.read_text(encoding="utf-8")
+    assert "<script>alert" not in text
+    assert text.count("</title>") == 1
+    assert text.count("&lt;script&gt;alert") >= 5
+
+
+def test_a_page_shows_itself_and_can_be_written_later(blob: Mesh, tmp_path: Path) -> None:
+    page = match_page(blob, blob, np.arange(642))
+    assert repr(page) == "Page('blob to blob', 0.1 MB)"
+    page.write(tmp_path / "later.html")
+    match_page(blob, blob, np.arange(642), tmp_path / "now.html")
+    assert (tmp_path / "later.html").read_bytes() == (tmp_path / "now.html").read_bytes()
+    (shown,) = re.findall(r'^<iframe [^>]* srcdoc="([^"]*)"></iframe>$', page._repr_html_())
+    assert unescape(shown) == page.html
+    with pytest.raises(FileError, match=r"\.html"):
+        page.write(tmp_path / "page.txt")
+
+
+def test_nothing_is_asked_of_the_network(blob: Mesh, tmp_path: Path) -> None:
+    page = tmp_path / "match.html"
+    match_page(blob, blob, np.arange(642), page)
+    text = page.read_text(encoding="utf-8")
+    assert "default-src 'none'" in text
+    assert not re.search(r"(src|href)\s*=|url\(|https?://", text)
+
+
+def test_the_same_match_makes_the_same_page(blob: Mesh, tmp_path: Path) -> None:
+    for name in ("a.html", "b.html"):
+        match_page(blob, blob, np.arange(642), tmp_path / name)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) -> None:
+    page, every = tmp_path / "match.html", np.arange(642)
+    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8))
+    found = replace(match(blob, blob, method="icp"), confidence=0.75, hypotheses=tried)
+    match_page(blob, blob, found, page, truth=(every[::2], every[::2]), command="unbend match a b")
+    text = page.read_text(encoding="utf-8")
+    assert "642 vertices matched to a shape of 642; confidence 0.75." in text
+    assert "mean error" in text
+    assert "points counted</th><td>321" in text
+    assert "unbend match a b" in text
+    assert "<tr><td>2</td><td>0.3000</td><td>+0.1000</td><td>-0.80</td></tr>" in text
+    assert data_of(page)["maps"][0]["errors"] is not None
+
+
+def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
+    page = tmp_path / "match.html"
+    one = match(blob, blob, method="icp")
+    two = replace(one, confidence=0.6, alternatives=(one,), mirrored=np.arange(642))
+    match_page(blob, blob, two, page)
+    assert len(data_of(page)["maps"]) == 3
+    text = page.read_text(encoding="utf-8")
+    choices = ("1, confidence 0.60", "2", "mirror image")
+    for i, name in enumerate(choices):
+        assert f'<option value="{i}">{name}</option>' in text
+    match_page(blob, blob, one, page)
+    assert 'id="map"' not in page.read_text(encoding="utf-8")
+
+
+def test_few_partners_leave_no_morph(blob: Mesh, tmp_path: Path) -> None:
+    page, nowhere = tmp_path / "match.html", np.full(642, -1)
+    nowhere[3] = 5
+    match_page(blob, blob, nowhere, page)
+    assert data_of(page)["maps"][0]["frames"] == []
+    assert 'id="morph"' not in page.read_text(encoding="utf-8")
+    assert "1 of 642 vertices matched" in page.read_text(encoding="utf-8")
+
+
+def test_large_shapes_are_thinned_for_the_eye_alone(blob: Mesh) -> None:
+    loose = np.vstack([[[np.nan] * 3], blob.vertices])
+    mesh = Mesh(loose, blob.faces + 1)
+    shown = show(mesh, 200)
+    assert len(shown.ids) == 200
+    assert shown.ids.min() > 0
+    assert shown.faces.max() == 199
+    assert shown.stand_ins[0] == -1
+    np.testing.assert_array_equal(shown.stand_ins[shown.ids], np.arange(200))
+    # What stands for a vertex is near it.
+    away = mesh.vertices[1:] - mesh.vertices[shown.ids[shown.stand_ins[1:]]]
+    assert np.linalg.norm(away, axis=1).max() < 0.5
+    assert shown.told(mesh) == (
+        "1 vertex, used by no face, not shown",
+        "200 of 642 vertices are drawn; results were computed on all of them",
+    )
+    assert len(show(mesh).ids) == 642
+
+
+def test_a_part_is_as_large_as_what_it_matches(blob: Mesh) -> None:
+    half = blob.faces[(blob.vertices[blob.faces][:, :, 0] < 0.3).all(axis=1)]
+    used = np.isin(np.arange(642), half)
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    part = Mesh(30 * blob.vertices @ turn.T, half)
+    carried = np.where(used[:, None], blob.vertices, np.nan)
+    stands = _standing_alike(part, blob, carried, used)
+    apart = np.linalg.norm((stands.vertices - blob.vertices)[used], axis=1)
+    assert apart.max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"up": "w"}, "up must be"),
+        ({"match": np.arange(3)}, "the map has 3"),
+        ({"source": np.zeros((5, 3))}, "no faces to draw"),
+        ({"truth": (np.arange(3), np.arange(4))}, "3 source and 4 target"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    blob: Mesh, tmp_path: Path, change: dict, message: str
+) -> None:
+    given = {"source": blob, "target": blob, "match": np.arange(642), **change}
+    with pytest.raises(InputError, match=message):
+        match_page(path=tmp_path / "match.html", **given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_html_is_written(blob: Mesh, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"\.html"):
+        match_page(blob, blob, np.arange(642), tmp_path / "match.pdf")

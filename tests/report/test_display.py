@@ -1,0 +1,77 @@
+"""In a notebook meshes turn, and results are tables; each is drawn when asked."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, canonical_form, evaluate, match
+from unbend.matching import Hypothesis
+from unbend.report.display import figure_of, html_of
+
+
+@pytest.fixture(scope="module")
+def things(blob):
+    every = np.arange(642)
+    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8))
+    return {
+        "mesh": Mesh(blob.vertices, blob.faces, name="blob <i>"),
+        "points": Mesh(blob.vertices, name="points <i>"),
+        "form": canonical_form(blob),
+        "flat form": canonical_form(blob, n_components=2),
+        "match": replace(match(blob, blob, method="icp"), hypotheses=tried),
+        "evaluation": evaluate(every, blob, every, every, np.roll(every, 1)),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("mesh", "642 vertices, 1,280 faces"),
+        ("points", "642"),
+        ("form", "642 points in 3 dimensions"),
+        ("flat form", "642 points in 2 dimensions"),
+        ("match", "energy 0.3000, orientation -0.80"),
+        ("evaluation", "vertex-min"),
+    ],
+)
+def test_everything_shows_itself(things, name, words):
+    html = things[name]._repr_html_()
+    assert words in html
+    assert "<i>" not in html
+    assert html.startswith("<iframe" if name == "mesh" else "<table>")
+
+
+@pytest.mark.parametrize("name", ["mesh", "points", "form", "flat form", "match", "evaluation"])
+def test_everything_can_be_drawn(things, name, tmp_path):
+    figure = things[name].plot()
+    figure.savefig(tmp_path / "picture.png", dpi=30)
+    assert figure.axes
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
+def test_a_plotted_match_is_its_functional_map(things):
+    (picture,) = things["match"].plot().axes[0].get_images()
+    np.testing.assert_array_equal(picture.get_array(), things["match"].functional_map)
+
+
+def test_large_meshes_are_thinned_in_notebooks():
+    n = 160
+    x, y = np.meshgrid(np.arange(n), np.arange(n))
+    first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([first, first + 1, first + n], 1),
+            np.stack([first + 1, first + n + 1, first + n], 1),
+        ]
+    )
+    sheet = Mesh(np.stack([x.ravel(), y.ravel(), np.sin(x / 9).ravel()], 1), faces)
+    assert re.search(r"20,000 of 25,600 vertices are drawn", html_of(sheet))
+
+
+def test_what_is_unknown_is_refused():
+    with pytest.raises(TypeError, match="a str looks"):
+        html_of("text")
+    with pytest.raises(TypeError, match="a str looks"):
+        figure_of("text")
