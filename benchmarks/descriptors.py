@@ -260,7 +260,7 @@ def list_sets(tosca: Path | None, each: int) -> dict[str, list[Shape]]:
     if "UNBEND_DATA" in os.environ:
         for path in sorted((Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed").glob("*.off")):
             kind = path.stem.rstrip("0123456789")
-            known.append(Shape(path.stem, f"TOSCA {kind}", read_mesh(path)))
+            known.append(Shape(f"TOSCA {path.stem}", f"TOSCA {kind}", read_mesh(path)))
     for make, species in SPECIES.items():
         for kind in species:
             for i in range(each):
@@ -336,6 +336,7 @@ def main() -> None:
     names = [one for one in CANDIDATES if not options.names or one in options.names]
     sets = list_sets(options.tosca, options.each)
     every = [shape for shapes in sets.values() for shape in shapes]
+    assert len({shape.name for shape in every}) == len(every)
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
         rows = []
         for row in pool.map(partial(measure, names), every, chunksize=4):
