@@ -41,7 +41,7 @@ CHROMIUM = $(UNBEND_BROWSER) $(shell command -v chromium chromium-browser google
 
 browser: ## installs Chromium where there is none and we may
 	@test -n "$(strip $(CHROMIUM))" || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-	&& apt-get update -qq && apt-get install -qq -y chromium >/dev/null; } || { echo \
+	&& timeout 300 sh -c "apt-get update -qq && apt-get install -qq -y chromium" >/dev/null; } || { echo \
 	"no Chromium was found: install it, or name a browser like it in UNBEND_BROWSER" >&2; exit 1; }
 
 lint: .venv/test.stamp ## ruff and mypy, changing nothing

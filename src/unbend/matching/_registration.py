@@ -40,6 +40,7 @@ _SAMPLES = 1000
 # Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
 # there and back may end where a pair draws.
 _SLACK, _WAY_BACK = 0.5, 3.0
+_LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
 
@@ -261,7 +262,7 @@ class _Moving:
         """Median over what has partners of how much longer things are than at rest."""
         shape = self.shape
         stretched = np.einsum("iba,iab->i", self.rotations, self.covariances)
-        ratio = stretched / shape.patch_sizes
+        ratio = np.maximum(stretched / shape.patch_sizes, _LEAST_SIZE)
         order = np.argsort(ratio)
         share = np.cumsum((shape.areas * self.within)[order])
         return float(ratio[order[np.searchsorted(share, share[-1] / 2)]])

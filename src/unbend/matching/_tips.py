@@ -21,6 +21,7 @@ from unbend.matching._shape import Shape
 # Tips that are nearer to each other than this, in sqrt(area), are one: fingers, ears.
 _APART = 0.22
 _MOST_TIPS = MOST_LANDMARKS = 7
+_NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
 # At least so many tips must correspond, and at most so many of the shape with fewer may not.
 _FEWEST, _LEFT_OUT = 3, 2
 # What leaving a tip out costs, in the deviation of the logarithms of the ways.
@@ -105,7 +106,7 @@ def _assignments(
     if len(ours) > len(theirs):
         swapped = _assignments(theirs, ours, fixed)
         return [(d, mine, other, 1 / size) for d, other, mine, size in swapped]
-    few, many = (np.log(ways + np.eye(len(ways))) for ways in (ours, theirs))
+    few, many = (np.log(np.maximum(ways + np.eye(len(ways)), _NEAR)) for ways in (ours, theirs))
     n = len(few)
     found = []
     for m in range(max(_FEWEST, n - _LEFT_OUT), n + 1):
