@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._decimation import _cost, _quadrics, _turns_over, decimate
 from unbend.mesh import Mesh, find_edges, vertex_areas
@@ -38,12 +39,8 @@ def test_a_ball_keeps_its_outside_and_its_evenness() -> None:
 
 
 def test_a_boundary_is_not_eaten_into() -> None:
-    line = np.linspace(0, 1, 21)
-    x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
-    corner = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()
-    lower = np.stack([corner, corner + 21, corner + 1], axis=1)
-    upper = np.stack([corner + 21, corner + 22, corner + 1], axis=1)
-    vertices, faces = np.stack([x, y, 0 * x], axis=1), np.concatenate([lower, upper])
+    sheet = make_sheet(21)
+    vertices, faces = sheet.vertices, sheet.faces
     kept, coarse, _ = decimate(vertices, faces, 60)
     assert len(kept) == 60
     assert _euler(coarse, 60) == 1

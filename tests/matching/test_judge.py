@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
@@ -82,12 +83,8 @@ def test_a_map_to_one_vertex_explains_nothing_and_noise_little() -> None:
 
 
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
-    line = np.linspace(0, 1, 9)
-    x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
-    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
-    lower = np.stack([corner, corner + 9, corner + 1], axis=1)
-    upper = np.stack([corner + 9, corner + 10, corner + 1], axis=1)
-    sheet = Mesh(np.stack([1.4 * x, y, 0 * x], axis=1), np.concatenate([lower, upper]))
+    square = make_sheet(9)
+    sheet = Mesh(square.vertices * [1.4, 1, 1], square.faces)
     shape = prepare_shape(sheet, 10, True, None)[1]
     identity = _identity(shape)
     assert judge(shape, shape, identity).orientation == pytest.approx(1)

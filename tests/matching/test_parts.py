@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend import Mesh, evaluate, match
 from unbend.datasets import (
     Damaged,
@@ -30,12 +31,9 @@ TRUTH = rest_map(SOURCE, TARGET)
 
 
 def _sheet() -> Mesh:
-    line = np.linspace(-1, 1, 9)
-    x, y = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
-    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
-    lower = np.stack([corner, corner + 9, corner + 1], axis=1)
-    upper = np.stack([corner + 9, corner + 10, corner + 1], axis=1)
-    return Mesh(np.stack([x, y, 0.1 * x * y], axis=1), np.concatenate([lower, upper]))
+    square = make_sheet(9)
+    x, y, _ = (2 * square.vertices - 1).T
+    return Mesh(np.stack([x, y, 0.1 * x * y], axis=1), square.faces)
 
 
 def test_the_rim_of_a_sheet_leads_outward() -> None:

@@ -109,19 +109,19 @@ def _carried_along(
 ) -> FloatArray:
     """Move parts without an image as what is next to them turns, their shape kept."""
     n = len(start)
-    i, j, used = _links(faces, n)
+    i, j, neighbours, used = _links(faces, n)
     before, after = (np.where(used[:, None], points, 0) for points in (start, goal))
     edges, images = before[j] - before[i], after[j] - after[i]
     # How neighbourhoods turn is known where they have images, and spreads from there.
     known = moving[i] & moving[j]
     products = (edges[:, :, None] * images[:, None, :] * known[:, None, None]).reshape(-1, 9)
-    cross: FloatArray = np.stack([np.bincount(i, column, n) for column in products.T], axis=1)
-    spread = _fitted(i, j, np.zeros((len(i), 9)), cross, np.where(moving, 1.0, _TIE))
+    cross = _summed(i, products, n)
+    spread = _fitted(i, j, neighbours, np.zeros((len(i), 9)), cross, np.where(moving, 1.0, _TIE))
     turns = Rotation.from_matrix(nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1)))
     lengths = [np.linalg.norm(ends[known], axis=1) for ends in (edges, images)]
     size = float(lengths[1].sum() / lengths[0].sum()) if known.any() else 1.0
     wanted = size * (turns[i].apply(edges) + turns[j].apply(edges)) / 2
-    moved = _fitted(i, j, wanted, after, np.where(moving, _HELD, _TIE))
+    moved = _fitted(i, j, neighbours, wanted, after, np.where(moving, _HELD, _TIE))
     return np.where((used & ~moving)[:, None], moved, goal)
 
 
@@ -130,8 +130,7 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     if not len(faces):
         return straight
     n = len(start)
-    i, j, used = _links(faces, n)
-    neighbours = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    i, j, neighbours, used = _links(faces, n)
     # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
     before = np.where(used[:, None], start, 0)
     after = np.where(used[:, None], goal, 0)
@@ -142,26 +141,35 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     wanted = Rotation.from_rotvec(t * turns[i]).apply(edges + t * (still - edges))
     line = np.where(used[:, None], straight, 0)
     tie = _TIE * max(len(i) / n, 1.0)
-    return np.where(used[:, None], _fitted(i, j, wanted, line, np.full(n, tie)), straight)
+    fitted = _fitted(i, j, neighbours, wanted, line, np.full(n, tie))
+    return np.where(used[:, None], fitted, straight)
 
 
-def _links(faces: IntArray, n: int) -> tuple[IntArray, IntArray, BoolArray]:
-    """Both ends of every edge, in both directions, and the vertices in use."""
+def _links(faces: IntArray, n: int) -> tuple[IntArray, IntArray, SparseMatrix, BoolArray]:
+    """Both ends of every edge, in both directions, also as a matrix, and the vertices in use."""
     used = np.zeros(n, dtype=bool)
     used[faces] = True
     links = edge_ends(faces, n)
     i, j = np.concatenate([links, links[:, ::-1]]).T
-    return i, j, used
+    return i, j, sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n)), used
+
+
+def _summed(at: IntArray, rows: FloatArray, n: int) -> FloatArray:
+    """Add up the rows that go to the same place, (n, d)."""
+    return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
 
 
 def _fitted(
-    i: IntArray, j: IntArray, wanted: FloatArray, places: FloatArray, ties: FloatArray
+    i: IntArray,
+    j: IntArray,
+    neighbours: SparseMatrix,
+    wanted: FloatArray,
+    places: FloatArray,
+    ties: FloatArray,
 ) -> FloatArray:
     """Vertices whose edges, from i to j, are nearest to those wanted, tied to places."""
     n = len(places)
-    pull = -np.stack([np.bincount(i, column, n) for column in wanted.T], axis=1)
-    pull += np.stack([np.bincount(j, column, n) for column in wanted.T], axis=1)
-    neighbours = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    pull = _summed(j, wanted, n) - _summed(i, wanted, n)
     stiffness = 2 * (sp.diags(np.asarray(neighbours.sum(axis=1)).ravel()) - neighbours)
     solved = factorize(stiffness + sp.diags(ties)).solve(pull + ties[:, None] * places)
     return np.asarray(solved)
@@ -173,9 +181,7 @@ def _rotation_vectors(
     """Rotation of each vertex's neighbourhood from start to goal, (n, 3), in radians."""
     n = len(start)
     products = (start[j] - start[i])[:, :, None] * (goal[j] - goal[i])[:, None, :]
-    cross: FloatArray = np.stack(
-        [np.bincount(i, column, n) for column in products.reshape(-1, 9).T], axis=1
-    )
+    cross = _summed(i, products.reshape(-1, 9), n)
     for _ in range(_AVERAGED_RINGS):
         cross = cross + neighbours @ cross
         cross /= np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)

@@ -233,8 +233,7 @@ class _Moving:
         self.places = self.ahead = pose.places
         self.rotations = pose.rotations.copy()
         self.within, self.size = pose.within, pose.size
-        self.on_rim: BoolArray = np.abs(shape.rim).max(axis=1) > 0
-        self.covariances = _covariances(shape, shape.vertices, self.places)
+        self.covariances: FloatArray  # of the last step
 
     def step(
         self, pull: float, forward: IntArray, backward: IntArray, partners_within: BoolArray
@@ -300,10 +299,10 @@ def _closest(
     left, right = (np.ascontiguousarray(rows[:, _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
         nearest = walk(left, right, forward, *mine, *other)
-        ours.within = ~theirs.on_rim[nearest] & _leads_back(ours.shape, forward, backward)
+        ours.within = ~theirs.shape.on_rim[nearest] & _leads_back(ours.shape, forward, backward)
     if ours.shape.partial:
         nearest = walk(right, left, backward, *other, *mine)
-        theirs.within = ~ours.on_rim[nearest] & _leads_back(theirs.shape, backward, forward)
+        theirs.within = ~ours.shape.on_rim[nearest] & _leads_back(theirs.shape, backward, forward)
     return forward, backward
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._arrays import first_largest, snap
-from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching._kernels import edge_covariances, faces_around, farthest_points
 from unbend.mesh import find_edges, vertex_normals
@@ -75,6 +75,11 @@ class Shape:
         if not self.partial:
             return np.zeros_like(self.vertices)
         return find_rim(self.vertices, self.faces)
+
+    @cached_property
+    def on_rim(self) -> BoolArray:
+        """Whether a vertex (n,) lies where a partial surface ends."""
+        return np.asarray(self.rim.any(axis=1))
 
     @cached_property
     def edge(self) -> float:
