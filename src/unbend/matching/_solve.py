@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import FloatArray, Progress
+from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
-from unbend.matching._judge import Candidate, distinct, judge, ranked
+from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_cost
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     LOOSE,
     PULLS,
     Registered,
     lift,
-    limb_start,
+    limb_maps,
+    mapped_start,
     register,
     rough_start,
     smooth_start,
@@ -30,9 +31,13 @@ from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
-# After the first, weakest pull so many guesses from tips are drawn on that lead to different
-# places; so many of all candidates are followed on the finer proxies.
-_TIGHTENED, _FOLLOWED = 16, 8
+# So many guesses from tips are begun with, the best as they are. After the first, weakest pull so
+# many are drawn on that lead to different places; so many of all candidates are followed on the
+# finer proxies.
+_BEGUN, _TIGHTENED, _FOLLOWED = 64, 16, 8
+# A candidate is clear if its cost on the rough proxies is at most this and any other's so many
+# times that; then it alone is followed, and some others to compare it with.
+_CLEAR, _AHEAD, _CLEARLY_FOLLOWED = 0.17, 1.5, 3
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -73,17 +78,26 @@ def make_sides(source: Shape, target: Shape) -> Sides:
 
 
 @one_blas_thread()
-def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
-    """Find the distinct ways in which two shapes may correspond, the best first."""
+def candidates(
+    sides: Sides, on_step: Progress | None = None, thorough: bool = False
+) -> list[Candidate]:
+    """Find the distinct ways in which two shapes may correspond, the best first.
+
+    Where the spectra alone lead to one that is good and far ahead of any other, it is all that is
+    gone on with, unless the search is to be thorough.
+    """
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
     begun = ranked(run_all(functools.partial(from_map, sides, one) for one in maps))
-    begun += from_tips(sides, begun)
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
-    followed = distinct(ranked(begun), theirs, ours.areas)[:_FOLLOWED]
-    found = ranked(run_all(functools.partial(followed_up, sides, one) for one in followed))
+    ways = distinct(begun, theirs, ours.areas)
+    clear = not thorough and is_clear(ways)
+    if not clear:
+        ways = distinct(ranked([*begun, *from_tips(sides)]), theirs, ours.areas)
+    ways = ways[: _CLEARLY_FOLLOWED if clear else _FOLLOWED]
+    found = ranked(run_all(functools.partial(followed_up, sides, one) for one in ways))
     ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    best = distinct(found, theirs, ours.areas)[:_REGROWN]
+    best = distinct(found, theirs, ours.areas)[: 1 if clear else _REGROWN]
     if ours.partial or theirs.partial:
         tasks = [functools.partial(loosened, sides, one) for one in best]
     else:
@@ -94,6 +108,13 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     return distinct(found, theirs, ours.areas)
 
 
+def is_clear(ways: list[Candidate]) -> bool:
+    """Whether the first of some ranked candidates that differ is good, and far ahead."""
+    first, *others = (one.cost for one in ways[:2])
+    ahead = all(other >= _AHEAD * first for other in others)
+    return ahead and first <= _CLEAR and ways[0].orientation > 0
+
+
 def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
     """Register the rough proxies from a functional map."""
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
@@ -101,30 +122,33 @@ def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
     return judge(ours, theirs, register(ours, theirs, start, PULLS[:1], _STEPS), sides.turned)
 
 
-def from_tips(sides: Sides, known: list[Candidate]) -> list[Candidate]:
-    """Register the rough proxies from guesses which tips of limbs correspond.
-
-    Only those are given that lead where none does of those that are known.
-    """
+def from_tips(sides: Sides) -> list[Candidate]:
+    """Register the rough proxies from guesses which tips of limbs correspond."""
     ours, theirs = sides.source.rough.shape, sides.target.rough.shape
     mine, other = find_tips(sides.source.proxy.shape), find_tips(sides.target.proxy.shape)
     fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
 
-    def begin(one: Limbs) -> Candidate:
+    def start(one: Limbs) -> tuple[float, IntArray, IntArray, float]:
         ways = fields[0][:, one.source], fields[1][:, one.target]
-        start = limb_start(ours, theirs, *ways, one.size)
-        found = register(ours, theirs, start, LOOSE[:1], _STEPS, resize=False)
+        maps = limb_maps(*ways, one.size)
+        return rough_cost(ours, theirs, *maps), *maps, one.size
+
+    def begin(forward: IntArray, backward: IntArray, size: float) -> Candidate:
+        begun = mapped_start(ours, theirs, forward, backward, size)
+        found = register(ours, theirs, begun, LOOSE[:1], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
     def tighten(one: Candidate) -> Candidate:
         found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
-    guesses = guess_limbs(mine, other, len(ours.landmarks))
-    begun = ranked(run_all(functools.partial(begin, one) for one in guesses))
-    known = distinct(known, theirs, ours.areas)
-    others = distinct([*known, *begun], theirs, ours.areas)[len(known) :]
-    return run_all(functools.partial(tighten, one) for one in others[:_TIGHTENED])
+    partial = ours.partial or theirs.partial
+    guesses = guess_limbs(mine, other, len(ours.landmarks), partial)
+    starts = run_all(functools.partial(start, one) for one in guesses)
+    starts = sorted(starts, key=lambda one: round(one[0], DIGITS))[:_BEGUN]
+    begun = ranked(run_all(functools.partial(begin, *one[1:]) for one in starts))
+    best = distinct(begun, theirs, ours.areas)[:_TIGHTENED]
+    return run_all(functools.partial(tighten, one) for one in best)
 
 
 def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
