@@ -64,17 +64,17 @@ def test_limbs_of_other_lengths_change_little() -> None:
     def tips(lengths: np.ndarray) -> Tips:
         return Tips(np.arange(5), lengths, np.empty((0, 5)))
 
-    found = guess_limbs(tips(ways(limbs)), tips(grown))
+    found = guess_limbs(tips(ways(limbs)), tips(grown), 60)
     right = [k for k, one in enumerate(found) if (order[one.target] == one.source).all()]
     assert right[0] < 20
-    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)))[0]
+    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)), 60)[0]
     assert (exact.source == exact.target).all()
     assert len(exact.source) == 5
     assert exact.size == pytest.approx(2)
     # The other way round, things are half as long.
-    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]))[0].size == pytest.approx(
-        0.5
-    )
+    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]), 60)[
+        0
+    ].size == pytest.approx(0.5)
 
 
 def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
@@ -100,7 +100,7 @@ def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
     assert best in {tuple(heights), tuple(1.2 - heights)}
     assert any(
         (order[found.target] == found.source).all() and len(found.source) == 5
-        for found in guess_limbs(one, other)
+        for found in guess_limbs(one, other, 60)
     )
 
 
@@ -108,9 +108,9 @@ def test_parts_may_lack_most_tips() -> None:
     ways = np.random.default_rng(0).random((6, 6)) + 1
     ways = (ways + ways.T) * (1 - np.eye(6))
     tips = Tips(np.arange(6), ways, np.empty((0, 6)))
-    assert min(len(one.source) for one in guess_limbs(tips, tips)) >= 4
-    assert min(len(one.source) for one in guess_limbs(tips, tips, partial=True)) == 3
-    pairs = [(*one.source, -1, *one.target) for one in guess_limbs(tips, tips)]
+    assert min(len(one.source) for one in guess_limbs(tips, tips, 5000)) >= 4
+    assert min(len(one.source) for one in guess_limbs(tips, tips, 5000, partial=True)) == 3
+    pairs = [(*one.source, -1, *one.target) for one in guess_limbs(tips, tips, 60)]
     assert len(set(pairs)) == len(pairs)
 
 
@@ -120,7 +120,7 @@ def test_landmarks_hold_what_they_name() -> None:
     tips = Tips(np.arange(5), ways, np.empty((0, 5)))
     swapped = Tips(np.arange(5), ways[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5)))
     # Said to correspond: 0 to 0, though the ways say 0 to 1.
-    found = guess_limbs(tips, swapped, 1)
+    found = guess_limbs(tips, swapped, 60, 1)
     assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
     assert any(
         dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
@@ -139,4 +139,4 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
     smooth = find_tips(prepare_shape(blob, 60, True, None)[1])
-    assert len(guess_limbs(smooth, smooth)) == 0 or len(smooth.vertices) >= 3
+    assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3

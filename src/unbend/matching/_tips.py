@@ -28,7 +28,6 @@ _FEWEST, _LEFT_OUT = 3, 2
 _LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of ways
 # Variance of a limb's length where it may be any, and how much longer trunks are on another body.
 _ANY_LENGTH, _LONGER = 64.0, 1.7
-_KEPT = 200  # guesses, in either sense
 
 
 class Tips(NamedTuple):
@@ -88,28 +87,29 @@ def find_tips(shape: Shape) -> Tips:
 
 
 def guess_limbs(
-    source: Tips, target: Tips, n_landmarks: int = 0, partial: bool = False
+    source: Tips, target: Tips, count: int, n_landmarks: int = 0, partial: bool = False
 ) -> list[Limbs]:
     """Guess which tips correspond: those between which the ways deviate least, in either sense.
 
-    Empty where a shape has too few tips. With landmarks, the first guesses are those with all of
-    them, then with each alone, then with none: one of them may be wrong.
+    So many guesses are made in each, or as many as there are; none where a shape has too few tips.
+    With landmarks, the first are those with all of them, then with each alone, then with none: one
+    of them may be wrong.
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
     guesses = (
         Limbs(mine, other, size)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
-        for mine, other, size in _assignments(source.ways, target.ways, fixed, partial)
+        for mine, other, size in _assignments(source.ways, target.ways, count, fixed, partial)
     )
     return list({(*one.source, -1, *one.target): one for one in guesses}.values())
 
 
 def _assignments(
-    ours: FloatArray, theirs: FloatArray, fixed: set[int], partial: bool
+    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int], partial: bool
 ) -> list[tuple[IntArray, IntArray, float]]:
     """Tips of both shapes that may correspond, and the size; of the fixed ones, i to i."""
     if len(ours) > len(theirs):
-        swapped = _assignments(theirs, ours, fixed, partial)
+        swapped = _assignments(theirs, ours, count, fixed, partial)
         return [(mine, other, 1 / size) for other, mine, size in swapped]
     n = len(ours)
     few, many = (np.maximum(ways, _NEAR) for ways in (ours, theirs))
@@ -129,7 +129,7 @@ def _assignments(
             lengths = few[own[rows], own[columns]]
             for found, deviation in zip(senses, deviations, strict=True):
                 costs = deviation(lengths)[free] + _LEAVING_OUT * (n - m)
-                best = np.argsort(costs, kind="stable")[:_KEPT]
+                best = np.argsort(costs, kind="stable")[:count]
                 sizes = np.exp(np.median(logs[free[best]] - np.log(lengths), axis=1))
                 found += [
                     (float(costs[i]), own, others[free[i]], float(size))
@@ -137,7 +137,7 @@ def _assignments(
                 ]
     for found in senses:
         found.sort(key=lambda one: one[0])
-    return [one[1:] for found in senses for one in found[:_KEPT]]
+    return [one[1:] for found in senses for one in found[:count]]
 
 
 Deviation = Callable[[FloatArray], FloatArray]  # of many sets of ways from one
