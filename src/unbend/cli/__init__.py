@@ -9,6 +9,8 @@ place.
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import sys
 import warnings
@@ -69,10 +71,18 @@ class _Group(TyperGroup):
         except KeyboardInterrupt:
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
-        except BrokenPipeError:
+        except OSError as error:
+            if not _is_broken_pipe(error):
+                raise
             # Python would flush stdout again at exit and complain; give it somewhere to write.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+
+
+def _is_broken_pipe(error: OSError) -> bool:
+    # Windows has no such error and calls the write itself invalid; files name theirs.
+    invalid = error.errno == errno.EINVAL and error.filename is None
+    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and invalid)
 
 
 app = typer.Typer(
@@ -81,7 +91,6 @@ app = typer.Typer(
     help="Pose-free canonical forms of deformable 3-D shapes.",
     epilog="unbend COMMAND --help explains a command and shows examples.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: rich would double the time it takes
     pretty_exceptions_enable=False,
 )
@@ -111,6 +120,10 @@ def _options(
 
 def main() -> None:
     """Run the command line; the ``unbend`` script calls this."""
+    # A pipe on Windows, or a name that is no text, has characters that cannot be written as they
+    # are: better escaped than an end halfway through.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app()
     except KeyboardInterrupt:  # before a command began

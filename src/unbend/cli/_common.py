@@ -71,7 +71,16 @@ CacheOption = Annotated[
 
 def command_line() -> str:
     """Give the command that is running, as it could be typed again."""
-    return shlex.join(["unbend", *sys.argv[1:]])
+    return quoted("unbend", *sys.argv[1:])
+
+
+def quoted(*words: str) -> str:
+    """Put words together as this system's shell takes them."""
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(words)
+    return shlex.join(words)
 
 
 def say(kind: str, sentence: str) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import shlex
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from unbend.cli._common import EXIT_REFUSED, JsonOption, MeshArgument, print_json
+from unbend.cli._common import EXIT_REFUSED, JsonOption, MeshArgument, print_json, quoted
 
 if TYPE_CHECKING:
     from unbend.mesh import Mesh
@@ -71,7 +70,7 @@ def judge(shape: Mesh, path: str) -> Verdict:
     from unbend.errors import InputError
     from unbend.preparation import prepare
 
-    command = f"unbend canonical {shlex.quote(path)} -o OUT.ply"
+    command = f"unbend canonical {quoted(path)} -o OUT.ply"
     try:
         prepared = prepare(shape)
     except InputError as refusal:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,6 +22,7 @@ from unbend.cli._common import (
     parse_component,
     print_json,
     print_notes,
+    quoted,
     steps_on_stderr,
     warn_if_doubtful,
 )
@@ -298,5 +298,5 @@ def _next_step(source: str, target: str, out: str | None, report: str | None) ->
         return f"open {report} in a browser"
     if out is None:
         return "add -o MAP.npz to keep the match, --report HTML to look at it"
-    paths = " ".join(map(shlex.quote, (source, target)))
-    return f"unbend transfer {paths} --map {shlex.quote(out)} --values VALUES.npy -o OUT.npy"
+    paths = quoted(source, target)
+    return f"unbend transfer {paths} --map {quoted(out)} --values VALUES.npy -o OUT.npy"
