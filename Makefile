@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable lint format bench clean
+.PHONY: demo test test-browser browser test-portable test-matrix lint format bench clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -44,6 +44,9 @@ browser: ## installs Chromium where there is none and we may
 	&& timeout 300 sh -c "apt-get update -qq && apt-get install -qq -y chromium" >/dev/null; } || { echo \
 	"no Chromium was found: install it, or name a browser like it in UNBEND_BROWSER" >&2; exit 1; }
 
+test-matrix: .venv/release.stamp ## what would be released, in empty environments; CASES="--extra none"
+	$(BIN)/python release/matrix.py $(CASES)
+
 lint: .venv/test.stamp ## ruff and mypy, changing nothing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -57,7 +60,7 @@ bench: .venv/bench.stamp ## times against other libraries; BENCH=--large adds a 
 	$(BIN)/python benchmarks/engine.py $(BENCH)
 
 clean: ## remove the environment and all caches
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*
+	rm -rf .venv dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*
 
 .venv/%.stamp: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
