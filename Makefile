@@ -57,6 +57,7 @@ bench: .venv/bench.stamp ## times against other libraries; BENCH=--large adds a 
 	$(BIN)/python benchmarks/engine.py $(BENCH)
 
 docs: .venv/docs.stamp ## the documentation site, into docs/_build/html; warnings are errors
+	rm -rf docs/api/generated
 	$(BIN)/sphinx-build -W --keep-going docs docs/_build/html
 
 clean: ## remove the environment, all caches, and the built site

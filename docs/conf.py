@@ -62,6 +62,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": False,
     "download_all_examples": False,
     "remove_config_comments": True,
+    "ignore_repr_types": r"matplotlib",
     "show_memory": False,
     "write_computation_times": False,
     "min_reported_time": 1,

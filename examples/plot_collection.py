@@ -32,7 +32,7 @@ print(shapes.add(folder, workers=0).added, "shapes were added")
 # A dog that the collection has not got, in another pose and on another mesh.
 query = make_quadruped("galloping", n_vertices=900, meshing=2).mesh
 hits = shapes.search(query, n=5)
-fig, axes = plt.subplots(1, 5, figsize=(10, 2.4))
+fig, axes = plt.subplots(1, 5, figsize=(10, 2.6), layout="constrained")
 for ax, hit in zip(axes, hits, strict=True):
     ax.imshow(plt.imread(io.BytesIO(shapes.thumbnail(hit.id))))
     ax.set_title(f"{Path(hit.path).stem}\n{hit.distance:.2f}", fontsize=9)

@@ -40,15 +40,17 @@ def length(vertices, edges, share):
     return np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum()
 
 
+colors = np.full((template.mesh.n_vertices, 3), 0.8)
 for name, height, part in (("waist", 1.05, "torso"), ("left thigh", 0.7, "left_leg")):
     marked = tape(template, height, part)
+    colors[marked[0]] = (0.84, 0.2, 0.0)
     before, after = (length(v, *marked) for v in (template.mesh.vertices, fitted.mesh.vertices))
     print(f"{name:10s}  template {before:.3f}  scan {after:.3f}")
 
 # %%
 fig, axes = plt.subplots(1, 3, figsize=(9, 4.2))
-draw_mesh(axes[0], template.mesh)
+draw_mesh(axes[0], template.mesh, colors=colors)
 draw_mesh(axes[1], scan.mesh)
-draw_mesh(axes[2], fitted.mesh, colors=fitted.distances)
+draw_mesh(axes[2], fitted.mesh, colors=colors)
 for ax, title in zip(axes, ("template", "scan", "template on the scan"), strict=True):
     ax.set_title(title)

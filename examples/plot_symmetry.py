@@ -19,9 +19,9 @@ other = found.source_to_target
 print(f"{(other == person.mirror).mean():.1%} of the vertices lead to their very mirror image")
 
 # %%
-# What was marked on one side is marked on the other: the hand and the foot on the body's left
-# here, in red, give those on its right, in blue.
-left = np.isin(person.labels, [i for i, part in enumerate(person.parts) if part == "left_arm"])
+# What was marked on one side is marked on the other: the left arm, in orange, gives the right
+# one, in blue.
+left = person.labels == person.parts.index("left_arm")
 colors = np.full((1000, 3), 0.85)
 colors[left] = (0.84, 0.37, 0.0)
 colors[other[left]] = (0.0, 0.45, 0.7)
