@@ -45,6 +45,7 @@ coarse = canonical_form(finest, n_coarse=10_000, cache=False)
 print(f"{len(coarse.points):,} vertices through 10,000, residual {coarse.residual:.1e}")
 
 # %%
-fig, ax = plt.subplots(figsize=(5, 3.4))
+fig, ax = plt.subplots(figsize=(5, 3.4), layout="constrained")
 ax.loglog(sizes, seconds, "o-")
 ax.set(xlabel="vertices", ylabel="seconds of processor time")
+ax.grid(which="both", alpha=0.3)

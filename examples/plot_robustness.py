@@ -42,7 +42,7 @@ for ax, (name, (mesh, colors)) in zip(axes, images.items(), strict=True):
     ax.set_title(name)
 
 # %%
-fig, ax = plt.subplots(figsize=(6, 3.6))
+fig, ax = plt.subplots(figsize=(6, 3.6), layout="constrained")
 for name, result in results.items():
     ax.plot(THRESHOLDS, result.curve(), label=name)
 ax.set(xlabel="geodesic error", ylabel="vertices within it, %", ylim=(0, 101))

@@ -36,7 +36,7 @@ print(classifier.predict([make_quadruped("galloping", species="cat", n_vertices=
 
 # %%
 flat = PCA(2).fit_transform(features)
-fig, ax = plt.subplots(figsize=(6, 4))
+fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
 for species in dict.fromkeys(kinds):
     ax.plot(*flat[np.array(kinds) == species].T, "o", label=species)
 ax.set(xlabel="first principal component", ylabel="second")

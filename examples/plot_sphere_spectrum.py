@@ -21,7 +21,7 @@ error = np.abs(values[1:] - truth[1:]) / truth[1:]
 print(f"relative error: {error[:8].max():.2%} up to l = 2, {error.max():.2%} up to l = 6")
 
 # %%
-fig, ax = plt.subplots(figsize=(7, 3.6))
+fig, ax = plt.subplots(figsize=(7, 3.6), layout="constrained")
 ax.step(range(49), truth, where="mid", color="0.6", label="l (l + 1)")
 ax.plot(range(49), values, ".", label="found")
 ax.set(xlabel="number of the eigenvalue", ylabel="eigenvalue")
