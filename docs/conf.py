@@ -28,6 +28,7 @@ extensions = [
     "mathml",
     "myst_parser",
     "numpydoc",
+    "scene",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx_copybutton",
@@ -68,8 +69,11 @@ sphinx_gallery_conf = {
     "min_reported_time": 1,
 }
 
+highlight_language = "none"
+
 html_theme = "pydata_sphinx_theme"
 html_title = "unbend"
+html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_favicon = "_static/mark.svg"
