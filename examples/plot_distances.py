@@ -3,8 +3,7 @@ Biharmonic, geodesic and other distances
 ========================================
 
 Geodesic distance is the length of the shortest way over the surface. Biharmonic distance takes
-all ways into account: it is smooth, and a small bridge or hole hardly changes it. Both ignore the
-pose.
+all ways into account, and is smooth. Neither knows the pose.
 """
 
 import matplotlib.pyplot as plt
