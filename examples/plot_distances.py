@@ -9,7 +9,7 @@ all ways into account, and is smooth. Neither knows the pose.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import distance, farthest_point_sampling
+from unbend import canonical_form, distance, farthest_point_sampling, form_page
 from unbend.datasets import make_quadruped
 from unbend.report.figures import draw_mesh
 
@@ -37,3 +37,8 @@ for kind, field in fields.items():
 # Farthest points are spread evenly by any of them.
 samples = farthest_point_sampling(dog.mesh, 12, distance="biharmonic")
 print(sorted({dog.parts[label] for label in dog.labels[samples]}))
+
+# %%
+# Choose the distance as colour, and click: biharmonic distances from there, on the dog and, as
+# straight ones, within its canonical form.
+form_page(dog.mesh, canonical_form(dog.mesh))

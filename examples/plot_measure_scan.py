@@ -54,3 +54,7 @@ draw_mesh(axes[1], scan.mesh)
 draw_mesh(axes[2], fitted.mesh, colors=colors)
 for ax, title in zip(axes, ("template", "scan", "template on the scan"), strict=True):
     ax.set_title(title)
+
+# %%
+# The template, lying on the scan:
+fitted.mesh

@@ -10,7 +10,7 @@ one.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, transfer
+from unbend import match, match_page, transfer
 from unbend.datasets import make_biped
 from unbend.report.figures import draw_mesh
 
@@ -46,3 +46,6 @@ for ax, body, shown in zip(axes, (rigged, fresh), (weights_of(rigged), weights),
     draw_mesh(ax, body.mesh, colors=shown[:, bone])
 axes[0].set_title("left thigh, as it was rigged")
 axes[1].set_title("left thigh, carried")
+
+# %%
+match_page(rigged.mesh, fresh.mesh, found)

@@ -9,7 +9,7 @@ That is how one sees what a mesh makes of them.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import spectrum
+from unbend import canonical_form, form_page, spectrum
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.report.figures import draw_mesh
 
@@ -35,3 +35,7 @@ fig, axes = plt.subplots(2, 4, figsize=(10, 4.6))
 for i, ax in enumerate(axes.ravel(), start=1):
     draw_mesh(ax, dog, colors=functions[:, i])
     ax.set_title(f"eigenfunction {i}", fontsize=9)
+
+# %%
+# Choose one of the first twelve as colour:
+form_page(dog, canonical_form(dog))
