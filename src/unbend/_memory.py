@@ -88,7 +88,7 @@ def _gib(size: int) -> str:
 
 def _machine(proc: Path = Path("/proc")) -> int | None:
     try:
-        for line in (proc / "meminfo").read_text().splitlines():
+        for line in (proc / "meminfo").read_text("utf-8").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) * 1024
     except (OSError, ValueError):
