@@ -26,6 +26,7 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 LIMIT_BYTES = 1_000_000  # of the wheel
 # Those that users ask for; the others are tools of whoever works on unbend.
 EXTRAS = ("plot", "sklearn", "exact", "data", "collection", "reproduce", "cholmod")
+COMPILED = ("cholmod", "exact")  # of scikit-sparse, and on Python 3.14 of pygeodesic, are no wheels
 
 
 class Case(NamedTuple):
@@ -87,12 +88,11 @@ def attempt(case: Case, program: str, built: Path, folder: Path) -> str:
     subprocess.run([program, "-m", "venv", folder], check=True)
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     (folder / "lowest.txt").write_text("\n".join(lowest()), encoding="utf-8")
-    # What is not pure Python must come as a wheel: nobody should need a compiler. Only of
-    # scikit-sparse there are none.
+    # What is not pure Python must come as a wheel: nobody should need a compiler.
     options = ["--progress-bar=off", "--only-binary=:all:", "--no-binary=unbend"]
     if case.kind == "wheel":
         options.remove("--no-binary=unbend")
-    if case.extra == "cholmod":
+    if case.extra in COMPILED:
         options = ["--progress-bar=off"]
     if case.versions == "lowest":
         options += ["--constraint", str(folder / "lowest.txt")]
