@@ -88,6 +88,27 @@ def test_search(folder: Path) -> None:
     assert len(rows) == 5
 
 
+def test_pages_show_what_is_there(folder: Path, tmp_path: Path) -> None:
+    write_stones(tmp_path / "stones", 3)
+    Collection(tmp_path / "store").add(tmp_path / "stones", workers=0)
+    (tmp_path / "stones" / "stone01.ply").unlink()
+    page = tmp_path / "page.html"
+    query = tmp_path / "stones" / "stone02.ply"
+    for arguments, title in (
+        (("search", tmp_path / "store", query), "Most like stone02.ply"),
+        (("matrix", tmp_path / "store"), "How alike 3 shapes are"),
+        (("groups", tmp_path / "store", "-n", 2), "3 shapes in 2 groups"),
+    ):
+        done = run(*arguments, "--report", page)
+        assert done.exit_code == 0, done.output
+        assert done.stdout.endswith(f"next: open {page} in a browser\n")
+        assert "failed: " in done.stderr
+        text = page.read_text(encoding="utf-8")
+        assert f"<title>{title}</title>" in text
+        assert "not drawn: " in text
+        assert json_of(*arguments, "--report", page)["report"] == str(page)
+
+
 def test_matrix_and_groups(folder: Path) -> None:
     told = json_of("matrix", "shapes", "--csv", "table.csv", "--figure", "table.png")
     table = np.array(told["distances"])

@@ -194,6 +194,11 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     options = ["--known-correspondence", "--matrix", "--csv", table]
     done = right("similarity", *shapes, *options, "--figure", tmp_path / "heat.png")
     assert (tmp_path / "heat.png").exists()
+    page = tmp_path / "page.html"
+    for more, title in (("--matrix", "How alike 3 shapes are"), ("--up=z", "Most like a.ply")):
+        told = right("similarity", *shapes, "--known-correspondence", more, "--report", page)
+        assert told.stdout.endswith(f"next: open {page} in a browser\n")
+        assert f"<title>{title}</title>" in page.read_text(encoding="utf-8")
     rows = [line.split(",") for line in table.read_text().splitlines()]
     values = np.array([row[1:] for row in rows[1:]], float)
     np.testing.assert_array_equal(values, values.T)
@@ -243,6 +248,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
         ("similarity a.ply b.ply --known-correspondence", "800 and 700 vertices"),
         ("similarity a.ply b.ply --csv table.txt", 'unknown suffix ".txt"'),
+        ("similarity a.ply b.ply --report page.pdf", 'unknown suffix ".pdf"'),
     ],
 )
 def test_mistakes_get_one_sentence_and_write_nothing(

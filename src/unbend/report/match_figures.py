@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
 from unbend.alignment import procrustes
 from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
 from unbend.errors import InputError
@@ -17,6 +17,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
+from unbend.report.trees import apart, join_alike
 
 __all__ = ["draw_error_curves", "draw_match", "draw_similarities", "error_curves", "pattern_colors"]
 
@@ -272,14 +273,5 @@ def draw_similarities(
     save_figure(figure, path)
 
 
-def _alike_together(table: FloatArray) -> npt.NDArray[np.intp]:
-    if len(table) < 3:
-        return np.arange(len(table))
-    from scipy.cluster.hierarchy import leaves_list, linkage
-    from scipy.spatial.distance import squareform
-
-    apart = np.where(np.isfinite(table), 1 - table, 1.0)
-    apart = np.maximum(apart + apart.T, 0) / 2
-    np.fill_diagonal(apart, 0)
-    tree = linkage(squareform(apart, checks=False), "average", optimal_ordering=True)
-    return np.asarray(leaves_list(tree))
+def _alike_together(table: FloatArray) -> IntArray:
+    return join_alike(apart(table)).order if len(table) > 2 else np.arange(len(table))

@@ -127,12 +127,22 @@ class View {
       gl.enableVertexAttribArray(i);
       gl.vertexAttribPointer(i, column.length / n, gl.FLOAT, false, 0, 0);
     });
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.corners = gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(faces), gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     this.meshes.push(mesh);
     this.draw();
     return mesh;
+  }
+
+  // Take all meshes away.
+  clear() {
+    const { gl } = this;
+    for (const mesh of this.meshes) {
+      gl.deleteVertexArray(mesh.array);
+      for (const buffer of [...mesh.buffers, mesh.corners]) gl.deleteBuffer(buffer);
+    }
+    this.meshes = [];
   }
 
   set(mesh, column, values) {
