@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import Diagnosis as Diagnosis
     from unbend.preparation import diagnose as diagnose
+    from unbend.report.match_figures import match_colors as match_colors
     from unbend.report.pages import form_page as form_page
     from unbend.report.pages import match_page as match_page
     from unbend.report.pages import search_page as search_page
@@ -87,6 +88,7 @@ _HOME = {
     "invert_map": "io",
     "laplacian": "spectral",
     "match": "matching",
+    "match_colors": "report.match_figures",
     "match_page": "report.pages",
     "mean_shape": "collection",
     "morph": "correspondence",

@@ -19,7 +19,14 @@ from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
 from unbend.report.trees import apart, join_alike
 
-__all__ = ["draw_error_curves", "draw_match", "draw_similarities", "error_curves", "pattern_colors"]
+__all__ = [
+    "draw_error_curves",
+    "draw_match",
+    "draw_similarities",
+    "error_curves",
+    "match_colors",
+    "pattern_colors",
+]
 
 # Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
 _STRIPES = 9
@@ -60,6 +67,53 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
         stripes = np.cos(2 * np.pi * _STRIPES * longest / max(float(longest.max()), 1e-300))
         colors[finite] *= 1 - _STRIPE_DEPTH * (0.5 - 0.5 * np.tanh(3 * stripes))[:, None]
     return colors
+
+
+def match_colors(
+    source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """Give corresponding points of both shapes one colour, for :func:`unbend.write_mesh`.
+
+    Colours change with the place on the source, and faint stripes across it show small slips.
+    What has no partner is grey.
+
+    Parameters
+    ----------
+    source, target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none.
+
+    Returns
+    -------
+    source_colors : (n_source, 3) ndarray of uint8
+    target_colors : (n_target, 3) ndarray of uint8
+
+    Raises
+    ------
+    InputError
+        If the map does not fit the shapes.
+
+    Examples
+    --------
+    >>> from unbend import match_colors
+    >>> from unbend.datasets import make_sphere
+    >>> ball = make_sphere(1)
+    >>> ours, theirs = match_colors(ball, ball, range(42))
+    >>> bool((ours == theirs).all())
+    True
+    """
+    source, target = as_mesh(source), as_mesh(target)
+    colors = pattern_colors(source.vertices)
+    carried = transfer(colors, match, kind="scalar", source=source, target=target)
+    if len(carried) != target.n_vertices:
+        raise InputError(
+            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
+        )
+    carried[np.isnan(carried)] = _NO_PARTNER
+    colors[as_point_map(match) < 0] = _NO_PARTNER
+    ours, theirs = (np.rint(255 * np.clip(one, 0, 1)) for one in (colors, carried))
+    return ours.astype(np.uint8), theirs.astype(np.uint8)
 
 
 def draw_match(
@@ -113,18 +167,11 @@ def draw_match(
     True
     """
     source, target = as_mesh(source), as_mesh(target)
-    colors = pattern_colors(source.vertices)
-    carried = transfer(colors, match, kind="scalar", source=source, target=target)
-    if len(carried) != target.n_vertices:
-        raise InputError(
-            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
-        )
+    colors, carried = (one / 255 for one in match_colors(source, target, match))
     if up not in _UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
     upright = _UPRIGHT[up]
     turned = _turned_to_fit(source, target, match) @ upright.T
-    carried[np.isnan(carried)] = _NO_PARTNER
-    colors[as_point_map(match) < 0] = _NO_PARTNER
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
