@@ -82,7 +82,7 @@ def value_colors(
     marks = np.linspace(0, 1, len(_VIRIDIS))
     colors = np.stack([np.interp(shares, marks, one) for one in _VIRIDIS.T], axis=1)
     colors[~finite] = _GREY
-    return np.rint(colors).astype(np.uint8)
+    return np.asarray(np.rint(colors), dtype=np.uint8)
 
 
 def _of_labels(
