@@ -16,7 +16,7 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
-from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
+from unbend.report.figures import UPRIGHT, draw_mesh, new_figure, position_colors, save_figure
 from unbend.report.trees import apart, join_alike
 
 __all__ = [
@@ -32,12 +32,6 @@ __all__ = [
 _STRIPES = 9
 _STRIPE_DEPTH = 0.35
 _NO_PARTNER = 0.6  # grey
-# Which way the axes of a shape go when its own upward axis becomes the picture's, y.
-_UPRIGHT = {
-    "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-}
 
 
 def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
@@ -168,9 +162,9 @@ def draw_match(
     """
     source, target = as_mesh(source), as_mesh(target)
     colors, carried = (one / 255 for one in match_colors(source, target, match))
-    if up not in _UPRIGHT:
+    if up not in UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
-    upright = _UPRIGHT[up]
+    upright = UPRIGHT[up]
     turned = _turned_to_fit(source, target, match) @ upright.T
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
@@ -309,9 +303,10 @@ def draw_similarities(
     ax.tick_params(length=0)
     if n <= 20:
         middle = (low + 1) / 2
+        digits = int(np.clip(np.ceil(-np.log10(max(1 - low, 1e-9) / 50)), 2, 4))
         for i, j in np.argwhere(np.isfinite(table)):
             ax.text(
-                j, i, f"{table[i, j]:.2f}", ha="center", va="center", fontsize=7,
+                j, i, f"{table[i, j]:.{digits}f}", ha="center", va="center", fontsize=7,
                 color="black" if table[i, j] > middle else "white",
             )  # fmt: skip
     bar = figure.colorbar(picture, ax=ax, fraction=0.05, pad=0.03)

@@ -51,8 +51,8 @@ def join_alike(distances: FloatArray) -> Tree:
     >>> import numpy as np
     >>> from unbend.report.trees import join_alike
     >>> places = np.array([0.0, 9.0, 1.0])
-    >>> join_alike(np.abs(places[:, None] - places)).order
-    array([1, 0, 2])
+    >>> float(join_alike(np.abs(places[:, None] - places)).heights.max())
+    8.5
     """
     from scipy.cluster.hierarchy import dendrogram, linkage
     from scipy.spatial.distance import squareform

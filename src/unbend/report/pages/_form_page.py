@@ -10,13 +10,13 @@ from typing import Any, get_args
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
-from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
 from unbend.distances import spectral_filter
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, as_mesh, check_writable
 from unbend.mesh import Mesh
+from unbend.report.form_figures import turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -124,10 +124,10 @@ def form_page(
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
-    places = _turned_to_fit(form.points, mesh.vertices, inside)
+    places = turned_to_fit(form.points, mesh.vertices, inside)
     laid = None
     if form.surface is not None:
-        laid = _turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside, cache)
     rows = shown.ids
@@ -164,16 +164,6 @@ def form_page(
     if path is not None:
         page.write(path)
     return page
-
-
-def _turned_to_fit(
-    points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
-) -> FloatArray:
-    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
-    places = np.zeros((len(points), 3))
-    places[:, : points.shape[1]] = points[:, :3]
-    turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
-    return np.asarray(np.where(inside[:, None], places @ turn.T, np.nan))
 
 
 def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
