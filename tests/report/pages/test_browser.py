@@ -12,7 +12,7 @@ import pytest
 
 from browser import Browser, changed, drawn
 from unbend import Mesh, canonical_form, distance, form_page, match_page
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
 from unbend.report.pages import _match_page, mesh_page
@@ -238,6 +238,28 @@ def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
     assert browser.run("part('readout').textContent") == f"vertex {number}"
     browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
     assert changed(start, browser.picture("#shape")) > 0.02
+
+
+def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
+    browser, tmp_path
+) -> None:
+    ball = make_sphere(5)
+    mesh_page(ball).write(tmp_path / "ball.html")
+    browser.open(tmp_path / "ball.html")
+    start = browser.picture("#shape")
+    browser.run(
+        "globalThis.drawn = []; (gl => { const draw = gl.drawElements; gl.drawElements ="
+        " (kind, n, ...more) => { drawn.push(n / 3); draw.call(gl, kind, n, ...more) } })"
+        "(part('shape').getContext('webgl2'))"
+    )
+    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    moving = browser.run("drawn.slice()")
+    assert 100 < moving[0] < 0.6 * ball.n_faces
+    browser.run("part('reset').click()")
+    still = f"drawn.at(-1) === {ball.n_faces} ? r() : setTimeout(w, 20)"
+    browser.run(f"new Promise(r => {{ const w = () => {still}; w() }})")
+    browser.run("document.activeElement.blur()")
+    assert changed(start, browser.picture("#shape")) < 0.001
 
 
 def test_a_notebook_shows_what_it_has(browser, dogs, tmp_path, screenshots) -> None:

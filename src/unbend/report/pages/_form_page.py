@@ -32,7 +32,6 @@ from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 from unbend.spectral import spectrum
 
-_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "form.js")
 # Eigenfunctions that distances on the page are summed over, and those offered to look at.
 _N_EIGENPAIRS, _OFFERED = 60, 12
 # Distances on the page are exact to this share of the widest coordinate of their embedding.
@@ -159,7 +158,7 @@ def form_page(
             ]
         ),
         data=data,
-        scripts=_SCRIPTS,
+        scripts=("form.js",),
     )
     if path is not None:
         page.write(path)

@@ -20,7 +20,6 @@ from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, secti
 from unbend.report.pages._packing import pack_places
 from unbend.report.trees import apart, join_alike
 
-_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "heat.js", "shapes.js")
 # Larger tables are looked at, not read.
 _MOST_TOLD = 30
 
@@ -142,7 +141,7 @@ def similarity_page(
             "order": tree.order.tolist(),
             "tree": _brackets(tree.heights, tree.places),
         },
-        scripts=_SCRIPTS,
+        scripts=("heat.js", "shapes.js"),
     )
     if path is not None:
         page.write(path)
@@ -239,7 +238,7 @@ def search_page(
             ]
         ),
         data={"shapes": packed, "measure": measure, "values": [None, *map(_or_none, numbers)]},
-        scripts=_SCRIPTS,
+        scripts=("heat.js", "shapes.js"),
     )
     if path is not None:
         page.write(path)
