@@ -11,6 +11,7 @@ from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
+from unbend.mesh import Mesh
 from unbend.report.figures import (
     FORM_THICKER,
     UPRIGHT,
@@ -62,16 +63,7 @@ def draw_form(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
     """
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
-    if len(form.points) != mesh.n_vertices:
-        raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
-        )
-    if up not in UPRIGHT:
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    mesh = drawable(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     places = turned_to_fit(form.points, mesh.vertices, inside)
     columns = [(mesh.name, mesh.vertices, 0.0), ("its canonical form", places, FORM_THICKER)]
@@ -86,6 +78,27 @@ def draw_form(
         draw_places(ax, seen @ UPRIGHT[up].T, mesh, colors, _VIEW, thicker)
         figure.text((i + 0.5) * width, 0.03, caption, ha="center", fontsize=10)
     save_figure(figure, path)
+
+
+def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
+    """Take a mesh that is to be drawn beside its form.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+    """
+    mesh = as_mesh(mesh)
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name} has no faces to draw")
+    if len(form.points) != mesh.n_vertices:
+        raise InputError(
+            f"the form has {len(form.points)} points, but {mesh.name} has "
+            f"{mesh.n_vertices} vertices"
+        )
+    if up not in UPRIGHT:
+        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    return mesh
 
 
 def turned_to_fit(

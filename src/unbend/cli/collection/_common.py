@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.cli._common import say
+from unbend.cli._common import command_line, say
 
 if TYPE_CHECKING:
-    from unbend._types import Progress
-    from unbend.collection import Collection, Failure
+    from unbend._types import FloatArray, Progress
+    from unbend.choices import Axis
+    from unbend.collection import Collection, Entry, Failure
     from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
@@ -98,6 +99,27 @@ def read_found(paths: Sequence[str]) -> list[Mesh]:
             mesh = Mesh([[0, 0, 0]], name=Path(path).name, notes=(f"not drawn: {error}",))
         found.append(mesh if alike[mesh.name] == 1 else replace(mesh, name=shown(path)))
     return found
+
+
+def write_page(
+    report: str,
+    entries: Sequence[Entry],
+    distances: FloatArray,
+    up: Axis,
+    groups: list[int] | None = None,
+) -> None:
+    """Write how far shapes of a collection are from each other as a page."""
+    from unbend.report.pages import similarity_page
+
+    similarity_page(
+        read_found([entry.path for entry in entries]),
+        distances,
+        report,
+        measure="distance",
+        groups=groups,
+        up=up,
+        command=command_line(),
+    )
 
 
 @contextmanager

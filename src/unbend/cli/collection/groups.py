@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, UpOption, command_line, print_json, write_table
-from unbend.cli.collection._common import ReportOption, StoreArgument, opened, read_found, shown
+from unbend.cli._common import JsonOption, UpOption, print_json, write_table
+from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
 
 
 def groups(
@@ -55,17 +55,7 @@ def groups(
     for path, number in pairs:
         members[number].append(path)
     if report is not None:
-        from unbend.report.pages import similarity_page
-
-        similarity_page(
-            read_found([entry.path for entry in entries]),
-            distances,
-            report,
-            measure="distance",
-            groups=numbers,
-            up=up,
-            command=command_line(),
-        )
+        write_page(report, entries, distances, up, groups=numbers)
     if as_json:
         print_json({"store": store, "groups": members, "report": report})
         return

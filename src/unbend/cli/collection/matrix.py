@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, UpOption, command_line, print_json, write_table
-from unbend.cli.collection._common import ReportOption, StoreArgument, opened, read_found, shown
+from unbend.cli._common import JsonOption, UpOption, print_json, write_table
+from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
 
 _MOST_PRINTED = 24
 
@@ -53,16 +53,7 @@ def matrix(
 
         draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
     if report is not None:
-        from unbend.report.pages import similarity_page
-
-        similarity_page(
-            read_found([entry.path for entry in entries]),
-            distances,
-            report,
-            measure="distance",
-            up=up,
-            command=command_line(),
-        )
+        write_page(report, entries, distances, up)
     if as_json:
         paths = [entry.path for entry in entries]
         print_json(

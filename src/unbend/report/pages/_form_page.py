@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from html import escape
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
 from unbend.distances import spectral_filter
-from unbend.errors import InputError, UnbendWarning
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.errors import UnbendWarning
+from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
-from unbend.report.form_figures import turned_to_fit
+from unbend.report.form_figures import drawable, turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -109,16 +109,7 @@ def form_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
-    if len(form.points) != mesh.n_vertices:
-        raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
-        )
-    if up not in get_args(Axis):
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    mesh = drawable(mesh, form, up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
