@@ -51,6 +51,7 @@ CONSTANTS = {
     "_FEW": ("_solve",),
     "_TIGHTENED": ("_solve",),
     "_FOLLOWED": ("_solve",),
+    "_SPECTRAL": ("_solve",),
     "_CLEAR": ("_solve",),
     "_AHEAD": ("_solve",),
     "_CLEARLY_FOLLOWED": ("_solve",),

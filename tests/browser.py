@@ -199,3 +199,13 @@ class Browser:
         if save is not None:
             save.write_bytes(data)
         return np.asarray(matplotlib.image.imread(io.BytesIO(data)), dtype=np.float64)[..., :3]
+
+
+def changed(before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> float:
+    """Share of the pixels that differ."""
+    return float((np.abs(before - after).max(axis=2) > 0.05).mean())
+
+
+def drawn(picture: npt.NDArray[np.float64]) -> float:
+    """Share of the pixels that are not the ground's, whose colours hardly differ from grey."""
+    return float((np.ptp(picture, axis=2) > 0.1).mean())

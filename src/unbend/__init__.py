@@ -50,8 +50,11 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import Diagnosis as Diagnosis
     from unbend.preparation import diagnose as diagnose
+    from unbend.report.match_figures import match_colors as match_colors
     from unbend.report.pages import form_page as form_page
     from unbend.report.pages import match_page as match_page
+    from unbend.report.pages import search_page as search_page
+    from unbend.report.pages import similarity_page as similarity_page
     from unbend.spectral import Laplacian as Laplacian
     from unbend.spectral import Spectrum as Spectrum
     from unbend.spectral import laplacian as laplacian
@@ -85,6 +88,7 @@ _HOME = {
     "invert_map": "io",
     "laplacian": "spectral",
     "match": "matching",
+    "match_colors": "report.match_figures",
     "match_page": "report.pages",
     "mean_shape": "collection",
     "morph": "correspondence",
@@ -96,8 +100,10 @@ _HOME = {
     "read_values": "io",
     "register": "correspondence",
     "retrieval_measures": "collection",
+    "search_page": "report.pages",
     "shape_statistics": "collection",
     "similarity": "correspondence",
+    "similarity_page": "report.pages",
     "spectrum": "spectral",
     "symmetry": "matching",
     "transfer": "correspondence",

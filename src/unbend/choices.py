@@ -20,6 +20,7 @@ Experiment = Literal[
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
 Rerank = Literal["none", "form", "match"]
 Axis = Literal["x", "y", "z"]
+Measure = Literal["similarity", "distance"]
 
 # Diffusion time, in units of a surface's area, unless another is asked for.
 DIFFUSION_TIME = 0.1

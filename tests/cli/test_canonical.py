@@ -47,6 +47,16 @@ def test_writes_a_page(mesh, tmp_path):
     assert run(mesh, "--report", tmp_path / "form.pdf").exit_code == 2
 
 
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_a_figure_can_be_drawn(mesh, tmp_path, suffix):
+    path = tmp_path / f"form{suffix}"
+    done = run(mesh, "--figure", path, "--detail", "preserved", "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["figure"] == str(path)
+    begins = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[suffix]
+    assert path.read_bytes().startswith(begins)
+
+
 def test_prints_aligned_rows_and_the_next_step(mesh):
     done = run(mesh)
     rows = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())

@@ -54,7 +54,8 @@ def test_add_lists_what_failed_and_says_so(folder: Path, tmp_path: Path) -> None
     arguments = ("add", tmp_path / "store", "stones/stone00.ply", tmp_path / "torn.ply")
     done = run(*arguments, "--workers", 1)
     assert done.exit_code == 1
-    assert done.stderr.startswith(f"failed: {tmp_path}/torn.ply: torn.ply: truncated")
+    told = [line for line in done.stderr.splitlines() if not line.startswith("progress: ")]
+    assert told[0].startswith(f"failed: {tmp_path}/torn.ply: torn.ply: truncated")
     assert done.stdout.startswith("added 1, there before 0, failed 1; ")
     again = run(*arguments, "--workers", 1, "--json")
     assert again.exit_code == 1
@@ -86,6 +87,27 @@ def test_search(folder: Path) -> None:
     assert rows[0].split() == ["rank", "distance", "id", "path"]
     assert rows[1].split()[::3] == ["1", "stones/stone02.ply"]
     assert len(rows) == 5
+
+
+def test_pages_show_what_is_there(folder: Path, tmp_path: Path) -> None:
+    write_stones(tmp_path / "stones", 3)
+    Collection(tmp_path / "store").add(tmp_path / "stones", workers=0)
+    (tmp_path / "stones" / "stone01.ply").unlink()
+    page = tmp_path / "page.html"
+    query = tmp_path / "stones" / "stone02.ply"
+    for arguments, title in (
+        (("search", tmp_path / "store", query), "Most like stone02.ply"),
+        (("matrix", tmp_path / "store"), "How alike 3 shapes are"),
+        (("groups", tmp_path / "store", "-n", 2), "3 shapes in 2 groups"),
+    ):
+        done = run(*arguments, "--report", page)
+        assert done.exit_code == 0, done.output
+        assert done.stdout.endswith(f"next: open {page} in a browser\n")
+        assert "failed: " in done.stderr
+        text = page.read_text(encoding="utf-8")
+        assert f"<title>{title}</title>" in text
+        assert "not drawn: " in text
+        assert json_of(*arguments, "--report", page)["report"] == str(page)
 
 
 def test_matrix_and_groups(folder: Path) -> None:

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
-from unbend import read_mesh, write_mesh
+from unbend import match_colors, read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._common import warn_if_doubtful
 from unbend.cli.match import describe_side
@@ -41,6 +42,7 @@ def folder(tmp_path_factory) -> Path:
     write_map(path / "b.sym.vts", TARGET.mirror[truth])
     figure = path / "match.png"
     shown = ["--figure", figure, "--report", path / "match.html"]
+    shown += ["--colored", path / "a.glb", path / "b_colored.ply"]
     known = ["--source-truth", path / "a.vts", "--target-truth", path / "b.vts"]
     out = ["-o", path / "ab.npz", "--json"]
     done = right("match", path / "a.ply", path / "b.ply", *out, *shown, *known)
@@ -60,6 +62,11 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     page = (folder / "match.html").read_text(encoding="utf-8")
     assert f"confidence {written.confidence:.2f}" in page
     assert "points counted</th><td>800<" in page
+    assert told["colored"] == [str(folder / "a.glb"), str(folder / "b_colored.ply")]
+    colors = match_colors(folder / "a.ply", folder / "b.ply", written)
+    seen = trimesh.load(folder / "b_colored.ply", process=False).visual.vertex_colors
+    np.testing.assert_array_equal(seen[:, :3], colors[1])
+    assert (folder / "a.glb").read_bytes().startswith(b"glTF")
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".txt", ".csv", ".vts"])
@@ -194,6 +201,11 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     options = ["--known-correspondence", "--matrix", "--csv", table]
     done = right("similarity", *shapes, *options, "--figure", tmp_path / "heat.png")
     assert (tmp_path / "heat.png").exists()
+    page = tmp_path / "page.html"
+    for more, title in (("--matrix", "How alike 3 shapes are"), ("--up=z", "Most like a.ply")):
+        told = right("similarity", *shapes, "--known-correspondence", more, "--report", page)
+        assert told.stdout.endswith(f"next: open {page} in a browser\n")
+        assert f"<title>{title}</title>" in page.read_text(encoding="utf-8")
     rows = [line.split(",") for line in table.read_text().splitlines()]
     values = np.array([row[1:] for row in rows[1:]], float)
     np.testing.assert_array_equal(values, values.T)
@@ -214,6 +226,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply none.ply", "there is no such file"),
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
+        ("match a.ply b.ply --colored a.glb b.off", 'unknown suffix ".off"'),
         ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
         ("match a.ply b.ply --source-truth a.vts --target-truth b.vts", "shown by --report"),
         ("match a.ply b.ply --report r.html --source-truth a.vts", "both --source-truth and"),
@@ -243,6 +256,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
         ("similarity a.ply b.ply --known-correspondence", "800 and 700 vertices"),
         ("similarity a.ply b.ply --csv table.txt", 'unknown suffix ".txt"'),
+        ("similarity a.ply b.ply --report page.pdf", 'unknown suffix ".pdf"'),
     ],
 )
 def test_mistakes_get_one_sentence_and_write_nothing(

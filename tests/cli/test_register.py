@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from unbend import read_mesh, write_mesh
@@ -44,7 +45,8 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert told["distance_all"]["mean"] > told["distance_covered"]["mean"]
     written = read_mesh("out.ply")
     np.testing.assert_array_equal(written.faces, TEMPLATE.mesh.faces)
-    assert b"property double distance" in (folder / "out.ply").read_bytes()[:400]
+    header = (folder / "out.ply").read_bytes()[:400]
+    assert b"property double distance\nproperty uchar red" in header
     rows = run(*given).stdout.splitlines()
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
     assert rows[1].startswith("distance there   mean ")
@@ -53,10 +55,12 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
 
 
 def test_it_matches_where_no_map_is_given(folder: Path) -> None:
-    done = run("register", "template.ply", "scan.ply", "-o", "out.obj")
+    done = run("register", "template.ply", "scan.ply", "-o", "out.glb")
     assert done.exit_code == 0, done.output
     assert "of the match" in done.stdout
-    assert read_mesh("out.obj").n_vertices == 600
+    (fitted,) = trimesh.load("out.glb").geometry.values()
+    lightest = fitted.visual.vertex_attributes["color"][:, 1].max()
+    assert 0 < (fitted.visual.vertex_attributes["color"][:, 1] == lightest).mean() < 0.3
 
 
 def test_it_warns_of_a_doubtful_match(folder: Path) -> None:

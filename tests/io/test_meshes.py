@@ -176,7 +176,7 @@ class TestWriting:
     @pytest.mark.parametrize("suffix", [s for s in WRITE_SUFFIXES if s != ".ply"])
     def test_other_formats_refuse_them(self, tmp_path: Path, suffix: str) -> None:
         for keywords in ({"colors": np.zeros((4, 3), dtype=int)}, {"uvs": np.zeros((4, 2))}):
-            if suffix != ".obj":
+            if suffix not in (".obj", ".glb"):
                 with pytest.raises(InputError, match=r"write \.ply"):
                     write_mesh(tmp_path / f"m{suffix}", SQUARE, **keywords)
         with pytest.raises(InputError, match=r"write \.ply"):

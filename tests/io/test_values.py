@@ -63,12 +63,18 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
         ("colors.obj", np.zeros((642, 3), np.uint8), "color"),
         ("uv.ply", np.zeros((642, 2)), "uv"),
         ("uv.obj", np.full((642, 2), np.nan), "uv"),
+        ("label.obj", np.repeat(["head", "", "tail"], 214), "label"),
     ):
         write_values(tmp_path / name, values, blob, kind=kind)
         np.testing.assert_array_equal(read_mesh(tmp_path / name).vertices, blob.vertices)
         bytes_of[name] = (tmp_path / name).read_bytes()
     assert b"double value_0\nproperty double value_1" in bytes_of["weights.ply"]
-    assert b"double label" in bytes_of["label.ply"]
+    assert b"double label\nproperty uchar red" in bytes_of["label.ply"]
+    assert b"uchar red" in bytes_of["weights.ply"]
+    lines = bytes_of["label.obj"].decode().splitlines()
+    seen = [tuple(float(word) for word in line.split()[4:]) for line in lines[:642:214]]
+    assert len(set(seen)) == 3
+    assert seen[1] == (0.6, 0.6, 0.6)  # what has no label is grey
     assert b"uchar red" in bytes_of["colors.ply"]
     assert b"vt 0.0 0.0" in bytes_of["uv.obj"]
 
@@ -76,7 +82,7 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
 def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
     for name, values, sentence in (
         ("a.ply", ["a"] * 642, "cannot hold text"),
-        ("a.obj", np.zeros(642), "colours and texture coordinates only"),
+        ("a.obj", np.zeros((642, 2)), "a colour for each vertex, not 2 numbers"),
         ("a.csv", np.zeros((642, 2, 2)), "one or two dimensions"),
         ("a.csv", np.zeros(3), "one row for each of 642"),
     ):

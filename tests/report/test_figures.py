@@ -132,13 +132,14 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "figure.png"
     path.write_text("old")
 
-    class Broken:
-        def savefig(self, file, format):
-            file.write(b"half")
-            raise OSError("disk full")
+    def fail(file, **_):
+        file.write(b"half")
+        raise OSError("disk full")
 
+    broken = new_figure(1, 1)
+    broken.savefig = fail
     with pytest.raises(FileError, match="disk full"):
-        save_figure(Broken(), path)
+        save_figure(broken, path)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
     with pytest.raises(FileError, match="cannot write"):
@@ -162,3 +163,17 @@ def test_missing_matplotlib_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(MissingExtraError, match=r"unbend\[plot\]"):
         new_figure(1, 1)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_the_same_picture_is_the_same_file(tmp_path, suffix, monkeypatch):
+    written = []
+    for time in ("1000000000", "2000000000"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", time)
+        figure = new_figure(1, 1, dpi=40)
+        ax = figure.add_subplot()
+        draw_mesh(ax, (SQUARE, TWO))
+        ax.set_title("a$b$ \\frac$ <&>")  # a name, no formula
+        save_figure(figure, tmp_path / f"a{suffix}")
+        written.append((tmp_path / f"a{suffix}").read_bytes())
+    assert written[0] == written[1]

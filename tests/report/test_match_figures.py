@@ -12,6 +12,7 @@ from unbend.report.match_figures import (
     draw_error_curves,
     draw_match,
     draw_similarities,
+    match_colors,
     pattern_colors,
 )
 
@@ -90,3 +91,14 @@ def test_what_does_not_fit(blob: Mesh) -> None:
         draw_match(blob, blob, np.arange(3), "a.png")
     with pytest.raises(InputError, match="up must be"):
         draw_match(blob, blob, np.arange(642), "a.png", up="w")
+
+
+def test_partners_have_one_colour_and_others_are_grey(blob: Mesh) -> None:
+    shuffle = np.random.default_rng(0).permutation(642)
+    target = Mesh(blob.vertices[shuffle], np.argsort(shuffle)[blob.faces])
+    forward = np.argsort(shuffle)
+    forward[:100] = -1
+    ours, theirs = match_colors(blob, target, forward)
+    there = forward >= 0
+    np.testing.assert_array_equal(ours[there], theirs[forward[there]])
+    assert (ours[~there] == 153).all()

@@ -41,7 +41,10 @@ BaseOption = Annotated[
     typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
 ]
 UpOption = Annotated[
-    Axis, typer.Option("--up", help="The source's axis that points upward, to look at it.")
+    Axis,
+    typer.Option(
+        "--up", help="The axis that points upward, to look at it; of two shapes the source's."
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON to standard output.")]
 ComponentOption = Annotated[

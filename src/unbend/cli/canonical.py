@@ -45,6 +45,14 @@ def canonical(
             "(dimension 3), .npy or .csv (any dimension).",
         ),
     ] = None,
+    figure: Annotated[
+        str | None,
+        typer.Option(
+            "--figure",
+            metavar="PNG",
+            help="Draw the shape beside its form (.png, .pdf, .svg), in the same colours.",
+        ),
+    ] = None,
     report: Annotated[
         str | None,
         typer.Option(
@@ -121,6 +129,7 @@ def canonical(
       unbend canonical cat.off -o cat_canonical.ply
       unbend canonical cat.off -o cat_unbent.ply --detail preserved
       unbend canonical cat.off --report form.html --up z
+      unbend canonical cat.off --detail preserved --figure form.pdf --up z
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
       unbend canonical statue.ply -o statue_canonical.ply --n-coarse 200000
@@ -136,6 +145,8 @@ def canonical(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
+    if figure is not None:
+        check_writable(figure, (".png", ".pdf", ".svg"))
     if report is not None:
         check_writable(report, (".html",))
     with steps_on_stderr() as progress:
@@ -164,6 +175,11 @@ def canonical(
         if out is not None:
             progress("writing", 0)
             write_form(out, shape, form)
+        if figure is not None:
+            from unbend.report.form_figures import draw_form
+
+            progress("drawing", 0)
+            draw_form(shape, form, figure, up=up)
         if report is not None:
             from unbend.report.pages import form_page
 
@@ -179,9 +195,10 @@ def canonical(
             )
     print_notes(shape.notes)
     if as_json:
-        _print_json(mesh, shape, form, out, report)
+        files = {"out": out, "figure": figure, "report": report}
+        _print_json(mesh, shape, form, files)
     else:
-        _print_summary(shape, form, out, report)
+        _print_summary(shape, form, out or figure, report)
 
 
 def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
@@ -207,14 +224,11 @@ def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
             np.savetxt(file, points, "%.17g", ",", header=names, comments="")
 
 
-def _print_json(
-    mesh: str, shape: Mesh, form: CanonicalForm, out: str | None, report: str | None
-) -> None:
+def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, files: dict[str, str | None]) -> None:
     print_json(
         {
             "mesh": mesh,
-            "out": out,
-            "report": report,
+            **files,
             "vertices": shape.n_vertices,
             "faces": shape.n_faces,
             "method": form.method,

@@ -86,6 +86,15 @@ def match(
             help="Draw both shapes (.png, .pdf, .svg), corresponding points in one colour.",
         ),
     ] = None,
+    colored: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            "--colored",
+            metavar="OUT OUT",
+            help="Write both shapes (.ply, .obj, .glb), corresponding points in one colour, for "
+            "Blender and MeshLab.",
+        ),
+    ] = None,
     report: Annotated[
         str | None,
         typer.Option(
@@ -125,6 +134,7 @@ def match(
       unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
       unbend match cat0.off cat1.off -o cat0_cat1.vts
       unbend match cat0.off cat1.off --report match.html --up z
+      unbend match cat0.off cat1.off --colored cat0.glb cat1.glb
       unbend match scan.ply model.ply --component largest --json
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
@@ -145,6 +155,8 @@ def match(
         check_writable(figure, (".png", ".pdf", ".svg"))
     if report is not None:
         check_writable(report, (".html",))
+    for path in colored or ():
+        check_writable(path, (".ply", ".obj", ".glb"))
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
     hints = None if landmarks is None else read_landmarks(landmarks)
     start = time.perf_counter()
@@ -164,7 +176,7 @@ def match(
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=method != "icp" and any((figure, report, _keeps_all(out))),
+            barycentric=method != "icp" and any((figure, report, colored, _keeps_all(out))),
             cache=cache,
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
@@ -173,6 +185,9 @@ def match(
             progress("writing", 0)
             for i, one in enumerate((found, *found.alternatives)):
                 write_result(_numbered(out, i), one)
+        if colored is not None:
+            progress("writing", 0)
+            _write_colored(shapes, found, colored)
         if figure is not None:
             progress("drawing", 0)
             _draw(shapes, found, figure, up)
@@ -199,6 +214,7 @@ def match(
                 "target": target,
                 "out": out,
                 "figure": figure,
+                "colored": colored,
                 "report": report,
                 "method": method,
                 "source_vertices": len(found.source_to_target),
@@ -291,6 +307,15 @@ def _draw(shapes: list[Mesh], found: Match, figure: str, up: Axis) -> None:
     from unbend.report.match_figures import draw_match
 
     draw_match(shapes[0], shapes[1], found, figure, up=up)
+
+
+def _write_colored(shapes: list[Mesh], found: Match, paths: tuple[str, str]) -> None:
+    from unbend.io import write_mesh
+    from unbend.report.match_figures import match_colors
+
+    colors = match_colors(shapes[0], shapes[1], found)
+    for path, shape, one in zip(paths, shapes, colors, strict=True):
+        write_mesh(path, shape, colors=one)
 
 
 def _next_step(source: str, target: str, out: str | None, report: str | None) -> str:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from unbend._types import FloatArray
     from unbend.correspondence import Registration
 
-_SUFFIXES = (".ply", ".off", ".obj", ".stl")
+_SUFFIXES = (".ply", ".obj", ".glb", ".off", ".stl")
+_COLORED = _SUFFIXES[:3]
 
 
 def register(
@@ -42,7 +43,9 @@ def register(
             "-o",
             "--out",
             metavar="OUT",
-            help="The fitted template: .ply (with the distance of each vertex), .off, .obj, .stl.",
+            help="The fitted template: .ply, .obj or .glb, coloured by the distance of each vertex "
+            "from the scan, yellow where that is not reached (.ply has the distances too), .off, "
+            ".stl.",
         ),
     ],
     map_file: Annotated[
@@ -68,10 +71,11 @@ def register(
     Examples:
       unbend register template.ply scan.ply -o fitted.ply
       unbend register template.obj scan.stl --map template_scan.npz -o fitted.obj
+      unbend register template.ply scan.ply -o fitted.glb
       unbend register template.ply scan.ply --component largest -o fitted.ply --json
     """  # noqa: D301
     from unbend.correspondence import register as lay
-    from unbend.io import check_writable, read_mesh, write_mesh
+    from unbend.io import check_writable, read_mesh, value_colors, write_mesh
     from unbend.matching import Match
     from unbend.preparation import only_component
 
@@ -90,8 +94,12 @@ def register(
         )
         seconds = time.perf_counter() - start
         progress("writing", 0)
-        scalars = {"distance": found.distances} if Path(out).suffix.lower() == ".ply" else None
-        write_mesh(out, found.mesh, scalars=scalars)
+        suffix = Path(out).suffix.lower()
+        scalars = {"distance": found.distances} if suffix == ".ply" else None
+        colors = None
+        if suffix in _COLORED:
+            colors = value_colors(found.distances, limits=(0, found.tolerance))
+        write_mesh(out, found.mesh, scalars=scalars, colors=colors)
     for shape in shapes:
         print_notes(shape.notes)
     if map_file is not None and isinstance(match, Match):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from unbend.choices import DistanceKind
+from unbend.choices import Axis, DistanceKind
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
     JsonOption,
+    UpOption,
+    command_line,
     parse_component,
     print_json,
     print_notes,
@@ -63,6 +65,16 @@ def similarity(
             "--figure", metavar="PNG", help="With --matrix: a heat map (.png, .pdf, .svg)."
         ),
     ] = None,
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="HTML",
+            help="Write a page to look at in a browser: the probes as pictures, the most alike "
+            "first; with --matrix a heat map with its dendrogram, and pictures that open.",
+        ),
+    ] = None,
+    up: UpOption = "y",
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -75,6 +87,7 @@ def similarity(
       unbend similarity cat0.off cat1.off dog0.off
       unbend similarity wolf0.off wolf1.off wolf2.off --known-correspondence --json
       unbend similarity shapes/*.off --matrix --csv table.csv --figure heat.png
+      unbend similarity cat0.off cat1.off dog0.off --matrix --report similarity.html
     """  # noqa: D301
     from unbend.errors import InputError
     from unbend.io import check_writable, read_mesh
@@ -86,6 +99,8 @@ def similarity(
             raise InputError("a heat map shows all pairs; add --matrix to --figure")
     if csv is not None:
         check_writable(csv, (".csv",))
+    if report is not None:
+        check_writable(report, (".html",))
     paths = [model, *probes]
     with steps_on_stderr() as progress:
         progress("reading", 0)
@@ -99,6 +114,8 @@ def similarity(
             from unbend.report.match_figures import draw_similarities
 
             draw_similarities([Path(path).stem for path in paths], table or [], figure)
+        if report is not None:
+            _write_page(report, shapes, pairs, table, up, progress)
     for shape in shapes:
         print_notes(shape.notes)
     if as_json:
@@ -106,11 +123,14 @@ def similarity(
             pair._asdict() | {"model": paths[pair.model], "probe": paths[pair.probe]}
             for pair in pairs
         ]
-        print_json({"pairs": named, "csv": csv, "figure": figure})
-    elif table is not None:
+        print_json({"pairs": named, "csv": csv, "figure": figure, "report": report})
+        return
+    if table is not None:
         _print_matrix(paths, table)
     else:
         _print_list(paths, pairs, known)
+    if report is not None:
+        typer.echo(f"next: open {report} in a browser")
 
 
 def compare(
@@ -170,6 +190,25 @@ def _matrix(pairs: list[Pair], n: int) -> list[list[float]]:
     for pair in pairs:
         table[pair.model][pair.probe] = table[pair.probe][pair.model] = pair.similarity
     return table
+
+
+def _write_page(
+    report: str,
+    shapes: list[Mesh],
+    pairs: list[Pair],
+    table: list[list[float]] | None,
+    up: Axis,
+    progress: Progress,
+) -> None:
+    from unbend.report.pages import search_page, similarity_page
+
+    told: dict[str, Any] = {"up": up, "command": command_line(), "progress": progress}
+    if table is not None:
+        similarity_page(shapes, table, report, **told)
+        return
+    pairs = sorted(pairs, key=lambda pair: -pair.similarity)
+    probes, values = [shapes[one.probe] for one in pairs], [one.similarity for one in pairs]
+    search_page(shapes[0], probes, values, report, measure="similarity", **told)
 
 
 def _write_csv(

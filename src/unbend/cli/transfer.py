@@ -46,7 +46,8 @@ def transfer(
             "--out",
             metavar="OUT",
             help=".npy, .csv or .txt: a row per target vertex; .ply: the target with the values; "
-            ".obj: the target with colours or texture coordinates.",
+            ".obj, .glb: the target with colours or texture coordinates. Numbers and labels are "
+            "coloured, for Blender and MeshLab.",
         ),
     ],
     map_file: Annotated[
@@ -73,6 +74,7 @@ def transfer(
       unbend transfer dog.ply cat.ply --values weights.npy --kind weights -o cat_weights.npy
       unbend transfer dog.ply cat.ply --values parts.csv --map dog_cat.npz -o cat_parts.csv
       unbend transfer dog.ply cat.ply --values colors.npy --kind color -o cat_colored.ply
+      unbend transfer dog.ply cat.ply --values parts.csv -o cat_parts.glb
     """  # noqa: D301
     from unbend.correspondence import transfer as carry
     from unbend.correspondence import value_kind

@@ -1,5 +1,6 @@
 """Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
 
+from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._maps import (
     MAP_SUFFIXES,
@@ -35,6 +36,7 @@ __all__ = [
     "read_map",
     "read_mesh",
     "read_values",
+    "value_colors",
     "whole_numbers",
     "write_map",
     "write_mesh",

@@ -15,7 +15,7 @@ from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError, MeshError
 from unbend.io._files import atomic_write, check_writable, read_bytes
-from unbend.io.formats import obj, off, ply, points, stl
+from unbend.io.formats import glb, obj, off, ply, points, stl
 from unbend.io.formats.contents import Contents
 from unbend.mesh import Mesh
 
@@ -32,6 +32,7 @@ _WRITERS: dict[str, Callable[[BinaryIO, FloatArray, IntArray], None]] = {
     ".obj": obj.write,
     ".ply": ply.write,
     ".stl": stl.write,
+    ".glb": glb.write,
     ".xyz": points.write_xyz,
 }
 
@@ -106,21 +107,23 @@ def write_mesh(
     """Write a triangle mesh or a point cloud.
 
     OFF, OBJ, PLY and XYZ keep every position to the last bit, in the same order. STL stores
-    bare triangles in single precision: vertex order is lost. The file appears under its name
-    only once it is complete.
+    bare triangles in single precision: vertex order is lost. GLB, which is glTF in one file, keeps
+    the order, also in single precision; programs take y for its upward axis. It is not read. The
+    file appears under its name only once it is complete.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix (.off, .obj, .ply, .stl or .xyz) says the format.
+        Where to write; the suffix (.off, .obj, .ply, .stl, .glb or .xyz) says the format.
     mesh : Mesh or anything that :func:`as_mesh` accepts
         What to write, for instance a ``(vertices, faces)`` pair.
     scalars : mapping of str to (n,) array_like of float, optional
         Values per vertex by name, stored as extra vertex properties. PLY only.
     colors : (n, 3) array_like of int, optional
-        Red, green and blue per vertex, 0 to 255. PLY and OBJ only.
+        Red, green and blue per vertex, 0 to 255. PLY, OBJ and GLB only.
     uvs : (n, 2) array_like of float, optional
-        Texture coordinates per vertex. PLY (as the properties s and t) and OBJ only.
+        Texture coordinates per vertex. PLY (as the properties s and t), OBJ and GLB
+        only.
 
     Raises
     ------
@@ -149,7 +152,7 @@ def write_mesh(
     mesh = as_mesh(mesh)
     if suffix != ".ply" and scalars:
         raise InputError(f"{suffix} files cannot hold values per vertex; write .ply")
-    if suffix not in (".ply", ".obj") and (colors is not None or uvs is not None):
+    if suffix not in (".ply", ".obj", ".glb") and (colors is not None or uvs is not None):
         raise InputError(
             f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
         )
@@ -167,6 +170,8 @@ def write_mesh(
             ply.write(file, mesh.vertices, mesh.faces, scalar_arrays, color_array)
         elif suffix == ".obj":
             obj.write(file, mesh.vertices, mesh.faces, color_array, uv_array)
+        elif suffix == ".glb":
+            glb.write(file, mesh.vertices, mesh.faces, color_array, uv_array)
         else:
             _WRITERS[suffix](file, mesh.vertices, mesh.faces)
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from unbend._text import plural
 from unbend.errors import FileError, InputError
+from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._meshes import MeshLike, as_mesh, write_mesh
 from unbend.io.formats.contents import data_lines
@@ -19,7 +20,7 @@ from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
-VALUE_MESH_SUFFIXES = (".ply", ".obj")
+VALUE_MESH_SUFFIXES = (".ply", ".obj", ".glb")
 
 
 def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) -> npt.NDArray[Any]:
@@ -78,13 +79,15 @@ def write_values(
     Parameters
     ----------
     path : path
-        .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties (colours
-        and texture coordinates as such); .obj: the mesh with colours or texture coordinates.
+        .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties, and as
+        colours too where there is one for each vertex (see :func:`unbend.io.value_colors`; colours
+        and texture coordinates as such); .obj, .glb: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts, with n vertices.
     kind : str, default="scalar"
-        ``"color"`` and ``"uv"`` say what the columns mean to a mesh file.
+        What the columns mean to a mesh file: ``"scalar"``, ``"label"``, ``"weights"``, ``"color"``
+        or ``"uv"``.
 
     Raises
     ------
@@ -135,10 +138,13 @@ def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind:
         If it cannot.
     """
     suffix = Path(path).suffix.lower()
-    if suffix in VALUE_MESH_SUFFIXES and values.dtype.kind == "U":
-        raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
-    if suffix == ".obj" and kind not in ("color", "uv"):
-        raise InputError(".obj files hold colours and texture coordinates only; write .ply")
+    if suffix == ".ply" and values.dtype.kind == "U":
+        raise InputError(".ply files cannot hold text for each vertex; write .csv")
+    if suffix in (".obj", ".glb") and kind == "scalar" and values[:1].size > 1:
+        raise InputError(
+            f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
+            "write .ply"
+        )
     if suffix != ".npy" and values.ndim > 2:
         raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
 
@@ -160,8 +166,14 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
         write_mesh(path, mesh, uvs=np.nan_to_num(array))
     else:
         columns = array.reshape(len(array), -1).T
-        names = _names(kind, len(columns))
-        write_mesh(path, mesh, scalars=dict(zip(names, columns, strict=True)))
+        scalars = dict(zip(_names(kind, len(columns)), columns, strict=True))
+        shown = len(columns) == 1 or kind == "weights"
+        write_mesh(
+            path,
+            mesh,
+            scalars=scalars if path.suffix.lower() == ".ply" else None,
+            colors=value_colors(array, kind=kind) if shown else None,
+        )
 
 
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:

@@ -34,7 +34,7 @@ _STEPS = 8
 # So many guesses from tips, in either sense, are looked at, and so many begun with, the best as
 # they are. After the first, weakest pull so many are drawn on that lead to different places; so
 # many of all candidates are followed on the finer proxies.
-_MANY, _TIGHTENED, _FOLLOWED = (200, 64), 16, 8
+_MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (200, 64), 16, 8, 3
 # A candidate is clear if its cost is at most this and any other's so many times that, after this
 # few from tips were tried; then it is followed, and some others to compare it with.
 _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
@@ -99,16 +99,17 @@ def candidates(
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
     begun = ranked(run_all(functools.partial(from_map, sides, one) for one in maps))
-    clear = not thorough and is_clear(distinct_on(sides.rough, begun))
+    spectral = distinct_on(sides.rough, begun)
+    clear = not thorough and is_clear(spectral)
     if clear:
         ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_FEW)]))
         clear = is_clear(ways)
     if clear:
-        found = follow_all(sides, ways[:_CLEARLY_FOLLOWED])
+        found = follow_all(sides, ways[:_CLEARLY_FOLLOWED], spectral[:1])
         clear = is_clear(distinct_on(sides.proxies, found))
     if not clear:
         ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
-        found = follow_all(sides, ways[:_FOLLOWED])
+        found = follow_all(sides, ways[:_FOLLOWED], spectral[:_SPECTRAL])
     best = distinct_on(sides.proxies, found)[: 1 if clear else _REGROWN]
     if any(one.partial for one in sides.proxies):
         tasks = [functools.partial(loosened, sides, one) for one in best]
@@ -132,9 +133,14 @@ def distinct_on(shapes: tuple[Shape, Shape], ranks: list[Candidate]) -> list[Can
     return distinct(ranks, shapes[1], shapes[0].areas)
 
 
-def follow_all(sides: Sides, ways: list[Candidate]) -> list[Candidate]:
-    """Go on with candidates on the finer proxies, and rank them."""
-    return ranked(run_all(functools.partial(followed_up, sides, one) for one in ways))
+def follow_all(sides: Sides, ways: list[Candidate], spectral: list[Candidate]) -> list[Candidate]:
+    """Go on with candidates on the finer proxies, and rank them.
+
+    Some of the spectra's are among them even if tips lead the same way and seem better: poses of
+    one body end up closer to each other from there.
+    """
+    left_out = [one for one in spectral if not any(one is other for other in ways)]
+    return ranked(run_all(functools.partial(followed_up, sides, one) for one in [*ways, *left_out]))
 
 
 def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:

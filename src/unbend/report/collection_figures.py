@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from unbend.errors import InputError
 from unbend.report.figures import new_figure, save_figure
+from unbend.report.trees import join_alike
 
 _MOST_NAMES = 150  # more could not be read
 
@@ -44,23 +45,16 @@ def draw_distances(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
     """
-    from scipy.cluster.hierarchy import dendrogram, linkage
-    from scipy.spatial.distance import squareform
-
     table = np.asarray(distances, dtype=np.float64)
     n = len(names)
     if table.shape != (n, n) or n < 2:
         raise InputError(f"{n} names need distances of shape ({n}, {n}), two at least")
-    tree = linkage(squareform(table, checks=False), "average", optimal_ordering=n <= 1000)
-    drawn = dendrogram(tree, no_plot=True)
-    order = drawn["leaves"]
+    order, heights, places = join_alike(table)
     side = min(max(3.0, 0.14 * n), 24.0)
     figure = new_figure(side + 3.0, side + 1.0)
     figure.set_layout_engine("constrained")
     left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.5, side]})
-    # SciPy puts leaf i at 10 i + 5; the map's row i is at i.
-    for heights, places in zip(drawn["dcoord"], drawn["icoord"], strict=True):
-        left.plot(heights, (np.array(places) - 5) / 10, color="0.3", linewidth=0.8)
+    left.plot(heights.T, places.T, color="0.3", linewidth=0.8)
     left.set_ylim(n - 0.5, -0.5)
     left.invert_xaxis()
     left.set_yticks([])

@@ -15,10 +15,13 @@ from unbend.mesh import Mesh
 from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
 __all__ = [
+    "FORM_THICKER",
+    "UPRIGHT",
     "VIEWS",
     "CanonicalColumn",
     "draw_canonical_forms",
     "draw_mesh",
+    "draw_places",
     "new_figure",
     "position_colors",
     "same_scale",
@@ -26,8 +29,20 @@ __all__ = [
 ]
 
 
+# Formats of pictures, and what matplotlib would say in them of the time they were made.
+_UNDATED: dict[str, dict[str, None]] = {
+    ".png": {},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
 # Pixels by which forms are drawn thicker on each side than they are: their limbs are threads.
-_THICKER = 2.5
+FORM_THICKER = 2.5
+# Which way the axes of a shape go when its own upward axis becomes the picture's, y.
+UPRIGHT = {
+    "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
 
 
 class CanonicalColumn(NamedTuple):
@@ -157,7 +172,7 @@ def draw_mesh(
     mesh = as_mesh(mesh)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces to draw")
-    _draw(ax, mesh.vertices, mesh, colors, view)
+    draw_places(ax, mesh.vertices, mesh, colors, view)
 
 
 def draw_canonical_forms(
@@ -221,7 +236,7 @@ def draw_canonical_forms(
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
             colors = first_colors if fits else position_colors(mesh.vertices)
         first_colors = colors if first_colors is None else first_colors
-        drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, _THICKER)]
+        drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, FORM_THICKER)]
         if surface is not None:
             laid = _places(surface, mesh, f"the surface of {caption!r}")
             drawn.append((laid, view, 0.0))
@@ -229,7 +244,7 @@ def draw_canonical_forms(
         for row, (vertices, seen_from, thicker) in enumerate(drawn):
             below = 0.05 + (count - 1 - row) * height
             ax = figure.add_axes((0.02 + i * width, below, width, 0.96 * height))
-            _draw(ax, vertices, mesh, colors, seen_from, thicker)
+            draw_places(ax, vertices, mesh, colors, seen_from, thicker)
             rows[row].append(ax)
         figure.text(0.02 + (i + 0.5) * width, 0.015, caption, ha="center", fontsize=9)
     for row_axes in rows:
@@ -267,13 +282,18 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
     """
-    formats = (".png", ".pdf", ".svg")
-    suffix = check_writable(path, formats).suffix.lower()
-    with atomic_write(path) as file:
-        figure.savefig(file, format=suffix[1:])
+    from matplotlib import rc_context
+    from matplotlib.text import Text
+
+    suffix = check_writable(path, tuple(_UNDATED)).suffix.lower()
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # a name may hold dollar signs
+    # Neither the time nor chance: the same picture is the same file.
+    with atomic_write(path) as file, rc_context({"svg.hashsalt": "unbend"}):
+        figure.savefig(file, format=suffix[1:], metadata=_UNDATED[suffix])
 
 
-def _draw(
+def draw_places(
     ax: Any,
     vertices: FloatArray,
     mesh: Mesh,
@@ -281,6 +301,7 @@ def _draw(
     view: str | tuple[float, float],
     thicker: float = 0.0,
 ) -> None:
+    """Draw a mesh whose vertices stand elsewhere, with outlines some pixels thicker."""
     box = ax.get_window_extent()
     seen = vertices @ view_rotation(view).T
     picture, extent = rasterize(

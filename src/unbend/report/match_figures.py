@@ -9,27 +9,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
 from unbend.alignment import procrustes
 from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
-from unbend.report.figures import draw_mesh, new_figure, position_colors, save_figure
+from unbend.report.figures import UPRIGHT, draw_mesh, new_figure, position_colors, save_figure
+from unbend.report.trees import apart, join_alike
 
-__all__ = ["draw_error_curves", "draw_match", "draw_similarities", "error_curves", "pattern_colors"]
+__all__ = [
+    "draw_error_curves",
+    "draw_match",
+    "draw_similarities",
+    "error_curves",
+    "match_colors",
+    "pattern_colors",
+]
 
 # Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
 _STRIPES = 9
 _STRIPE_DEPTH = 0.35
 _NO_PARTNER = 0.6  # grey
-# Which way the axes of a shape go when its own upward axis becomes the picture's, y.
-_UPRIGHT = {
-    "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-}
 
 
 def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
@@ -59,6 +61,53 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
         stripes = np.cos(2 * np.pi * _STRIPES * longest / max(float(longest.max()), 1e-300))
         colors[finite] *= 1 - _STRIPE_DEPTH * (0.5 - 0.5 * np.tanh(3 * stripes))[:, None]
     return colors
+
+
+def match_colors(
+    source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """Give corresponding points of both shapes one colour, for :func:`unbend.write_mesh`.
+
+    Colours change with the place on the source, and faint stripes across it show small slips.
+    What has no partner is grey.
+
+    Parameters
+    ----------
+    source, target : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    match : Match or (n_source,) array_like of int
+        From source to target; or the target vertex of each source vertex, -1 where there is none.
+
+    Returns
+    -------
+    source_colors : (n_source, 3) ndarray of uint8
+    target_colors : (n_target, 3) ndarray of uint8
+
+    Raises
+    ------
+    InputError
+        If the map does not fit the shapes.
+
+    Examples
+    --------
+    >>> from unbend import match_colors
+    >>> from unbend.datasets import make_sphere
+    >>> ball = make_sphere(1)
+    >>> ours, theirs = match_colors(ball, ball, range(42))
+    >>> bool((ours == theirs).all())
+    True
+    """
+    source, target = as_mesh(source), as_mesh(target)
+    colors = pattern_colors(source.vertices)
+    carried = transfer(colors, match, kind="scalar", source=source, target=target)
+    if len(carried) != target.n_vertices:
+        raise InputError(
+            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
+        )
+    carried[np.isnan(carried)] = _NO_PARTNER
+    colors[as_point_map(match) < 0] = _NO_PARTNER
+    ours, theirs = (np.rint(255 * np.clip(one, 0, 1)) for one in (colors, carried))
+    return ours.astype(np.uint8), theirs.astype(np.uint8)
 
 
 def draw_match(
@@ -112,18 +161,11 @@ def draw_match(
     True
     """
     source, target = as_mesh(source), as_mesh(target)
-    colors = pattern_colors(source.vertices)
-    carried = transfer(colors, match, kind="scalar", source=source, target=target)
-    if len(carried) != target.n_vertices:
-        raise InputError(
-            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
-        )
-    if up not in _UPRIGHT:
+    colors, carried = (one / 255 for one in match_colors(source, target, match))
+    if up not in UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
-    upright = _UPRIGHT[up]
+    upright = UPRIGHT[up]
     turned = _turned_to_fit(source, target, match) @ upright.T
-    carried[np.isnan(carried)] = _NO_PARTNER
-    colors[as_point_map(match) < 0] = _NO_PARTNER
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
@@ -261,9 +303,10 @@ def draw_similarities(
     ax.tick_params(length=0)
     if n <= 20:
         middle = (low + 1) / 2
+        digits = int(np.clip(np.ceil(-np.log10(max(1 - low, 1e-9) / 50)), 2, 4))
         for i, j in np.argwhere(np.isfinite(table)):
             ax.text(
-                j, i, f"{table[i, j]:.2f}", ha="center", va="center", fontsize=7,
+                j, i, f"{table[i, j]:.{digits}f}", ha="center", va="center", fontsize=7,
                 color="black" if table[i, j] > middle else "white",
             )  # fmt: skip
     bar = figure.colorbar(picture, ax=ax, fraction=0.05, pad=0.03)
@@ -272,14 +315,5 @@ def draw_similarities(
     save_figure(figure, path)
 
 
-def _alike_together(table: FloatArray) -> npt.NDArray[np.intp]:
-    if len(table) < 3:
-        return np.arange(len(table))
-    from scipy.cluster.hierarchy import leaves_list, linkage
-    from scipy.spatial.distance import squareform
-
-    apart = np.where(np.isfinite(table), 1 - table, 1.0)
-    apart = np.maximum(apart + apart.T, 0) / 2
-    np.fill_diagonal(apart, 0)
-    tree = linkage(squareform(apart, checks=False), "average", optimal_ordering=True)
-    return np.asarray(leaves_list(tree))
+def _alike_together(table: FloatArray) -> IntArray:
+    return join_alike(apart(table)).order if len(table) > 2 else np.arange(len(table))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.mesh import Mesh, vertex_normals
@@ -101,23 +102,13 @@ def rasterize(
     margin = 2 * math.ceil(thicker) + 2
     counts = (np.ceil((high - low) / (2 * pixel) - 1e-6).astype(int) + margin) * 2
     origin = middle - counts * pixel / 2
-    face, column, row, share = _covered(corners, origin, pixel)
-    depth = np.einsum("ci,ci->c", share, corners[face, :, 2])
-    place = row * counts[0] + column
-    nearest = np.full(counts[0] * counts[1], -np.inf)
-    np.maximum.at(nearest, place, depth)
-    # Parts thinner than a pixel, the limbs of canonical forms, are drawn by their edges.
-    thin = _along_edges(corners, origin, pixel)
-    bare = np.isneginf(nearest[thin[2] * counts[0] + thin[1]])
-    face, column, row, share = (
-        np.concatenate([one, more[bare]])
-        for one, more in zip((face, column, row, share), thin, strict=True)
-    )
-    depth = np.einsum("ci,ci->c", share, corners[face, :, 2])
-    place = row * counts[0] + column
-    np.maximum.at(nearest, place, depth)
-    front = np.flatnonzero(depth == nearest[place])
-    place, face, share = place[front], face[front], share[front]
+    flat = np.ascontiguousarray((corners[..., :2] - origin) / pixel - 0.5)
+    depths = np.ascontiguousarray(corners[..., 2])
+    front = np.full((counts[1], counts[0]), -1, dtype=np.int64)
+    shares = np.zeros((counts[1], counts[0], 3))
+    _cover(flat, depths, front, shares)
+    place = np.flatnonzero(front.ravel() >= 0)
+    face, share = front.ravel()[place], shares.reshape(-1, 3)[place]
     normals = vertex_normals(seen, faces)
     normal = np.einsum("ci,cij->cj", share, normals[faces[face]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
@@ -139,49 +130,58 @@ def rasterize(
     )  # fmt: skip
 
 
-def _covered(
-    corners: FloatArray, origin: FloatArray, pixel: float
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Pixels whose middle a face covers: face, column, row, and shares of its three corners."""
-    flat = (corners[..., :2] - origin) / pixel - 0.5
-    low = np.ceil(flat.min(axis=1)).astype(np.int64)
-    high = np.floor(flat.max(axis=1)).astype(np.int64)
-    extent = np.maximum(high - low + 1, 0)
-    counts = extent[:, 0] * extent[:, 1]
-    face = np.repeat(np.arange(len(corners)), counts)
-    nth = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
-    column = low[face, 0] + nth % extent[face, 0]
-    row = low[face, 1] + nth // extent[face, 0]
-    a, b, c = flat[:, 0], flat[:, 1], flat[:, 2]
-    u, v = b - a, c - a
-    twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    safe = np.where(np.abs(twice) < 1e-12, np.inf, twice)
-    x, y = column - a[face, 0], row - a[face, 1]
-    s = (x * v[face, 1] - y * v[face, 0]) / safe[face]
-    t = (u[face, 0] * y - u[face, 1] * x) / safe[face]
-    within = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9) & np.isfinite(safe[face])
-    share = np.stack([1 - s - t, s, t], axis=1)[within]
-    return face[within], column[within], row[within], share
+@compiled
+def _cover(flat: FloatArray, depths: FloatArray, front: IntArray, shares: FloatArray) -> None:
+    """Find what is seen in each pixel: the nearest face over its middle, and the corners' shares.
 
+    Parts thinner than a pixel, the limbs of canonical forms, are drawn by their edges where no
+    face covers the middle of a pixel.
 
-def _along_edges(
-    corners: FloatArray, origin: FloatArray, pixel: float
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Pixels that the edges of faces pass, in the form of :func:`_covered`."""
-    flat = (corners[..., :2] - origin) / pixel
-    found: list[tuple[IntArray, IntArray, IntArray, FloatArray]] = []
-    for i in range(3):
-        j = (i + 1) % 3
-        steps = np.ceil(np.linalg.norm(flat[:, j] - flat[:, i], axis=1)).astype(np.int64) + 1
-        face = np.repeat(np.arange(len(corners)), steps)
-        nth = np.arange(len(face)) - np.repeat(np.cumsum(steps) - steps, steps)
-        t = nth / np.maximum(steps - 1, 1)[face]
-        share = np.zeros((len(face), 3))
-        share[:, i], share[:, j] = 1 - t, t
-        column, row = np.floor(np.einsum("ci,cij->cj", share, flat[face])).astype(np.int64).T
-        found.append((face, column, row, share))
-    face, column, row, share = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return face, column, row, share
+    Parameters
+    ----------
+    flat : (m, 3, 2) ndarray of float64
+        Corners of faces, in pixels whose middles are at whole numbers.
+    depths : (m, 3) ndarray of float64
+        Towards the viewer.
+    front : (rows, columns) ndarray of int64
+        The face of each pixel, -1 before and where there is none.
+    shares : (rows, columns, 3) ndarray of float64
+    """
+    nearest = np.full(front.shape, -np.inf)
+    for face in range(len(flat)):
+        (ax, ay), (bx, by), (cx, cy) = flat[face]
+        twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if abs(twice) < 1e-12:
+            continue
+        for row in range(math.ceil(min(ay, by, cy)), math.floor(max(ay, by, cy)) + 1):
+            for column in range(math.ceil(min(ax, bx, cx)), math.floor(max(ax, bx, cx)) + 1):
+                x, y = column - ax, row - ay
+                s = (x * (cy - ay) - y * (cx - ax)) / twice
+                t = ((bx - ax) * y - (by - ay) * x) / twice
+                if s < -1e-9 or t < -1e-9 or s + t > 1 + 1e-9:
+                    continue
+                depth = (1 - s - t) * depths[face, 0] + s * depths[face, 1] + t * depths[face, 2]
+                if depth >= nearest[row, column]:
+                    nearest[row, column] = depth
+                    front[row, column] = face
+                    shares[row, column] = 1 - s - t, s, t
+    bare = front < 0
+    for face in range(len(flat)):
+        for i in range(3):
+            j = (i + 1) % 3
+            across, down = flat[face, j] - flat[face, i]
+            steps = max(math.ceil(math.sqrt(across**2 + down**2)), 1)
+            for step in range(steps + 1):
+                t = step / steps
+                column = math.floor(flat[face, i, 0] + t * across + 0.5)
+                row = math.floor(flat[face, i, 1] + t * down + 0.5)
+                depth = (1 - t) * depths[face, i] + t * depths[face, j]
+                if bare[row, column] and depth >= nearest[row, column]:
+                    nearest[row, column] = depth
+                    front[row, column] = face
+                    shares[row, column] = 0
+                    shares[row, column, i] = 1 - t
+                    shares[row, column, j] = t
 
 
 def _lit(color: FloatArray, normal: FloatArray) -> FloatArray:

@@ -4,57 +4,25 @@ Skipped where there is no Chromium; ``make test-browser`` installs it and fails 
 screenshots are kept where UNBEND_SCREENSHOTS says.
 """
 
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from browser import Browser, find_browser
+from browser import Browser, changed, drawn
 from unbend import Mesh, canonical_form, distance, form_page, match_page
-from unbend.datasets import make_quadruped
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
 from unbend.report.pages import _match_page, mesh_page
 from unbend.report.pages._shown import show
 
-PROGRAM = find_browser()
 N = 900
 SHUFFLE = np.random.default_rng(0).permutation(N)
 # Source vertices without a partner: the ones from here on.
 LOST = 880
 MIRRORED = np.argsort(SHUFFLE)[::-1].copy()
-
-pytestmark = pytest.mark.skipif(
-    PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"),
-    reason="no Chromium here: make test-browser installs it",
-)
-
-
-@pytest.fixture(scope="module")
-def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = os.environ.get("UNBEND_SCREENSHOTS")
-    if not folder:
-        return tmp_path_factory.mktemp("screenshots")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return Path(folder)
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory):
-    assert PROGRAM, "no Chromium was found"
-    browser = Browser(PROGRAM, tmp_path_factory.mktemp("browser") / "profile")
-    yield browser
-    browser.close()
-
-
-@pytest.fixture
-def browser(chromium: Browser):
-    """A browser to which nothing bad happens during a test."""
-    chromium.problems.clear()
-    yield chromium
-    assert chromium.problems == []
 
 
 @pytest.fixture(scope="module")
@@ -84,16 +52,6 @@ def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     match_page(source, target, found, path, truth=(known, np.roll(forward[known], 1)))
     return path
-
-
-def changed(before, after) -> float:
-    """Share of the pixels that differ."""
-    return float((np.abs(before - after).max(axis=2) > 0.05).mean())
-
-
-def drawn(picture) -> float:
-    """Share of the pixels that are not the ground's, whose colours hardly differ from grey."""
-    return float((np.ptp(picture, axis=2) > 0.1).mean())
 
 
 def numbers(browser: Browser) -> list[int]:
@@ -280,6 +238,23 @@ def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
     assert browser.run("part('readout').textContent") == f"vertex {number}"
     browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
     assert changed(start, browser.picture("#shape")) > 0.02
+
+
+def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
+    browser, tmp_path
+) -> None:
+    ball = make_sphere(5)
+    mesh_page(ball).write(tmp_path / "ball.html")
+    browser.open(tmp_path / "ball.html")
+    browser.run(
+        "globalThis.drawn = []; (gl => { const draw = gl.drawElements; gl.drawElements ="
+        " (kind, n, ...more) => { drawn.push(n / 3); draw.call(gl, kind, n, ...more) } })"
+        "(part('shape').getContext('webgl2'))"
+    )
+    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    still = f"drawn.at(-1) === {ball.n_faces} ? r() : setTimeout(w, 20)"
+    browser.run(f"new Promise(r => {{ const w = () => {still}; w() }})")
+    assert 100 < browser.run("Math.min(...drawn)") < 0.6 * ball.n_faces
 
 
 def test_a_notebook_shows_what_it_has(browser, dogs, tmp_path, screenshots) -> None:

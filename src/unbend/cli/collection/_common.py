@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.cli._common import say
+from unbend.cli._common import command_line, say
 
 if TYPE_CHECKING:
-    from unbend._types import Progress
-    from unbend.collection import Collection, Failure
+    from unbend._types import FloatArray, Progress
+    from unbend.choices import Axis
+    from unbend.collection import Collection, Entry, Failure
+    from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
 _SECONDS_BETWEEN_LINES = 10.0
@@ -31,6 +33,12 @@ WorkersOption = Annotated[
         metavar="N",
         min=1,
         help="Local processes; by default as many as there are processors and memory for.",
+    ),
+]
+ReportOption = Annotated[
+    str | None,
+    typer.Option(
+        "--report", metavar="HTML", help="Write a page of pictures that open, for a browser."
     ),
 ]
 SchedulerOption = Annotated[
@@ -67,6 +75,51 @@ def list_failures(failures: Sequence[Failure]) -> None:
     for failure in failures:
         name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
         say("failed", f"{name}: {failure.reason}")
+
+
+def read_found(paths: Sequence[str]) -> list[Mesh]:
+    """Read shapes to show them; one whose file is not there any more has nothing to draw."""
+    from collections import Counter
+    from dataclasses import replace
+    from pathlib import Path
+
+    from unbend.errors import UnbendError
+    from unbend.io import read_mesh
+    from unbend.mesh import Mesh
+    from unbend.report.pages import check_count
+
+    check_count(len(paths))
+    alike = Counter(Path(path).name for path in paths)
+    found = []
+    for path in paths:
+        try:
+            mesh = read_mesh(path)
+        except UnbendError as error:
+            say("failed", f"{shown(path)}: {error}")
+            mesh = Mesh([[0, 0, 0]], name=Path(path).name, notes=(f"not drawn: {error}",))
+        found.append(mesh if alike[mesh.name] == 1 else replace(mesh, name=shown(path)))
+    return found
+
+
+def write_page(
+    report: str,
+    entries: Sequence[Entry],
+    distances: FloatArray,
+    up: Axis,
+    groups: list[int] | None = None,
+) -> None:
+    """Write how far shapes of a collection are from each other as a page."""
+    from unbend.report.pages import similarity_page
+
+    similarity_page(
+        read_found([entry.path for entry in entries]),
+        distances,
+        report,
+        measure="distance",
+        groups=groups,
+        up=up,
+        command=command_line(),
+    )
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, print_json, write_table
-from unbend.cli.collection._common import StoreArgument, opened, shown
+from unbend.cli._common import JsonOption, UpOption, print_json, write_table
+from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
 
 
 def groups(
@@ -24,6 +24,8 @@ def groups(
     csv: Annotated[
         str | None, typer.Option("--csv", metavar="OUT", help="Write path and group, too.")
     ] = None,
+    report: ReportOption = None,
+    up: UpOption = "y",
     as_json: JsonOption = False,
 ) -> None:
     """Put shapes that are alike into groups, whatever their poses, without labels.
@@ -35,12 +37,15 @@ def groups(
     Examples:
       unbend collection groups shapes
       unbend collection groups shapes -n 5 --csv groups.csv
+      unbend collection groups shapes --report groups.html
     """  # noqa: D301
     from unbend.collection import find_groups
     from unbend.io import check_writable
 
     if csv is not None:
         check_writable(csv, (".csv",))
+    if report is not None:
+        check_writable(report, (".html",))
     entries, distances = opened(store).distances()
     numbers = find_groups(distances, n).tolist()
     pairs = [(entry.path, number) for entry, number in zip(entries, numbers, strict=True)]
@@ -49,10 +54,14 @@ def groups(
     members: list[list[str]] = [[] for _ in range(max(numbers) + 1)]
     for path, number in pairs:
         members[number].append(path)
+    if report is not None:
+        write_page(report, entries, distances, up, groups=numbers)
     if as_json:
-        print_json({"store": store, "groups": members})
+        print_json({"store": store, "groups": members, "report": report})
         return
     for number, paths in enumerate(members):
         typer.echo(f"group {number}: {len(paths):,}")
         for path in paths:
             typer.echo(f"  {shown(path)}")
+    if report is not None:
+        typer.echo(f"next: open {report} in a browser")

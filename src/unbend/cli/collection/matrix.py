@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, print_json, write_table
-from unbend.cli.collection._common import StoreArgument, opened, shown
+from unbend.cli._common import JsonOption, UpOption, print_json, write_table
+from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
 
 _MOST_PRINTED = 24
 
@@ -24,6 +24,8 @@ def matrix(
             "--figure", metavar="PNG", help="A heat map with its dendrogram (.png, .pdf, .svg)."
         ),
     ] = None,
+    report: ReportOption = None,
+    up: UpOption = "y",
     as_json: JsonOption = False,
 ) -> None:
     """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
@@ -32,6 +34,7 @@ def matrix(
     Examples:
       unbend collection matrix shapes
       unbend collection matrix shapes --csv distances.csv --figure distances.png
+      unbend collection matrix shapes --report distances.html
     """  # noqa: D301
     from unbend.io import check_writable
 
@@ -39,6 +42,8 @@ def matrix(
         check_writable(figure, (".png", ".pdf", ".svg"))
     if csv is not None:
         check_writable(csv, (".csv",))
+    if report is not None:
+        check_writable(report, (".html",))
     entries, distances = opened(store).distances()
     if csv is not None:
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
@@ -47,10 +52,15 @@ def matrix(
         from unbend.report.collection_figures import draw_distances
 
         draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
+    if report is not None:
+        write_page(report, entries, distances, up)
     if as_json:
         paths = [entry.path for entry in entries]
-        print_json({"store": store, "paths": paths, "distances": distances.tolist()})
-    elif len(entries) <= _MOST_PRINTED:
+        print_json(
+            {"store": store, "paths": paths, "distances": distances.tolist(), "report": report}
+        )
+        return
+    if len(entries) <= _MOST_PRINTED:
         width = max(len(shown(entry.path)) for entry in entries) + 2
         typer.echo(" " * width + "".join(f"{i:>8}" for i in range(len(entries))))
         for i, (entry, row) in enumerate(zip(entries, distances, strict=True)):
@@ -61,3 +71,5 @@ def matrix(
             f"compared {len(entries):,} shapes, too many to print: "
             + (", ".join(filter(None, (csv, figure))) or "add --csv OUT or --figure PNG")
         )
+    if report is not None:
+        typer.echo(f"next: open {report} in a browser")

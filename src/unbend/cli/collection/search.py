@@ -9,14 +9,18 @@ from typing import Annotated
 import typer
 
 from unbend.choices import Rerank
-from unbend.cli._common import JsonOption, print_json
+from unbend.cli._common import JsonOption, UpOption, command_line, print_json
 from unbend.cli.collection._common import (
     SHORT_ID,
+    ReportOption,
     StoreArgument,
     bar_on_stderr,
     opened,
+    read_found,
     shown,
 )
+
+_MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 
 
 def search(
@@ -39,6 +43,8 @@ def search(
             "first; worth it beyond 100,000 shapes.",
         ),
     ] = False,
+    report: ReportOption = None,
+    up: UpOption = "y",
     as_json: JsonOption = False,
 ) -> None:
     """Find the shapes most like one, whatever the pose; it need not be in the collection.
@@ -48,12 +54,31 @@ def search(
       unbend collection search shapes dog.ply
       unbend collection search shapes dog.ply -n 5 --rerank form --json
       unbend collection search shapes dog.ply --index
+      unbend collection search shapes dog.ply -n 20 --report found.html
     """  # noqa: D301
+    from unbend.io import check_writable
+
+    if report is not None:
+        check_writable(report, (".html",))
     collection = opened(store)
     start = time.perf_counter()
     with bar_on_stderr() as progress:
         hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
-    seconds = time.perf_counter() - start
+        seconds = time.perf_counter() - start
+        if report is not None:
+            from unbend.report.pages import search_page
+
+            ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
+            search_page(
+                query,
+                read_found([hit.path for hit in hits]),
+                ranked,
+                report,
+                measure=_MEASURES[rerank],
+                up=up,
+                command=command_line(),
+                progress=progress,
+            )
     if as_json:
         print_json(
             {
@@ -62,6 +87,7 @@ def search(
                 "rerank": rerank,
                 "hits": [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)],
                 "seconds": seconds,
+                "report": report,
             }
         )
         return
@@ -72,6 +98,8 @@ def search(
         typer.echo(
             f"{i + 1:>4}  {hit.distance:8.4f}{again}  {hit.id[:SHORT_ID]}  {shown(hit.path)}"
         )
+    if report is not None:
+        typer.echo(f"next: open {report} in a browser")
 
 
 def _number(value: float) -> str:

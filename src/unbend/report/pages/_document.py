@@ -21,6 +21,9 @@ from unbend.io import atomic_write, check_writable
 
 SUFFIXES = (".html",)
 
+# What every page runs before its own.
+_SCRIPTS = ("data.js", "shaders.js", "geometry.js", "scene.js", "page.js")
+
 _PAGE = """<!doctype html>
 <html lang="en">
 <head>
@@ -108,10 +111,11 @@ def make_page(
     data : dict
         For JSON; the scripts find it unpacked.
     scripts : sequence of str
-        Names of files beside this one, in their order.
+        Names of files beside this one that the page runs after those of all pages, in their order.
     """
     folder = files("unbend.report.pages")
-    style, *parts = (folder.joinpath(name).read_text("utf-8") for name in ("page.css", *scripts))
+    names = ("page.css", *_SCRIPTS, *scripts)
+    style, *parts = (folder.joinpath(name).read_text("utf-8") for name in names)
     script = "\n".join(parts)
     html = _PAGE.format(
         title=escape(title),

@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 import warnings
 from html import escape
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
-from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
 from unbend.distances import spectral_filter
-from unbend.errors import InputError, UnbendWarning
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.errors import UnbendWarning
+from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
+from unbend.report.form_figures import drawable, turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -32,7 +32,6 @@ from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 from unbend.spectral import spectrum
 
-_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "form.js")
 # Eigenfunctions that distances on the page are summed over, and those offered to look at.
 _N_EIGENPAIRS, _OFFERED = 60, 12
 # Distances on the page are exact to this share of the widest coordinate of their embedding.
@@ -110,24 +109,15 @@ def form_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
-    if len(form.points) != mesh.n_vertices:
-        raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
-        )
-    if up not in get_args(Axis):
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    mesh = drawable(mesh, form, up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
-    places = _turned_to_fit(form.points, mesh.vertices, inside)
+    places = turned_to_fit(form.points, mesh.vertices, inside)
     laid = None
     if form.surface is not None:
-        laid = _turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside, cache)
     rows = shown.ids
@@ -159,21 +149,11 @@ def form_page(
             ]
         ),
         data=data,
-        scripts=_SCRIPTS,
+        scripts=("form.js",),
     )
     if path is not None:
         page.write(path)
     return page
-
-
-def _turned_to_fit(
-    points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
-) -> FloatArray:
-    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
-    places = np.zeros((len(points), 3))
-    places[:, : points.shape[1]] = points[:, :3]
-    turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
-    return np.asarray(np.where(inside[:, None], places @ turn.T, np.nan))
 
 
 def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:

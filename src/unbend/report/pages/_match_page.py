@@ -27,7 +27,6 @@ from unbend.report.pages._maps import pack_map
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 
-_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "match.js")
 # The error that is drawn in the last colour.
 _WORST = 0.1
 
@@ -157,7 +156,7 @@ def match_page(
             "worst": _WORST,
             "cells": cells_of(source.vertices[rows]),
         },
-        scripts=_SCRIPTS,
+        scripts=("match.js",),
     )
     if path is not None:
         page.write(path)

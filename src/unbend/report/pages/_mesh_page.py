@@ -9,7 +9,6 @@ from unbend.report.pages._document import Page, canvas, make_page, view_controls
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, places_as_colors, show
 
-_SCRIPTS = ("data.js", "shaders.js", "scene.js", "page.js", "mesh.js")
 # Notebooks keep what they show.
 _MOST_VERTICES = 20_000
 _HINT = (
@@ -52,5 +51,5 @@ def mesh_page(mesh: Mesh) -> Page:
             | {"colors": pack_places(places_as_colors(mesh, shown)[shown.ids])},
             "cells": cells_of(mesh.vertices[shown.ids]),
         },
-        scripts=_SCRIPTS,
+        scripts=("mesh.js",),
     )

@@ -68,7 +68,7 @@ function listenToControls(views, shapes) {
       view.draw();
     }
   });
-  part("grid").addEventListener("change", (event) => {
+  if (part("grid")) part("grid").addEventListener("change", (event) => {
     for (const view of views) {
       view.grid = event.target.checked;
       view.draw();

@@ -2,6 +2,10 @@
 "use strict";
 
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
+// Without a graphics processor, larger meshes have fewer faces until nothing moved for so many
+// milliseconds.
+const MANY_FACES = 20000, STILL = 300;
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 function program(gl, vertex, fragment) {
   const made = gl.createProgram();
@@ -21,29 +25,6 @@ function program(gl, vertex, fragment) {
     uniforms[name] = gl.getUniformLocation(made, name);
   }
   return { made, uniforms };
-}
-
-function normalsOf(positions, faces) {
-  const normals = new Float32Array(positions.length);
-  for (let f = 0; f < faces.length; f += 3) {
-    const a = 3 * faces[f], b = 3 * faces[f + 1], c = 3 * faces[f + 2];
-    const ux = positions[b] - positions[a], vx = positions[c] - positions[a];
-    const uy = positions[b + 1] - positions[a + 1], vy = positions[c + 1] - positions[a + 1];
-    const uz = positions[b + 2] - positions[a + 2], vz = positions[c + 2] - positions[a + 2];
-    const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-    for (const i of [a, b, c]) {
-      normals[i] += x;
-      normals[i + 1] += y;
-      normals[i + 2] += z;
-    }
-  }
-  for (let i = 0; i < normals.length; i += 3) {
-    const length = Math.hypot(normals[i], normals[i + 1], normals[i + 2]) || 1;
-    normals[i] /= length;
-    normals[i + 1] /= length;
-    normals[i + 2] /= length;
-  }
-  return normals;
 }
 
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
@@ -106,6 +87,8 @@ class View {
     if (!gl) throw Error("This browser shows no WebGL 2, which the pictures need.");
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.mark = program(gl, MARK_VERTEX, MARK_FRAGMENT);
+    const told = gl.getExtension("WEBGL_debug_renderer_info");
+    this.slow = SOFTWARE.test(gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     camera.views.push(this);
     new ResizeObserver(() => this.draw()).observe(canvas);
     this.listen();
@@ -127,12 +110,29 @@ class View {
       gl.enableVertexAttribArray(i);
       gl.vertexAttribPointer(i, column.length / n, gl.FLOAT, false, 0, 0);
     });
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.corners = gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(faces), gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     this.meshes.push(mesh);
     this.draw();
     return mesh;
+  }
+
+  // Take all meshes away.
+  clear() {
+    const { gl } = this;
+    for (const mesh of this.meshes) {
+      gl.deleteVertexArray(mesh.array);
+      for (const buffer of [...mesh.buffers, mesh.corners, mesh.few || null]) gl.deleteBuffer(buffer);
+    }
+    this.meshes = [];
+  }
+
+  addFew(mesh) {
+    const { gl } = this, few = fewerFaces(mesh.positions, mesh.faces, this.radius / 20);
+    mesh.nFew = few.length;
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.few = gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, few, gl.STATIC_DRAW);
   }
 
   set(mesh, column, values) {
@@ -147,11 +147,23 @@ class View {
   }
 
   draw() {
+    this.resting = 0;
     if (this.waiting) return;
     this.waiting = requestAnimationFrame(() => {
       this.waiting = 0;
-      this.paintNow();
+      const many = this.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
+      this.paintNow(many);
+      this.painted = true;
+      if (many) this.rest();
     });
+  }
+
+  // Draw all faces once nothing has moved, counted from when this frame is through.
+  rest() {
+    const mine = this.resting = performance.now();
+    requestAnimationFrame(() => setTimeout(() => {
+      if (this.resting === mine) this.paintNow();
+    }, STILL));
   }
 
   focal() {
@@ -162,7 +174,7 @@ class View {
     return [2 * EYE * pixels / Math.max(width, 1), 2 * EYE * pixels / Math.max(height, 1)];
   }
 
-  paintNow() {
+  paintNow(moving = false) {
     const { gl, canvas, camera } = this, ratio = window.devicePixelRatio || 1;
     const width = Math.round(canvas.clientWidth * ratio);
     const height = Math.round(canvas.clientHeight * ratio);
@@ -193,7 +205,10 @@ class View {
       gl.uniform2fv(uniforms.cells, this.cells);
       gl.uniform3fv(uniforms.tint, mesh.tint);
       gl.bindVertexArray(mesh.array);
-      gl.drawElements(gl.TRIANGLES, mesh.faces.length, gl.UNSIGNED_INT, 0);
+      const few = moving && mesh.faces.length > 3 * MANY_FACES;
+      if (few && !mesh.few) this.addFew(mesh);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, few ? mesh.few : mesh.corners);
+      gl.drawElements(gl.TRIANGLES, few ? mesh.nFew : mesh.faces.length, gl.UNSIGNED_INT, 0);
     }
     gl.bindVertexArray(null);
     gl.useProgram(this.mark.made);
@@ -308,28 +323,4 @@ class View {
       event.preventDefault();
     });
   }
-}
-
-// The first face along a ray (Möller and Trumbore, 1997), by the place of its first corner.
-function firstHit(positions, faces, eye, way) {
-  let face = -1, nearest = Infinity;
-  const [ox, oy, oz] = eye, [dx, dy, dz] = way;
-  for (let f = 0; f < faces.length; f += 3) {
-    const a = 3 * faces[f], b = 3 * faces[f + 1], c = 3 * faces[f + 2];
-    const ax = positions[a], ay = positions[a + 1], az = positions[a + 2];
-    const ux = positions[b] - ax, uy = positions[b + 1] - ay, uz = positions[b + 2] - az;
-    const vx = positions[c] - ax, vy = positions[c + 1] - ay, vz = positions[c + 2] - az;
-    const px = dy * vz - dz * vy, py = dz * vx - dx * vz, pz = dx * vy - dy * vx;
-    const det = ux * px + uy * py + uz * pz;
-    if (det === 0) continue;
-    const tx = ox - ax, ty = oy - ay, tz = oz - az;
-    const s = (tx * px + ty * py + tz * pz) / det;
-    if (s < 0 || s > 1) continue;
-    const qx = ty * uz - tz * uy, qy = tz * ux - tx * uz, qz = tx * uy - ty * ux;
-    const t = (dx * qx + dy * qy + dz * qz) / det;
-    if (t < 0 || s + t > 1) continue;
-    const along = (vx * qx + vy * qy + vz * qz) / det;
-    if (along > 0 && along < nearest) [face, nearest] = [f, along];
-  }
-  return { face, spot: [ox + nearest * dx, oy + nearest * dy, oz + nearest * dz] };
 }

@@ -1,0 +1,247 @@
+"""Blender add-on: carry UVs, vertex groups and shape keys between meshes of other vertices.
+
+The shapes may stand in different poses. Needs unbend in Blender's own Python; see README.md.
+"""
+
+import bpy
+import numpy as np
+from mathutils.bvhtree import BVHTree
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+import unbend
+
+bl_info = {
+    "name": "Unbend: carry between poses",
+    "description": "Carry UVs, vertex groups and shape keys to meshes in other poses",
+    "author": "The unbend developers",
+    "version": (0, 2, 0),
+    "blender": (4, 2, 0),
+    "location": "3D View > Object > Carry to Selected (unbend)",
+    "category": "Object",
+}
+
+_SMOOTHINGS = 3
+
+
+def to_mesh(thing) -> unbend.Mesh:
+    """Take an object's mesh, without modifiers, as it stands in the scene."""
+    mesh = thing.data
+    mesh.calc_loop_triangles()
+    places = np.empty(3 * len(mesh.vertices))
+    mesh.vertices.foreach_get("co", places)
+    faces = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("vertices", faces)
+    matrix = np.array(thing.matrix_world)
+    faces = faces.reshape(-1, 3)
+    if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: turned inside out
+        faces = faces[:, ::-1]
+    return unbend.Mesh(
+        places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], faces, name=thing.name
+    )
+
+
+def carry_vertex_groups(source, target, carry) -> None:
+    """Give the target the source's groups, weights averaged; a group of that name is replaced."""
+    n = len(source.data.vertices)
+    weights = np.zeros((n, len(source.vertex_groups)))
+    for vertex in source.data.vertices:
+        for one in vertex.groups:
+            weights[vertex.index, one.group] = one.weight
+    carried = np.nan_to_num(carry(weights))
+    for group, column in zip(source.vertex_groups, carried.T, strict=True):
+        old = target.vertex_groups.get(group.name)
+        if old is not None:
+            target.vertex_groups.remove(old)
+        new = target.vertex_groups.new(name=group.name)
+        for vertex in np.flatnonzero(column > 1e-4).tolist():
+            new.add([vertex], float(column[vertex]), "REPLACE")
+
+
+def carry_uvs(source, target, places: np.ndarray) -> None:
+    """Give the target the source's UV maps, each face those of one island.
+
+    `places` has, for each of the target's vertices, where it is on the source.
+    """
+    corners, loops = _corners(source.data)
+    vertices = to_mesh(source).vertices
+    ends, polygons = _loops(target.data)
+    middles = np.stack([np.bincount(polygons, column[ends]) for column in places.T], axis=1)
+    middles /= np.bincount(polygons)[:, None]
+    known = np.isfinite(middles).all(axis=1)[polygons]
+    first, _ = _nearest(vertices, corners, middles)
+    for layer in source.data.uv_layers:
+        uvs = np.empty(2 * len(source.data.loops))
+        layer.uv.foreach_get("vector", uvs)
+        uvs = uvs.reshape(-1, 2)
+        islands = _islands(corners, loops, uvs)
+        # A face's corners are looked for on the island that its middle is on.
+        wanted = np.where(known, islands[first][polygons], -1)
+        found = np.zeros((len(ends), 2))
+        for island in np.unique(wanted[known]):
+            triangles, rows = np.flatnonzero(islands == island), np.flatnonzero(wanted == island)
+            nearest, spots = _nearest(vertices, corners[triangles], places[ends[rows]])
+            nearest = triangles[nearest]
+            shares = _shares(spots, vertices[corners[nearest]])
+            found[rows] = np.einsum("nc,ncd->nd", shares, uvs[loops[nearest]])
+        new = target.data.uv_layers.get(layer.name) or target.data.uv_layers.new(name=layer.name)
+        new.uv.foreach_set("vector", found.ravel())
+
+
+def carry_shape_keys(source, target, places: np.ndarray, carry) -> None:
+    """Give the target the source's shape keys, turned and scaled as the surface is there."""
+    turns = _turns(places, target)
+    back = np.linalg.inv(np.array(target.matrix_world)[:3, :3])
+    out = np.array(source.matrix_world)[:3, :3]
+    blocks = source.data.shape_keys.key_blocks
+    if target.data.shape_keys is None:
+        target.shape_key_add(name=blocks[0].name)
+    basis = _points(target.data.shape_keys.key_blocks[0])
+    for block in blocks[1:]:
+        moved = (_points(block) - _points(block.relative_key)) @ out.T
+        carried = np.einsum("vij,vj->vi", turns, np.nan_to_num(carry(moved)))
+        keys = target.data.shape_keys.key_blocks
+        new = keys.get(block.name) or target.shape_key_add(name=block.name)
+        new.data.foreach_set("co", (basis + carried @ back.T).ravel())
+        new.slider_min, new.slider_max, new.value = block.slider_min, block.slider_max, block.value
+
+
+def _points(block) -> np.ndarray:
+    found = np.empty(3 * len(block.data))
+    block.data.foreach_get("co", found)
+    return found.reshape(-1, 3)
+
+
+def _corners(mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and loops of the corners of all triangles."""
+    mesh.calc_loop_triangles()
+    found = np.empty((2, 3 * len(mesh.loop_triangles)), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("vertices", found[0])
+    mesh.loop_triangles.foreach_get("loops", found[1])
+    return found[0].reshape(-1, 3), found[1].reshape(-1, 3)
+
+
+def _loops(mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertex and polygon of each loop."""
+    vertices = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    sizes = np.empty(len(mesh.polygons), dtype=np.int32)
+    mesh.polygons.foreach_get("loop_total", sizes)
+    return vertices, np.repeat(np.arange(len(sizes)), sizes)
+
+
+def _islands(corners: np.ndarray, loops: np.ndarray, uvs: np.ndarray) -> np.ndarray:
+    """Find the UV island of each triangle: those that share a vertex and its place are in one."""
+    keys = np.column_stack([corners.ravel(), np.rint(1e5 * uvs[loops.ravel()])])
+    _, key = np.unique(keys, axis=0, return_inverse=True)
+    n, triangles = len(corners), np.repeat(np.arange(len(corners)), 3)
+    size = n + key.max() + 1
+    links = coo_matrix((np.ones(len(triangles)), (triangles, n + key.ravel())), (size, size))
+    return connected_components(links, directed=False)[1][:n]
+
+
+def _nearest(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray):
+    """Closest face of each place and the closest spot on it; face 0 for what is no place."""
+    tree = BVHTree.FromPolygons(vertices.tolist(), faces.tolist())
+    indices, spots = np.zeros(len(places), dtype=np.int64), np.zeros((len(places), 3))
+    for i in np.flatnonzero(np.isfinite(places).all(axis=1)).tolist():
+        spots[i], _, indices[i], _ = tree.find_nearest(places[i])
+    return indices, spots
+
+
+def _shares(spots: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates of spots on triangles, (n, 3, 3)."""
+    across = np.cross(
+        np.roll(triangles, -1, axis=1) - spots[:, None],
+        np.roll(triangles, -2, axis=1) - spots[:, None],
+    )
+    areas = np.linalg.norm(across, axis=2)
+    return areas / np.maximum(areas.sum(axis=1, keepdims=True), 1e-300)
+
+
+def _turns(places: np.ndarray, target) -> np.ndarray:
+    """For each vertex of the target, how its neighbourhood on the source is turned and scaled."""
+    edges = np.empty(2 * len(target.data.edges), dtype=np.int32)
+    target.data.edges.foreach_get("vertices", edges)
+    i, j = np.concatenate([edges.reshape(-1, 2), edges.reshape(-1, 2)[:, ::-1]]).T
+    stands = to_mesh(target).vertices
+    here, there = places[j] - places[i], stands[j] - stands[i]
+    known = np.isfinite(here).all(axis=1)
+    i, j, here, there = i[known], j[known], here[known], there[known]
+    sums = np.zeros((len(stands), 3, 3))
+    np.add.at(sums, i, there[:, :, None] * here[:, None, :])
+    for _ in range(_SMOOTHINGS):  # few edges say little, and slip on a coarse mesh
+        sums = sums + np.stack(
+            [np.bincount(i, sums[j, a, b], len(sums)) for a in range(3) for b in range(3)], axis=1
+        ).reshape(-1, 3, 3)
+    left, _, right = np.linalg.svd(sums)
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+    return (left @ right) * np.sqrt((there**2).sum() / (here**2).sum())
+
+
+def carry_between(source, target, *, uvs=True, vertex_groups=True, shape_keys=True) -> float:
+    """Match two objects and carry what is asked for; returns how sure the match is, 0 to 1."""
+    shapes = to_mesh(source), to_mesh(target)
+    found = unbend.match(*shapes, barycentric=True)
+
+    def carry(values: np.ndarray) -> np.ndarray:
+        return unbend.transfer(values, found, kind="scalar", source=shapes[0], target=shapes[1])
+
+    places = carry(shapes[0].vertices)
+    if vertex_groups and source.vertex_groups:
+        carry_vertex_groups(source, target, carry)
+    if uvs and source.data.uv_layers:
+        carry_uvs(source, target, places)
+    if shape_keys and source.data.shape_keys:
+        carry_shape_keys(source, target, places, carry)
+    return found.confidence
+
+
+class OBJECT_OT_unbend_carry(bpy.types.Operator):  # noqa: N801 (as Blender names operators)
+    """Carry UVs, vertex groups and shape keys from the active object to the others selected."""
+
+    bl_idname = "object.unbend_carry"
+    bl_label = "Carry to Selected (unbend)"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    uvs: bpy.props.BoolProperty(name="UV Maps", default=True)
+    vertex_groups: bpy.props.BoolProperty(name="Vertex Groups", default=True)
+    shape_keys: bpy.props.BoolProperty(name="Shape Keys", default=True)
+
+    @classmethod
+    def poll(cls, context):
+        """Whether there is what to carry from, and to."""
+        active = context.active_object
+        return active is not None and active.type == "MESH" and len(context.selected_objects) > 1
+
+    def execute(self, context):
+        """Match the active object with each of the others selected, and carry."""
+        source = context.active_object
+        for target in context.selected_objects:
+            if target == source or target.type != "MESH":
+                continue
+            asked = {one: getattr(self, one) for one in ("uvs", "vertex_groups", "shape_keys")}
+            try:
+                sure = carry_between(source, target, **asked)
+            except unbend.errors.UnbendError as error:
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+            kind = "WARNING" if sure < 0.5 else "INFO"
+            self.report({kind}, f"{target.name}: confidence of the match {sure:.2f}")
+        return {"FINISHED"}
+
+
+def _draw(menu, context) -> None:
+    menu.layout.operator(OBJECT_OT_unbend_carry.bl_idname)
+
+
+def register() -> None:
+    """Blender calls this when the add-on is switched on."""
+    bpy.utils.register_class(OBJECT_OT_unbend_carry)
+    bpy.types.VIEW3D_MT_object.append(_draw)
+
+
+def unregister() -> None:
+    """Blender calls this when it is switched off."""
+    bpy.types.VIEW3D_MT_object.remove(_draw)
+    bpy.utils.unregister_class(OBJECT_OT_unbend_carry)

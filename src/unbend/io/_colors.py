@@ -1,0 +1,94 @@
+"""Numbers and labels as colours, for programs that show nothing else of a vertex."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend.errors import InputError
+
+# Viridis of matplotlib, at every sixteenth.
+_VIRIDIS = np.array(
+    [
+        (68, 1, 84), (72, 24, 106), (71, 45, 123), (66, 64, 134), (59, 82, 139),
+        (51, 99, 141), (44, 114, 142), (38, 130, 142), (33, 145, 140), (31, 160, 136),
+        (40, 174, 128), (63, 188, 115), (94, 201, 98), (132, 212, 75), (173, 220, 48),
+        (216, 226, 25), (253, 231, 37),
+    ]
+)  # fmt: skip
+# Okabe and Ito, "Color universal design", 2008, without black.
+_LABELS = np.array(
+    [
+        (0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0),
+        (240, 228, 66),
+    ],
+    dtype=np.uint8,
+)  # fmt: skip
+_GREY = 153
+
+
+def value_colors(
+    values: npt.ArrayLike, *, kind: str = "scalar", limits: tuple[float, float] | None = None
+) -> npt.NDArray[np.uint8]:
+    """Turn values per vertex into colours that colour-blind eyes tell apart, too.
+
+    Parameters
+    ----------
+    values : (n,) array_like, or (n, k) of weights
+        Numbers, labels, or weights.
+    kind : {"scalar", "label", "weights"}, default="scalar"
+        Numbers go from dark blue to yellow. Each label has a colour, in
+        its turn of seven; of weights each vertex has that of its largest.
+    limits : (float, float), optional
+        The numbers that are the first and the last colour; by default the least and the greatest.
+
+    Returns
+    -------
+    (n, 3) ndarray of uint8
+        Red, green and blue; grey where a number is not finite, and for the labels -1 and "".
+
+    Raises
+    ------
+    InputError
+        If there are several numbers for each vertex.
+
+    Examples
+    --------
+    >>> from unbend.io import value_colors
+    >>> value_colors([0.0, 1.0, float("nan")]).tolist()
+    [[68, 1, 84], [253, 231, 37], [153, 153, 153]]
+    """
+    array = np.asarray(values)
+    if kind == "weights":
+        unknown = ~np.isfinite(array.reshape(len(array), -1)).all(axis=1)
+        array = np.where(unknown, -1, np.nan_to_num(array).reshape(len(array), -1).argmax(axis=1))
+        return _of_labels(np.arange(array.max(initial=0) + 1), array, unknown)
+    if array.ndim == 2 and array.shape[1] == 1:
+        array = array[:, 0]
+    if array.ndim != 1:
+        raise InputError(
+            f"{array.shape[1]} numbers for each vertex have no colour: write one column, or .ply"
+        )
+    if kind == "label":
+        unknown = array == ("" if array.dtype.kind == "U" else -1)
+        return _of_labels(np.unique(array[~unknown]), array, unknown)
+    numbers = array.astype(np.float64)
+    finite = np.isfinite(numbers)
+    known = numbers[finite] if finite.any() else np.zeros(1)
+    low, high = limits or (known.min(), known.max())
+    shares = (np.where(finite, numbers, low) - low) / max(high - low, 1e-300)
+    marks = np.linspace(0, 1, len(_VIRIDIS))
+    colors = np.stack([np.interp(shares, marks, one) for one in _VIRIDIS.T], axis=1)
+    colors[~finite] = _GREY
+    return np.asarray(np.rint(colors), dtype=np.uint8)
+
+
+def _of_labels(
+    known: npt.NDArray[Any], labels: npt.NDArray[Any], unknown: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
+    """Give each label the colour of its place among those known, which ascend."""
+    colors: npt.NDArray[np.uint8] = _LABELS[np.searchsorted(known, labels) % len(_LABELS)]
+    colors[unknown] = _GREY
+    return colors

@@ -1,0 +1,315 @@
+"""Pages of many shapes: how alike all are, and which are most like one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from html import escape
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend._types import FloatArray, IntArray, Progress
+from unbend.choices import Axis, Measure
+from unbend.errors import InputError
+from unbend.io import MeshLike, check_writable
+from unbend.report.pages import _shapes as parts
+from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section, table
+from unbend.report.pages._packing import pack_places
+from unbend.report.trees import apart, join_alike
+
+# Larger tables are looked at, not read.
+_MOST_TOLD = 30
+
+
+def similarity_page(
+    shapes: Sequence[MeshLike],
+    values: npt.ArrayLike,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    measure: Measure = "similarity",
+    groups: npt.ArrayLike | None = None,
+    up: Axis = "y",
+    command: str = "",
+    progress: Progress | None = None,
+) -> Page:
+    """Write how alike shapes are as a page that opens in any browser, without a network.
+
+    A heat map, the most alike beside each other, with its dendrogram; pointing at a cell tells
+    both names and the value, a click shows both shapes, which turn together. Below are pictures of
+    all shapes, to be opened likewise.
+
+    Parameters
+    ----------
+    shapes : sequence of mesh-like
+        Of n shapes, 2 to 300, anything :func:`unbend.as_mesh` accepts. One without faces has no
+        picture.
+    values : (n, n) array_like of float
+        Symmetric and not negative; NaN where unknown.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
+    measure : {"similarity", "distance"}, default="similarity"
+        What the values are: 1 for the same shape, as of :func:`unbend.similarity`, or 0.
+    groups : (n,) array_like of int, optional
+        The number of each one's group, from 0: the pictures are put together by it.
+    up : {"x", "y", "z"}, default="y"
+        The axis of the shapes that points upward.
+    command : str, default=""
+        What made the values, shown on the page.
+    progress : callable, optional
+        Called with a stage's name and the share of it that is done.
+
+    Returns
+    -------
+    Page
+        With its `html`.
+
+    Raises
+    ------
+    InputError
+        If there are too few or too many shapes, or something does not fit them.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Of all shapes together 300,000 vertices are drawn, and 20,000 of any one.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import similarity_page
+    >>> from unbend.datasets import make_quadruped
+    >>> animals = [make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse")]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "similarity.html")
+    ...     similarity_page(animals, [[1, 0.9], [0.9, 1]], path)
+    Page('How alike 2 shapes are', 0.1 MB)
+    """
+    if path is not None:
+        check_writable(path, SUFFIXES)
+    array, numbers = _checked(len(shapes), values, measure, groups)
+    meshes = parts.read_shapes(shapes, up)
+    names = [one.name for one in meshes]
+    tree = join_alike(apart(array) if measure == "similarity" else np.nan_to_num(array, nan=1.0))
+    packed, said = parts.pack_shapes(meshes, progress)
+    others = array[~np.eye(len(array), dtype=bool) & np.isfinite(array)]
+    spread = "no pair is known"
+    if len(others):
+        spread = f"{others.min():.4f} to {others.max():.4f} between different shapes"
+    title = f"How alike {len(names)} shapes are"
+    if numbers is not None:
+        title = f"{len(names)} shapes in {plural(len(np.unique(numbers)), 'group')}"
+    told = ""
+    if len(names) <= _MOST_TOLD:
+        heads = (measure, *(names[j] for j in tree.order))
+        rows = [
+            (names[i], *(parts.number_told(array[i, j]) for j in tree.order)) for i in tree.order
+        ]
+        told = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
+    page = make_page(
+        title=title,
+        heading=title,
+        lead=f"{measure.capitalize()} is {spread}.",
+        body="\n".join(
+            [
+                parts.controls(names, up),
+                parts.beside(
+                    [
+                        _heat_map(measure),
+                        told,
+                        *_pictures(names, tree.order, numbers),
+                    ]
+                ),
+                parts.facts(
+                    meshes,
+                    [
+                        ("values", f"{measure}, {_MEANING[measure]}"),
+                        ("dendrogram", "average linkage; the most alike stand beside each other"),
+                        ("for display", said),
+                    ],
+                    command,
+                ),
+            ]
+        ),
+        data={
+            "shapes": packed,
+            "measure": measure,
+            "table": _packed(array),
+            "order": tree.order.tolist(),
+            "tree": _brackets(tree.heights, tree.places),
+        },
+        scripts=("heat.js", "shapes.js"),
+    )
+    if path is not None:
+        page.write(path)
+    return page
+
+
+_MEANING = {
+    "similarity": "1 for the same shape",
+    "distance": "0 for the same shape",
+}
+
+
+def search_page(
+    query: MeshLike,
+    found: Sequence[MeshLike],
+    values: npt.ArrayLike,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    measure: str = "distance",
+    up: Axis = "y",
+    command: str = "",
+    progress: Progress | None = None,
+) -> Page:
+    """Write the shapes that are most like one as a page of pictures, without a network.
+
+    Each picture tells its shape's name and value; chosen, it turns beside the query.
+
+    Parameters
+    ----------
+    query : mesh-like
+        Anything :func:`unbend.as_mesh` accepts.
+    found : sequence of mesh-like
+        In the order of the pictures, the most alike first; 299 at most. One without faces has no
+        picture.
+    values : (n,) array_like of float
+        How far each is from the query, or how much like it; NaN where unknown.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself.
+    measure : str, default="distance"
+        What the values are called.
+    up, command, progress
+        As for :func:`similarity_page`.
+
+    Returns
+    -------
+    Page
+        With its `html`.
+
+    Raises
+    ------
+    InputError
+        If there is nothing or too much to show, or something does not fit.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Of all shapes together 300,000 vertices are drawn, and 20,000 of any one.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import search_page
+    >>> from unbend.datasets import make_quadruped
+    >>> dog, horse = (make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     search_page(dog, [dog, horse], [0, 0.4], pathlib.Path(folder, "found.html"))
+    Page('Most like dog', 0.1 MB)
+    """
+    if path is not None:
+        check_writable(path, SUFFIXES)
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.shape != (len(found),) or not len(found):
+        raise InputError(f"{len(found)} shapes need as many values, and there must be one at least")
+    meshes = parts.read_shapes([query, *found], up)
+    names = [one.name for one in meshes]
+    packed, said = parts.pack_shapes(meshes, progress)
+    title = f"Most like {names[0]}"
+    below = [f"{i + 1}. {measure} {parts.number_told(one)}" for i, one in enumerate(numbers)]
+    page = make_page(
+        title=title,
+        heading=escape(title),
+        lead=f"{plural(len(found), 'shape')}, the most alike first.",
+        body="\n".join(
+            [
+                parts.controls(names, up),
+                parts.beside(
+                    [
+                        section("Looked for", parts.cards(names, [0])),
+                        section("Found", parts.cards(names, range(1, len(names)), below)),
+                    ]
+                ),
+                parts.facts(meshes, [("for display", said)], command),
+            ]
+        ),
+        data={"shapes": packed, "measure": measure, "values": [None, *map(_or_none, numbers)]},
+        scripts=("heat.js", "shapes.js"),
+    )
+    if path is not None:
+        page.write(path)
+    return page
+
+
+def _checked(
+    n: int, values: npt.ArrayLike, measure: str, groups: npt.ArrayLike | None
+) -> tuple[FloatArray, IntArray | None]:
+    array = np.asarray(values, dtype=np.float64)
+    if measure not in get_args(Measure):
+        raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
+    if n < 2 or array.shape != (n, n):
+        raise InputError(
+            f"a page of {n} shapes needs values of shape ({n}, {n}), not {array.shape}, and two "
+            "shapes at least"
+        )
+    if (
+        np.isinf(array).any()
+        or (array < 0).any()
+        or not np.allclose(array, array.T, equal_nan=True)
+    ):
+        raise InputError("values must be symmetric, finite and not negative, or NaN where unknown")
+    if groups is None:
+        return array, None
+    numbers = np.asarray(groups)
+    if numbers.shape != (n,) or numbers.dtype.kind not in "iu" or numbers.min() < 0:
+        raise InputError(f"groups must be {n} whole numbers from 0")
+    return array, numbers.astype(np.int64)
+
+
+def _heat_map(measure: str) -> str:
+    described = (
+        f"The {measure} of each shape to each other as colours, with a dendrogram beside it. Arrow "
+        "keys go from cell to cell, Enter opens both shapes; names and value are told beside it."
+    )
+    return section(
+        measure.capitalize(),
+        f'<canvas id="heat" tabindex="0" role="img" aria-label="{described}"></canvas>',
+        hint(
+            '<span id="least"></span> <span class="scale viridis"></span> <span id="most"></span>. '
+            "Point at a cell to read it, click it to see both shapes; or go from cell to cell with "
+            "the arrow keys, and open both with Enter."
+        ),
+    )
+
+
+def _pictures(names: list[str], order: IntArray, groups: IntArray | None) -> list[str]:
+    if groups is None:
+        return [section("Shapes", parts.cards(names, order.tolist()))]
+    blocks = []
+    for number in np.unique(groups):
+        members = order[groups[order] == number].tolist()
+        heading = f"Group {number}: {plural(len(members), 'shape')}"
+        blocks.append(section(heading, parts.cards(names, members)))
+    return blocks
+
+
+def _packed(array: FloatArray) -> dict[str, Any]:
+    """Pack the values, a millionth of the largest apart; -1 where they are unknown."""
+    whole = np.where(np.isfinite(array), array, -1.0)
+    return pack_places(whole.reshape(-1, 1), step=max(float(whole.max()), 1.0) * 1e-6)
+
+
+def _brackets(heights: FloatArray, places: FloatArray) -> list[list[float]]:
+    """Brackets of the dendrogram: two ends and the join's height, as shares, and two places."""
+    top = max(float(heights.max()), 1e-300)
+    rows = np.column_stack([heights[:, [0, 3, 1]] / top, places[:, [0, 3]]])
+    found: list[list[float]] = np.round(rows, 4).tolist()
+    return found
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

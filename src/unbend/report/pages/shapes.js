@@ -1,0 +1,112 @@
+// Pages of many shapes: pictures of all, two that turn beside them, and a heat map where there is one.
+"use strict";
+
+start(async (data) => {
+  const { shapes, measure } = data, n = shapes.length;
+  const readout = part("readout"), hint = readout.textContent;
+  const names = ["first", "second"], choices = names.map((name) => part(`${name}-choice`));
+  const camera = new Camera(50, 15), chosen = [0, 0];
+  camera.up = part("up").value;
+  const nothing = { centre: [0, 0, 0], radius: 1, sides: [0, 1, 2].map(() => ({ across: 1, along: 1 })) };
+  for (const { drawn } of shapes) if (drawn) drawn.room = roomFor(drawn.places);
+  const views = names.map((name) => new View(part(name), camera, nothing));
+  for (const view of views) view.paint = 2;
+
+  // Pictures, drawn one by one in a canvas that nobody sees.
+  const buttons = [...document.querySelectorAll(".card")], pictures = [];
+  const maker = new View(part("maker"), new Camera(50, 15), nothing);
+  maker.paint = 2;
+  function show(view, { drawn }) {
+    view.clear();
+    if (!drawn) return;
+    Object.assign(view, drawn.room);
+    view.add({ positions: drawn.places, faces: drawn.faces });
+  }
+  function drawPictures() {
+    maker.camera.up = camera.up;
+    for (const button of buttons) {
+      const picture = button.querySelector("canvas"), shape = shapes[+button.dataset.shape];
+      pictures[+button.dataset.shape] = picture;
+      if (!shape.drawn) {
+        picture.width = 0; // nothing to draw
+        continue;
+      }
+      show(maker, shape);
+      maker.paintNow();
+      picture.width = maker.canvas.width;
+      picture.height = maker.canvas.height;
+      picture.getContext("2d").drawImage(maker.canvas, 0, 0);
+    }
+  }
+  drawPictures();
+
+  function valueOf(i, j) {
+    if (data.table) return data.table[i * n + j];
+    const value = i === 0 ? data.values[j] : j === 0 ? data.values[i] : undefined;
+    return value === null ? -1 : value;
+  }
+  function tell(i, j) {
+    const value = valueOf(i, j), known = value >= 0 ? value.toFixed(4) : "unknown";
+    const told = i === j || value === undefined ? "" : `: ${measure} ${known}`;
+    readout.textContent = `${shapes[i].name} \u2194 ${shapes[j].name}${told}`;
+  }
+  function open(...pair) {
+    pair.forEach((i, k) => {
+      const view = views[k], { name, told } = shapes[i];
+      if (chosen[k] !== i || !view.meshes.length) show(view, shapes[i]);
+      view.draw();
+      chosen[k] = i;
+      choices[k].value = i;
+      const caption = view.canvas.parentElement.querySelector("b");
+      caption.textContent = shapes[i].drawn ? name : `${name}: nothing to draw`;
+      caption.title = told;
+      view.canvas.setAttribute("aria-label", `The shape ${name} in three dimensions.`);
+    });
+    for (const button of buttons) button.setAttribute("aria-pressed", chosen.includes(+button.dataset.shape));
+    tell(...chosen);
+  }
+  // The one that is most like another.
+  function nearest(i) {
+    let best = i ? 0 : 1;
+    for (let j = 0; j < n; j++) {
+      if (j === i || valueOf(i, j) < 0) continue;
+      const closer = measure === "similarity" ? valueOf(i, j) > valueOf(i, best) : valueOf(i, j) < valueOf(i, best);
+      if (closer || valueOf(i, best) < 0) best = j;
+    }
+    return best;
+  }
+  function bringIntoView() {
+    document.querySelector(".views").scrollIntoView({ block: "nearest" });
+  }
+  for (const button of buttons) {
+    const i = +button.dataset.shape;
+    button.addEventListener("click", () => {
+      if (data.table) open(i, nearest(i));
+      else open(0, i);
+      bringIntoView();
+    });
+  }
+  choices.forEach((choice, k) => choice.addEventListener("change", () => {
+    open(...chosen.map((i, other) => (other === k ? +choice.value : i)));
+  }));
+  listenToControls(views, views);
+
+  let heat = null;
+  if (data.table) {
+    heat = new HeatMap(part("heat"), data, pictures, (i, j, clicked) => {
+      if (i < 0) tell(...chosen);
+      else if (clicked) {
+        open(i, j);
+        bringIntoView();
+      } else tell(i, j);
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => heat.draw());
+  }
+  part("up").addEventListener("change", () => {
+    drawPictures();
+    if (heat) heat.draw();
+  });
+  const seen = data.table ? data.order.find((i) => shapes[i].drawn) ?? data.order[0] : 0;
+  open(seen, data.table ? nearest(seen) : 1);
+  readout.textContent = hint;
+});

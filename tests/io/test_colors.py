@@ -1,0 +1,50 @@
+"""Numbers take the colours of viridis, labels one each."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+from unbend.errors import InputError
+from unbend.io import value_colors
+
+
+def test_numbers_have_viridis() -> None:
+    values = np.linspace(-3, 5, 200)
+    want = 255 * matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3]
+    assert np.abs(value_colors(values) - want).max() < 5
+    np.testing.assert_array_equal(value_colors(values[:, None]), value_colors(values))
+    # As seen without hue, greater is lighter.
+    light = value_colors(values) @ [0.21, 0.72, 0.07]
+    assert (np.diff(light) > -1).all()
+
+
+def test_what_is_no_number_is_grey() -> None:
+    colors = value_colors([np.nan, 1.0, 1.0, np.inf])
+    assert colors[[0, 3]].tolist() == [[153] * 3] * 2
+    assert colors[1].tolist() == colors[2].tolist() == [68, 1, 84]
+    assert value_colors([np.nan, np.nan]).tolist() == [[153] * 3] * 2
+
+
+def test_limits_are_the_ends() -> None:
+    colors = value_colors([-1.0, 0.0, 2.0, 3.0], limits=(0, 2))
+    np.testing.assert_array_equal(colors, value_colors([0.0, 0.0, 2.0, 2.0]))
+
+
+@pytest.mark.parametrize("labels", [["leg", "arm", "", "leg"], [7, 2, -1, 7]])
+def test_each_label_has_a_colour(labels: list) -> None:
+    leg, arm, none, again = value_colors(labels, kind="label").tolist()
+    assert leg == again
+    assert none == [153] * 3
+    assert len({tuple(one) for one in (leg, arm, none)}) == 3
+
+
+def test_weights_have_the_colour_of_the_largest() -> None:
+    weights = np.array([[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan], [0.6, 0.4]])
+    colors = value_colors(weights, kind="weights")
+    np.testing.assert_array_equal(colors[[0, 1, 3]], value_colors([0, 1, 0], kind="label"))
+    assert colors[2].tolist() == [153] * 3
+
+
+def test_several_numbers_have_none() -> None:
+    with pytest.raises(InputError, match="2 numbers for each vertex"):
+        value_colors(np.zeros((3, 2)))

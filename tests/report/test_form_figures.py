@@ -1,0 +1,61 @@
+"""A shape beside its form: a picture in each format, and what does not fit is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unbend import CanonicalForm, Mesh, canonical_form
+from unbend.errors import FileError, InputError
+from unbend.report import form_figures
+from unbend.report.form_figures import draw_form, turned_to_fit
+
+
+@pytest.fixture(scope="module")
+def form(blob: Mesh) -> CanonicalForm:
+    return replace(canonical_form(blob, cache=False), surface=2 * blob.vertices)
+
+
+@pytest.mark.parametrize("up", ["x", "z"])
+def test_everything_that_there_is_is_drawn(
+    blob: Mesh, form: CanonicalForm, up: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list = []
+    monkeypatch.setattr(form_figures, "save_figure", lambda figure, path: figures.append(figure))
+    draw_form(blob, form, "a.png", up=up)
+    draw_form(blob, replace(form, surface=None), "a.png", up=up)
+    assert [len(one.axes) for one in figures] == [3, 2]
+    told = [text.get_text() for text in figures[0].texts]
+    assert told == ["blob", "its canonical form", "the surface in its form's pose"]
+    drawn = [np.asarray(ax.get_images()[0].get_array())[..., 3].mean() for ax in figures[0].axes]
+    assert min(drawn) > 0.3
+    # The surface stands as the shape does: it is the shape here, but for its size.
+    shape, _, surface = (np.asarray(ax.get_images()[0].get_array()) for ax in figures[0].axes)
+    np.testing.assert_allclose(shape.mean(axis=(0, 1)), surface.mean(axis=(0, 1)), atol=0.01)
+
+
+def test_a_form_lies_as_the_shape_does(blob: Mesh) -> None:
+    turn = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    inside = np.arange(642) > 5
+    for mirror in (1, -1):
+        back = turned_to_fit(blob.vertices @ turn * mirror, blob.vertices, inside)
+        assert np.isnan(back[:6]).all()
+        np.testing.assert_allclose(
+            back[6:] - back[6:].mean(axis=0),
+            blob.vertices[6:] - blob.vertices[6:].mean(axis=0),
+            atol=1e-9,
+        )
+
+
+def test_what_does_not_fit_is_refused(blob: Mesh, form: CanonicalForm, tmp_path: Path) -> None:
+    for mesh, up, message in (
+        (Mesh(blob.vertices), "y", "no faces to draw"),
+        (Mesh(blob.vertices[:3], [[0, 1, 2]]), "y", "the form has 642 points"),
+        (blob, "w", "up must be"),
+    ):
+        with pytest.raises(InputError, match=message):
+            draw_form(mesh, form, tmp_path / "a.png", up=up)
+    with pytest.raises(FileError):
+        draw_form(blob, form, tmp_path / "a.bmp")
+    assert list(tmp_path.iterdir()) == []
