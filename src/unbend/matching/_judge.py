@@ -23,8 +23,9 @@ from unbend.mesh import vertex_normals
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead in
-# energy that makes the odds between two maps 2.7 to 1.
-_EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
+# energy that makes the odds between two maps 2.7 to 1: the likeliest for 287 pairs of our own
+# bodies (benchmarks/confidence.py).
+_EVEN, _SPREAD, _LEAD = 0.336, 0.052, 0.0106
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
