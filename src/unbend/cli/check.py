@@ -106,13 +106,13 @@ def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
         )
     robust = "uses the robust Laplacian"
     problems = (
-        (health.degenerate_faces, "degenerate faces", robust),
+        (health.degenerate_faces, "degenerate faces", f"{robust}, or leaves them out"),
         (health.non_manifold_edges, "non-manifold edges", robust),
         (health.non_manifold_vertices, "non-manifold vertices", robust),
         (health.inconsistent_edges, "edges with flipped faces", "nothing; it does not matter"),
         (health.unreferenced_vertices, "unreferenced vertices", "gives them NaN"),
         (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),
-        (health.duplicate_faces, "duplicate faces", "keeps them"),
+        (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
     rows += [Row(what, f"{count:,}", action) for count, what, action in problems if count]
     rows += [Row("reading", "", note) for note in shape.notes]
