@@ -23,6 +23,7 @@ from unbend.cli._common import (
     parse_component,
     print_json,
     print_notes,
+    read_truth,
     steps_on_stderr,
     warn_if_doubtful,
 )
@@ -129,13 +130,7 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
-    from unbend.io import (
-        MAP_SUFFIXES,
-        check_writable,
-        read_landmarks,
-        read_map,
-        read_mesh,
-    )
+    from unbend.io import MAP_SUFFIXES, check_writable, read_landmarks, read_mesh
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -146,15 +141,14 @@ def match(
     if report is not None:
         check_writable(report, (".html",))
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
-    hints = None if landmarks is None else read_landmarks(landmarks)
     start = time.perf_counter()
     with steps_on_stderr() as progress:
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
-        truth = [
-            read_map(path, n_target=shapes[i > 0].n_vertices) for i, path in enumerate(truth_files)
-        ]
+        n_vertices = [shape.n_vertices for shape in shapes]
+        hints = None if landmarks is None else read_landmarks(landmarks, *n_vertices)
+        truth = read_truth(truth_files, *n_vertices) if truth_files else None
         found = find_match(
             *shapes,
             method=method,
@@ -185,7 +179,7 @@ def match(
                 found,
                 report,
                 up=up,
-                truth=truth or None,
+                truth=truth,
                 command=command_line(),
                 progress=progress,
             )
