@@ -6,11 +6,13 @@ Every case is made by code. ``python -m tests.corpus`` runs them all and writes 
 
 from __future__ import annotations
 
-from . import archives, files, surfaces, tables
+from . import archives, files, places, stores, surfaces, tables
 from .case import Answer, Case, Refused, try_case
 
 CASES: tuple[Case, ...] = tuple(
-    case for module in (files, tables, archives, surfaces) for case in module.cases()
+    case
+    for module in (files, surfaces, tables, archives, places, stores)
+    for case in module.cases()
 )
 
 __all__ = ["CASES", "Answer", "Case", "Refused", "try_case"]

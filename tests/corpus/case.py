@@ -7,6 +7,7 @@ import functools
 import io
 import os
 import re
+import shlex
 import tracemalloc
 import warnings
 from collections.abc import Callable
@@ -53,7 +54,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class Answer:
-    """Exit code 0 and the answer that the mended files give.
+    """Exit code 0, if no other is given, and the answer that the mended files give.
 
     The comparison gets what came of the bad files and of the mended ones, asserts that they are
     alike, and returns how far apart they are, in words.
@@ -62,6 +63,7 @@ class Answer:
     mended: Maker
     compare: Callable[[Seen, Seen], str]
     words: str = "the answer of the mended mesh"
+    code: int = 0
 
     def __str__(self) -> str:
         return self.words
@@ -93,7 +95,7 @@ class Case:
 
 def here(folder: Path, command: Command) -> Seen:
     """Run a command in this process; what it does not catch is raised."""
-    words = [store() if word == "STORE" else word for word in command.split()]
+    words = [store() if word == "STORE" else word for word in shlex.split(command)]
     out, err = io.StringIO(), io.StringIO()
     with (
         contextlib.chdir(folder),
@@ -140,7 +142,8 @@ def try_case(case: Case, folder: Path) -> str:
 def _refused(expected: Refused, run: Run, folder: Path, command: Command) -> str:
     before = _files(folder)
     store()  # what is loaded for it is not the input's doing
-    tracemalloc.start()
+    if run is here:
+        tracemalloc.start()
     try:
         seen = run(folder, command)
         _, peak = tracemalloc.get_traced_memory()
@@ -160,7 +163,8 @@ def _refused(expected: Refused, run: Run, folder: Path, command: Command) -> str
 
 def _answered(expected: Answer, run: Run, bad: Path, mended: Path, command: Command) -> str:
     seen = run(bad, command)
-    assert seen.code == 0, f"{command}: {seen}"
+    assert seen.code == expected.code, f"{command}: {seen}"
+    assert "Traceback" not in seen.err, f"{command}: {seen.err}"
     _check_whole(bad)
     truth = here(mended, command)
     assert truth.code == 0, f"{command} on the mended files: {truth}"

@@ -107,9 +107,10 @@ def _refused() -> Iterator[Case]:
 
 
 def _copies(n: int) -> tuple[Array, Array]:
-    """Give the stone, and copies of half its size in a row."""
-    shapes = [stone().vertices] + [stone().vertices / 2 + (4 * i, 0, 0) for i in range(1, n)]
-    faces = [stone().faces + i * 42 for i in range(n)]
+    """Give the stone and tetrahedra in a row, so many in all."""
+    corners, sides = np.eye(4, 3), np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    shapes = [stone().vertices] + [corners + np.array([4.0 * i, 0, 0]) for i in range(1, n)]
+    faces = [stone().faces] + [sides + 42 + 4 * i for i in range(n - 1)]
     return np.concatenate(shapes), np.concatenate(faces)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from unbend._text import plural
+from unbend._text import plural, printable
 from unbend.choices import Axis, LaplacianKind
 from unbend.errors import InputError, UnbendWarning
 
@@ -75,9 +75,14 @@ def command_line() -> str:
     return shlex.join(["unbend", *sys.argv[1:]])
 
 
+def quoted(path: str) -> str:
+    """Write a path as it is typed in a shell."""
+    return shlex.quote(printable(path))
+
+
 def say(kind: str, sentence: str) -> None:
     """Print one line such as ``error: ...`` to stderr, where it cannot spoil piped output."""
-    typer.echo(f"{kind}: {sentence}", err=True)
+    typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 
 def warn_if_doubtful(confidence: float) -> None:
@@ -176,13 +181,13 @@ def print_rows(rows: Mapping[str, str]) -> None:
     """Print names and values in two aligned columns to stdout."""
     width = max(map(len, rows)) + 2
     for name, value in rows.items():
-        typer.echo(f"{name:<{width}}{value}")
+        typer.echo(f"{name:<{width}}{printable(value)}")
 
 
 @contextmanager
 def steps_on_stderr() -> Iterator[Progress]:
     """Show the step that is under way on stderr, if a person is watching."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield lambda stage, share: None
         return
     from rich.console import Console

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from unbend._text import printable
 from unbend.choices import Axis, MatchMethod, Partial
 from unbend.cli._common import (
     CacheOption,
@@ -23,6 +23,7 @@ from unbend.cli._common import (
     parse_component,
     print_json,
     print_notes,
+    quoted,
     read_truth,
     steps_on_stderr,
     warn_if_doubtful,
@@ -217,7 +218,7 @@ def match(
             }
         )
         return
-    typer.echo(summary(shapes, found, seconds))
+    typer.echo(printable(summary(shapes, found, seconds)))
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
         typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
@@ -292,5 +293,5 @@ def _next_step(source: str, target: str, out: str | None, report: str | None) ->
         return f"open {report} in a browser"
     if out is None:
         return "add -o MAP.npz to keep the match, --report HTML to look at it"
-    paths = " ".join(map(shlex.quote, (source, target)))
-    return f"unbend transfer {paths} --map {shlex.quote(out)} --values VALUES.npy -o OUT.npy"
+    paths = " ".join(map(quoted, (source, target)))
+    return f"unbend transfer {paths} --map {quoted(out)} --values VALUES.npy -o OUT.npy"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from unbend._text import printable
 from unbend.choices import DistanceKind
 from unbend.cli._common import (
     CacheOption,
@@ -108,9 +109,9 @@ def similarity(
         ]
         print_json({"pairs": named, "csv": csv, "figure": figure})
     elif table is not None:
-        _print_matrix(paths, table)
+        _print_matrix([printable(path) for path in paths], table)
     else:
-        _print_list(paths, pairs, known)
+        _print_list([printable(path) for path in paths], pairs, known)
 
 
 def compare(
