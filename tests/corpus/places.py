@@ -29,6 +29,7 @@ def cases() -> Iterator[Case]:
     """Give a case for each kind of place."""
     yield from _inputs()
     yield from _names()
+    yield from _drawn()
     yield from _outputs()
     yield from _full_disks()
     yield from _streams()
@@ -178,6 +179,28 @@ def _names() -> Iterator[Case]:
                 Answer(_made(name, make=_write_stone), _printable, "printed harmlessly"),
                 alone if "bytes" in words else None,
             )
+
+
+def _drawn() -> Iterator[Case]:
+    """Draw files whose names matplotlib could take for formulas."""
+
+    def make(folder: Path) -> None:
+        beside(folder)
+        _write_stone(folder / "bad.$\\frac{$.off")
+        (folder / "bad.$\\frac{$.txt").write_bytes((folder / "map.txt").read_bytes())
+
+    name = "'bad.$\\frac{$.off'"
+    for command in (
+        f"similarity {name} good.off --known-correspondence --matrix --figure out.svg --no-cache",
+        "evaluate 'bad.$\\frac{$.txt' --target good.off --source-truth truth.txt "
+        "--target-truth truth.txt --figure out.svg",
+    ):
+        yield Case(
+            f"name like a formula, drawn by {command.split()[0]}",
+            make,
+            (command,),
+            Answer(make, lambda seen, truth: "a picture", "a picture"),
+        )
 
 
 def _printable(seen: Seen, truth: Seen) -> str:

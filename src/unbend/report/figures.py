@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from unbend._text import printable
 from unbend._types import FloatArray
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
@@ -17,6 +18,7 @@ from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 __all__ = [
     "VIEWS",
     "CanonicalColumn",
+    "as_written",
     "draw_canonical_forms",
     "draw_mesh",
     "new_figure",
@@ -231,7 +233,7 @@ def draw_canonical_forms(
             ax = figure.add_axes((0.02 + i * width, below, width, 0.96 * height))
             _draw(ax, vertices, mesh, colors, seen_from, thicker)
             rows[row].append(ax)
-        figure.text(0.02 + (i + 0.5) * width, 0.015, caption, ha="center", fontsize=9)
+        figure.text(0.02 + (i + 0.5) * width, 0.015, as_written(caption), ha="center", fontsize=9)
     for row_axes in rows:
         same_scale(row_axes)
     save_figure(figure, path)
@@ -244,6 +246,11 @@ def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
             f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"
         )
     return points
+
+
+def as_written(name: str) -> str:
+    """Write a name for matplotlib, which would read what stands between dollars as a formula."""
+    return printable(name).replace("$", r"\$")
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
