@@ -54,7 +54,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = asked.inputs or temporary
         Path(folder).mkdir(parents=True, exist_ok=True)
-        seeds = [] if asked.family == "shapes" else readers.seeds(asked.family)
+        seeds = (mutations if asked.family == "shapes" else readers).seeds(asked.family)
         for i, seed in enumerate(seeds):
             Path(folder, f"{i:04}").write_bytes(seed)
         options = [
@@ -64,6 +64,7 @@ def main() -> None:
             "-timeout=30",
             "-print_final_stats=1",
             "-max_len=8192",
+            "-len_control=0",
         ]
         atheris.Setup([sys.argv[0], *options, folder], target)
         atheris.Fuzz()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,12 @@ def shapes(data: bytes) -> None:
         _check_form(mesh)
         _check_distance(mesh)
         _check_match(mesh)
+
+
+def seeds(family: str) -> Iterator[bytes]:
+    """Give some steps at random, more and more of them."""
+    for i in range(48):
+        yield np.random.default_rng(i).bytes(4 * (1 + i % 12))
 
 
 def _check_form(mesh: Mesh) -> None:
