@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable fuzz lint format bench clean
+.PHONY: demo test test-browser browser test-portable fuzz lint format bench docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -62,8 +62,13 @@ format: .venv/test.stamp ## ruff, in place
 bench: .venv/bench.stamp ## times against other libraries; BENCH=--large adds a million vertices
 	$(BIN)/python benchmarks/engine.py $(BENCH)
 
-clean: ## remove the environment and all caches
+docs: .venv/docs.stamp ## the documentation site, into docs/_build/html; warnings are errors
+	rm -rf docs/api/generated
+	$(BIN)/sphinx-build -W --keep-going docs docs/_build/html
+
+clean: ## remove the environment, all caches, and the built site
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*
+	rm -rf docs/_build docs/api/backreferences docs/api/generated docs/commands docs/gallery
 
 .venv/%.stamp: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

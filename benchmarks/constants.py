@@ -42,14 +42,21 @@ CONSTANTS = {
     "_MOST_TIPS": ("_tips",),
     "_LEFT_OUT": ("_tips",),
     "_LEAVING_OUT": ("_tips",),
-    "_KEPT": ("_tips",),
+    "_ANY_LENGTH": ("_tips",),
+    "_LONGER": ("_tips",),
     "_ROUGH_VERTICES": ("_solve",),
     "_PROXY_VERTICES": ("_solve",),
     "_STEPS": ("_solve",),
+    "_MANY": ("_solve",),
+    "_FEW": ("_solve",),
     "_TIGHTENED": ("_solve",),
     "_FOLLOWED": ("_solve",),
+    "_CLEAR": ("_solve",),
+    "_AHEAD": ("_solve",),
+    "_CLEARLY_FOLLOWED": ("_solve",),
     "_REGROWN": ("_solve",),
     "_SMOOTH": ("_solve",),
+    "_GROWN_FROM": ("_solve",),
     "_GROWTH": ("_solve",),
     "_GROWN_OVER": ("_solve",),
     "LOOSE": ("_registration", "_solve"),
@@ -84,12 +91,9 @@ def set_constant(name: str, factor: float) -> None:
             module.search.__kwdefaults__["beam"] = module._BEAM
 
 
-def run(
-    name: str | None, factor: float, n_pairs: int, options: Options
-) -> tuple[int, float, float]:
+def run(name: str | None, factor: float, cases: list[Case]) -> tuple[int, float, float]:
     """Right maps, their mean error, and seconds of processor time."""
     warnings.simplefilter("ignore")
-    cases = [draw(*CASES[i % len(CASES)], i, options) for i in range(n_pairs)]
     match(cases[0].source.mesh, cases[0].target.mesh, cache=False)  # compiles
     if name is not None:
         set_constant(name, factor)
@@ -116,13 +120,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     options = Options(given.seed, given.vertices, None, None)
+    cases = [draw(*CASES[i % len(CASES)], i, options) for i in range(given.pairs)]
     tasks: list[tuple[str | None, float]] = [(None, 1.0)]
     tasks += [(name, factor) for name in given.names for factor in (0.5, 2.0)]
     # A process for each: constants that were changed do not stay.
     with ProcessPoolExecutor(
         given.jobs, mp_context=get_context("spawn"), max_tasks_per_child=1
     ) as pool:
-        running = [pool.submit(run, *task, given.pairs, options) for task in tasks]
+        running = [pool.submit(run, *task, cases) for task in tasks]
         right, error, seconds = running[0].result()
         print(f"| all as they are | | {right} of {given.pairs}, {error:.4f} | | |", flush=True)
         print("| constant | value | halved | doubled | time |\n|---|---|---|---|---|", flush=True)

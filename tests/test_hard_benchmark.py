@@ -1,5 +1,6 @@
 """What the benchmark of hard matches measures and reads; what it finds is its own affair."""
 
+import json
 from importlib import import_module
 from pathlib import Path
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.fixture
 def scripts(monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
-    return {name: import_module(name) for name in ("hard", "hard_sets", "becos")}
+    return {name: import_module(name) for name in ("hard", "hard_sets", "becos", "confidence")}
 
 
 @pytest.fixture
@@ -95,6 +96,41 @@ def test_every_line_of_own_shapes_can_be_drawn(scripts, case, monkeypatch):
     again = sets.draw(name, *line, 0, options)
     np.testing.assert_array_equal(again.target.mesh.vertices, one.target.mesh.vertices)
     assert [kind for kind, _ in sets.list_cases("proportions", options)] == list(sets.KINDS)
+
+
+def test_constants_of_the_confidence_are_found_again(scripts, capsys, tmp_path):
+    """Maps that are right as often as three given constants say."""
+    confidence, rng = scripts["confidence"], np.random.default_rng(0)
+    rows = []
+    for number in range(1500):
+        energies = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
+        rows.append({"number": number, "set": "cuts", "kind": "biped", "done": "", "iou": 1.0})
+        rows[-1]["energies"] = energies
+    given = np.array([0.35, 0.04, 0.03])
+    trust = confidence.confidences(rows, given)
+    right = (rng.random(len(rows)) < trust).astype(float)
+    np.testing.assert_allclose(confidence.fitted(rows, right), given, rtol=0.25)
+    file = tmp_path / "rows.jsonl"
+    lines = [json.dumps(row | {"error": 1.0 - one}) for row, one in zip(rows, right, strict=True)]
+    file.write_text("\n".join([*lines, '{"number": 9']))  # the last one was cut short
+    assert [row["number"] for row in confidence.read(file)] == list(range(1500))
+    confidence.fit([file])
+    said = capsys.readouterr().out
+    assert "fitted to 750" in said
+    assert "cuts, biped" in said
+
+
+def test_pairs_for_the_confidence_are_drawn_alike_each_time(scripts, case, monkeypatch):
+    confidence, sets = scripts["confidence"], scripts["hard_sets"]
+    for module in (confidence, sets):
+        monkeypatch.setattr(module, "own_pair", lambda *_, **__: case.pair)
+    monkeypatch.setitem(sets.BOTH, "limb", lambda _, pair: case)
+    options = sets.Options(seed=5, n_vertices=500, tosca=None, becos=None)
+    drawn = [confidence.draw_case(number, options) for number in range(60)]
+    assert {one[0] for one in drawn} == set(confidence.OFTEN)
+    again = confidence.draw_case(7, options)
+    assert again[:3] == drawn[7][:3]
+    np.testing.assert_array_equal(again[3].target.mesh.vertices, drawn[7][3].target.mesh.vertices)
 
 
 def test_truth_files_are_read_and_put_together(scripts, tmp_path):

@@ -165,3 +165,17 @@ def test_a_rotation_without_a_covariance_stays() -> None:
     left = turns.copy()
     kernels.turn_rotations(np.zeros((4, 3, 3)), left)
     np.testing.assert_array_equal(left, turns)
+
+
+def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
+    rng = np.random.default_rng(0)
+    matrices = rng.standard_normal((40, 3, 3)) * 10.0 ** rng.integers(-9, 9, (40, 1, 1))
+    turns = _rotations(8, 2.0, 0)
+    flat = turns @ (rng.standard_normal((8, 3, 1)) * rng.standard_normal((8, 1, 3)))  # of rank 1
+    equal = [np.eye(3), -np.eye(3), np.diag([1.0, 1, -1]), np.diag([2.0, 2, 1]), np.zeros((3, 3))]
+    matrices = np.concatenate([matrices, turns, -turns, flat, equal])
+    best = nearest_rotation(matrices.transpose(0, 2, 1))
+    expected = np.einsum("iab,iba->i", best, matrices)
+    sizes = np.linalg.norm(matrices, axis=(1, 2))
+    # What should be 0 is the root of rounding.
+    assert (np.abs(kernels.largest_traces(matrices) - expected) <= 1e-7 * sizes).all()

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
-from unbend.datasets import make_sphere
+from unbend.datasets import make_biped, make_sphere
+from unbend.matching import _solve
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._judge import distinct
 from unbend.matching._proxy import make_proxy
 from unbend.matching._shape import Shape
 from unbend.matching._solve import candidates, make_sides
@@ -55,3 +57,26 @@ def test_the_mirror_image_of_the_target_gives_the_mirrored_maps(boxes: list[Shap
         signs = np.sign((images * boxes[0].vertices).sum(axis=0))
         np.testing.assert_allclose(images, boxes[0].vertices * signs, atol=1e-9)
         assert signs.prod() == -1
+
+
+def test_what_is_clear_is_what_a_thorough_search_finds(boxes: list[Shape], monkeypatch) -> None:
+    one, other = (
+        prepare_shape(make_biped(pose, n_vertices=800, meshing=i).mesh, 100, True, None)[1]
+        for i, pose in enumerate(("standing", "walking"))
+    )
+    sides = make_sides(one, other)
+    tried = []
+    from_tips = _solve.from_tips
+    monkeypatch.setattr(
+        _solve, "from_tips", lambda sides, *sizes: tried.append(sizes) or from_tips(sides, *sizes)
+    )
+    quick = candidates(sides)
+    assert tried == [_solve._FEW]
+    thorough = candidates(sides, thorough=True)
+    assert tried == [_solve._FEW, _solve._MANY]
+    assert len(quick) < len(thorough)
+    ways = [quick[0], thorough[0]]
+    assert len(distinct(ways, sides.target.proxy.shape, sides.source.proxy.shape.areas)) == 1
+    # Where several are equally good nothing is clear.
+    candidates(make_sides(boxes[0], boxes[0]))
+    assert tried[-1] == _solve._MANY

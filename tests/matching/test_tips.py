@@ -1,13 +1,15 @@
 """Tips of limbs: found where they are, and told apart by the ways between them."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._registration import limb_start
-from unbend.matching._tips import Tips, find_tips, guess_limbs
+from unbend.matching._registration import limb_maps
+from unbend.matching._tips import Tips, _of_trunks, find_tips, guess_limbs
 
 
 def test_a_person_has_five_tips() -> None:
@@ -62,17 +64,54 @@ def test_limbs_of_other_lengths_change_little() -> None:
     def tips(lengths: np.ndarray) -> Tips:
         return Tips(np.arange(5), lengths, np.empty((0, 5)))
 
-    found = guess_limbs(tips(ways(limbs)), tips(grown))
+    found = guess_limbs(tips(ways(limbs)), tips(grown), 60)
     right = [k for k, one in enumerate(found) if (order[one.target] == one.source).all()]
     assert right[0] < 20
-    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)))[0]
+    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)), 60)[0]
     assert (exact.source == exact.target).all()
     assert len(exact.source) == 5
     assert exact.size == pytest.approx(2)
     # The other way round, things are half as long.
-    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]))[0].size == pytest.approx(
-        0.5
+    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]), 60)[
+        0
+    ].size == pytest.approx(0.5)
+
+
+def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
+    # Ends on a trunk at these heights, in pairs but for one; limbs of any lengths.
+    heights = np.array([0, 0, 0.5, 1.2, 1.2])
+    trunk = np.abs(heights[:, None] - heights)
+
+    def tips(limbs: list[float], order: np.ndarray, size: float) -> Tips:
+        lengths = np.array(limbs)
+        ways = size * (trunk + lengths[:, None] + lengths) * (1 - np.eye(5))
+        return Tips(np.arange(5), ways[np.ix_(order, order)], np.empty((0, 5)))
+
+    every, order = np.arange(5), np.random.default_rng(1).permutation(5)
+    one = tips([0.2, 0.9, 0.3, 1.5, 0.6], every, 1.0)
+    other = tips([1.4, 0.3, 1.0, 0.2, 0.9], order, 1.3)
+    rows, columns = np.triu_indices(5, 1)
+    deviations = {}
+    for image in itertools.permutations(range(5)):
+        taken = other.ways[np.ix_(image, image)][rows, columns]
+        deviation = _of_trunks(5, rows, columns, taken[None])(one.ways[rows, columns])
+        deviations[tuple(heights[order[list(image)]])] = float(deviation[0])
+    best = min(deviations, key=lambda heights: deviations[heights])
+    assert best in {tuple(heights), tuple(1.2 - heights)}
+    assert any(
+        (order[found.target] == found.source).all() and len(found.source) == 5
+        for found in guess_limbs(one, other, 60)
     )
+
+
+def test_parts_may_lack_most_tips() -> None:
+    ways = np.random.default_rng(0).random((6, 6)) + 1
+    ways = (ways + ways.T) * (1 - np.eye(6))
+    tips = Tips(np.arange(6), ways, np.empty((0, 6)))
+    assert min(len(one.source) for one in guess_limbs(tips, tips, 5000)) >= 4
+    assert min(len(one.source) for one in guess_limbs(tips, tips, 5000, partial=True)) == 3
+    pairs = [(*one.source, -1, *one.target) for one in guess_limbs(tips, tips, 60)]
+    assert len(set(pairs)) == len(pairs)
 
 
 def test_landmarks_hold_what_they_name() -> None:
@@ -81,7 +120,7 @@ def test_landmarks_hold_what_they_name() -> None:
     tips = Tips(np.arange(5), ways, np.empty((0, 5)))
     swapped = Tips(np.arange(5), ways[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5)))
     # Said to correspond: 0 to 0, though the ways say 0 to 1.
-    found = guess_limbs(tips, swapped, 1)
+    found = guess_limbs(tips, swapped, 60, 1)
     assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
     assert any(
         dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
@@ -92,8 +131,7 @@ def test_landmarks_hold_what_they_name() -> None:
 def test_ways_place_a_body_on_itself(blob) -> None:
     shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True, None)[1]
     ends = find_tips(shape)
-    start = limb_start(shape, shape, ends.fields, ends.fields, 1.0)
-    for point_map in (start.forward, start.backward):  # the front may stand for the back
+    for point_map in limb_maps(ends.fields, ends.fields, 1.0):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
     # Ways to a tip are shortest ways: 0 there, no longer than straight on to a neighbour.
     np.testing.assert_allclose(ends.fields[ends.vertices].diagonal(), 0)
@@ -101,4 +139,4 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
     smooth = find_tips(prepare_shape(blob, 60, True, None)[1])
-    assert len(guess_limbs(smooth, smooth)) == 0 or len(smooth.vertices) >= 3
+    assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3

@@ -225,7 +225,8 @@ def _collapse(vertices, faces, start, ring, ends, boundary, quadrics, parents, m
                 for c in range(3):
                     if faces[f, c] == u:
                         faces[f, c] = v
-        quadrics[v] += quadrics[u]
+        for c in range(quadrics.shape[1]):  # row by row would compile for seconds
+            quadrics[v, c] += quadrics[u, c]
         parents[u] = v
         done += 1
     return done

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.matching._kernels import edge_covariances
+from unbend.matching._kernels import edge_covariances, largest_traces
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
@@ -29,7 +29,7 @@ _EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
 _WITHOUT = 0.25
-_DIGITS = 6  # of energies, that are not rounding
+DIGITS = 6  # of energies, that are not rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +77,17 @@ def judge(
         _right_side_out(source, target, found.forward, found.source),
         _right_side_out(target, source, found.backward, found.target),
     )
-    missed = _missed(source, target, found)
+    missed = _missed(source, target, *found[:2])
     return Candidate(found, energy, orientation, reflected, missed)
+
+
+def rough_cost(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> float:
+    """Cost of maps between vertices, as they are: what registration is likely to make less of."""
+    energy = (
+        _unexplained(source, target.vertices[forward], np.ones(len(forward), dtype=bool))
+        + _unexplained(target, source.vertices[backward], np.ones(len(backward), dtype=bool))
+    ) / 2
+    return energy + _MISSED * float(_missed(source, target, forward, backward).sum())
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -88,7 +97,7 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
     came first stays first.
     """
     kept = [one for one in candidates if one.orientation > 0]
-    return sorted(kept or candidates, key=lambda one: round(one.cost, _DIGITS))
+    return sorted(kept or candidates, key=lambda one: round(one.cost, DIGITS))
 
 
 def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) -> list[Candidate]:
@@ -139,19 +148,17 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> float:
     )
     lengths = np.stack([own[:, ::4].sum(axis=1), theirs[:, ::4].sum(axis=1)], axis=1)
     averaged = shape.patches.solve(np.hstack([common, lengths]) * within[:, None])
-    cross = averaged[:, :9].reshape(-1, 3, 3)
-    values = np.linalg.svd(cross, compute_uv=False)
-    values[:, 2] *= np.sign(np.linalg.det(cross))
+    cross = np.ascontiguousarray(averaged[:, :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[:, 9:].prod(axis=1), np.finfo(float).tiny))
-    unexplained = np.where(within, 1 - values.sum(axis=1) / size, _WITHOUT)
+    unexplained = np.where(within, 1 - largest_traces(cross) / size, _WITHOUT)
     return float(shape.areas @ unexplained)
 
 
-def _missed(source: Shape, target: Shape, found: Registered) -> BoolArray:
+def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     ours, theirs = source.landmarks, target.landmarks
     off = np.maximum(
-        np.linalg.norm(target.vertices[found.forward[ours]] - target.vertices[theirs], axis=1),
-        np.linalg.norm(source.vertices[found.backward[theirs]] - source.vertices[ours], axis=1),
+        np.linalg.norm(target.vertices[forward[ours]] - target.vertices[theirs], axis=1),
+        np.linalg.norm(source.vertices[backward[theirs]] - source.vertices[ours], axis=1),
     )
     return np.asarray(off > _OFF)
 

@@ -165,8 +165,9 @@ def match(
     if landmarks is not None:
         ours, theirs = _with_landmarks(ours, theirs, landmarks)
     sides = make_sides(ours.shape, theirs.shape)
-    found = candidates(sides, progress)
-    turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
+    several = n_matches > 1
+    found = candidates(sides, progress, several)
+    turned = candidates(sides.reflected(), progress, several) if mirrored or allow_mirror else []
     if allow_mirror:
         found = sorted([*found, *turned], key=lambda one: one.cost)
     whole = _TORN if partial == "auto" else 0.0

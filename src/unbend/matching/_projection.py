@@ -55,7 +55,8 @@ def _closest_faces(points, positions, triangles, vertices, start, ring):  # type
             if distance < best:
                 best = distance
                 faces[i] = ring[e]
-                weights[i] = load
+                for c in range(3):
+                    weights[i, c] = load[c]
     return faces, weights
 
 
@@ -71,8 +72,7 @@ def _least(gram, best, trial):  # type: ignore[no-untyped-def]
         value = gram[a, a] - 2 * share * (gram[a, a] - gram[a, b]) + share * share * length
         if value < least:
             least = value
-            best[:] = 0.0
-            best[a], best[b] = 1 - share, share
+            best[a], best[b], best[(a + 2) % 3] = 1 - share, share, 0.0
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         trial[a] = (

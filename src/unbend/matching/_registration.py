@@ -99,21 +99,24 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     )
 
 
-def limb_start(
-    source: Shape, target: Shape, ours: FloatArray, theirs: FloatArray, size: float
-) -> Registered:
-    """Poses and maps as the ways to the tips of limbs know them.
+def limb_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntArray, IntArray]:
+    """Map both ways by what is as far from the tips of limbs.
 
     Parameters
     ----------
-    source, target : Shape
     ours, theirs : (n, t) and (m, t) ndarrays of float64
         Lengths of the ways to the tips that correspond.
     size : float
         How much longer ways are on the target.
     """
     pairs = nearest_pairs(size**0.5 * ours[None], size**-0.5 * theirs)
-    forward, backward = pairs.forward[0], pairs.backward[0]
+    return pairs.forward[0], pairs.backward[0]
+
+
+def mapped_start(
+    source: Shape, target: Shape, forward: IntArray, backward: IntArray, size: float
+) -> Registered:
+    """Poses that maps between vertices lead to; parts are taken to be so much longer on target."""
     if not (source.partial or target.partial):
         size = 1.0
     return Registered(

@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import FloatArray, Progress
+from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
-from unbend.matching._judge import Candidate, distinct, judge, ranked
+from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_cost
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     LOOSE,
     PULLS,
     Registered,
     lift,
-    limb_start,
+    limb_maps,
+    mapped_start,
     register,
     rough_start,
     smooth_start,
@@ -30,9 +31,13 @@ from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
 _STEPS = 8
-# After the first, weakest pull so many guesses from tips are drawn on that lead to different
-# places; so many of all candidates are followed on the finer proxies.
-_TIGHTENED, _FOLLOWED = 16, 8
+# So many guesses from tips, in either sense, are looked at, and so many begun with, the best as
+# they are. After the first, weakest pull so many are drawn on that lead to different places; so
+# many of all candidates are followed on the finer proxies.
+_MANY, _TIGHTENED, _FOLLOWED = (200, 64), 16, 8
+# A candidate is clear if its cost is at most this and any other's so many times that, after this
+# few from tips were tried; then it is followed, and some others to compare it with.
+_CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -61,6 +66,16 @@ class Sides(NamedTuple):
     target: Levels
     turned: bool = False
 
+    @property
+    def proxies(self) -> tuple[Shape, Shape]:
+        """Proxies of source and target."""
+        return self.source.proxy.shape, self.target.proxy.shape
+
+    @property
+    def rough(self) -> tuple[Shape, Shape]:
+        """And the rougher ones."""
+        return self.source.rough.shape, self.target.rough.shape
+
     def reflected(self) -> Sides:
         """Take the target as its mirror image."""
         return Sides(self.source, self.target.reflected(), not self.turned)
@@ -73,63 +88,94 @@ def make_sides(source: Shape, target: Shape) -> Sides:
 
 
 @one_blas_thread()
-def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
-    """Find the distinct ways in which two shapes may correspond, the best first."""
+def candidates(
+    sides: Sides, on_step: Progress | None = None, thorough: bool = False
+) -> list[Candidate]:
+    """Find the distinct ways in which two shapes may correspond, the best first.
+
+    Unless the search is to be thorough, few are tried first: one that is good and far ahead of any
+    other is all that is gone on with.
+    """
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
     begun = ranked(run_all(functools.partial(from_map, sides, one) for one in maps))
-    begun += from_tips(sides, begun)
-    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
-    followed = distinct(ranked(begun), theirs, ours.areas)[:_FOLLOWED]
-    found = ranked(run_all(functools.partial(followed_up, sides, one) for one in followed))
-    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
-    best = distinct(found, theirs, ours.areas)[:_REGROWN]
-    if ours.partial or theirs.partial:
+    clear = not thorough and is_clear(distinct_on(sides.rough, begun))
+    if clear:
+        ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_FEW)]))
+        clear = is_clear(ways)
+    if clear:
+        found = follow_all(sides, ways[:_CLEARLY_FOLLOWED])
+        clear = is_clear(distinct_on(sides.proxies, found))
+    if not clear:
+        ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
+        found = follow_all(sides, ways[:_FOLLOWED])
+    best = distinct_on(sides.proxies, found)[: 1 if clear else _REGROWN]
+    if any(one.partial for one in sides.proxies):
         tasks = [functools.partial(loosened, sides, one) for one in best]
     else:
         tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
     found = ranked([*found, *run_all(tasks)])
     if on_step is not None:
         on_step("search", 1.0)
-    return distinct(found, theirs, ours.areas)
+    return distinct_on(sides.proxies, found)
+
+
+def is_clear(ways: list[Candidate]) -> bool:
+    """Whether the first of some ranked candidates that differ is good, and far ahead."""
+    first, *others = (round(one.cost, DIGITS) for one in ways[:2])
+    ahead = all(other > _AHEAD * first for other in others)
+    return ahead and first <= _CLEAR and ways[0].orientation > 0
+
+
+def distinct_on(shapes: tuple[Shape, Shape], ranks: list[Candidate]) -> list[Candidate]:
+    """Leave out of ranked candidates those that lead where a better one does."""
+    return distinct(ranks, shapes[1], shapes[0].areas)
+
+
+def follow_all(sides: Sides, ways: list[Candidate]) -> list[Candidate]:
+    """Go on with candidates on the finer proxies, and rank them."""
+    return ranked(run_all(functools.partial(followed_up, sides, one) for one in ways))
 
 
 def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
     """Register the rough proxies from a functional map."""
-    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
+    ours, theirs = sides.rough
     start = rough_start(ours, theirs, functional_map)
     return judge(ours, theirs, register(ours, theirs, start, PULLS[:1], _STEPS), sides.turned)
 
 
-def from_tips(sides: Sides, known: list[Candidate]) -> list[Candidate]:
-    """Register the rough proxies from guesses which tips of limbs correspond.
-
-    Only those are given that lead where none does of those that are known.
-    """
-    ours, theirs = sides.source.rough.shape, sides.target.rough.shape
+def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
+    """Register the rough proxies from guesses which tips of limbs correspond."""
+    ours, theirs = sides.rough
     mine, other = find_tips(sides.source.proxy.shape), find_tips(sides.target.proxy.shape)
     fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
 
-    def begin(one: Limbs) -> Candidate:
+    def start(one: Limbs) -> tuple[float, IntArray, IntArray, float]:
         ways = fields[0][:, one.source], fields[1][:, one.target]
-        start = limb_start(ours, theirs, *ways, one.size)
-        found = register(ours, theirs, start, LOOSE[:1], _STEPS, resize=False)
+        maps = limb_maps(*ways, one.size)
+        return rough_cost(ours, theirs, *maps), *maps, one.size
+
+    def begin(forward: IntArray, backward: IntArray, size: float) -> Candidate:
+        begun = mapped_start(ours, theirs, forward, backward, size)
+        found = register(ours, theirs, begun, LOOSE[:1], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
     def tighten(one: Candidate) -> Candidate:
         found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
-    guesses = guess_limbs(mine, other, len(ours.landmarks))
-    begun = ranked(run_all(functools.partial(begin, one) for one in guesses))
-    known = distinct(known, theirs, ours.areas)
-    others = distinct([*known, *begun], theirs, ours.areas)[len(known) :]
-    return run_all(functools.partial(tighten, one) for one in others[:_TIGHTENED])
+    partial = ours.partial or theirs.partial
+    guesses = guess_limbs(mine, other, n_guesses, len(ours.landmarks), partial)
+    starts = run_all(functools.partial(start, one) for one in guesses)
+    starts = sorted(starts, key=lambda one: round(one[0], DIGITS))[:n_begun]
+    begun = ranked(run_all(functools.partial(begin, *one[1:]) for one in starts))
+    best = distinct_on(sides.rough, begun)[:_TIGHTENED]
+    return run_all(functools.partial(tighten, one) for one in best)
 
 
 def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
     """Go on with a candidate on the finer proxies."""
-    finer = sides.source.proxy.shape, sides.target.proxy.shape
+    finer = sides.proxies
     found = lift(candidate.registered, sides.source.rough, sides.target.rough, *finer)
     found = register(*finer, found, PULLS[1:], _STEPS)
     return judge(*finer, found, sides.turned)
@@ -137,14 +183,14 @@ def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
 
 def loosened(sides: Sides, candidate: Candidate) -> Candidate:
     """Let a candidate's poses relax, and draw them together again."""
-    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    ours, theirs = sides.proxies
     found = register(ours, theirs, candidate.registered, LOOSE + PULLS[1:], _STEPS)
     return judge(ours, theirs, found, sides.turned)
 
 
 def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     """Register anew from the functional map, of a size, of a candidate's own point maps."""
-    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    ours, theirs = sides.proxies
     start = rough_start(ours, theirs, functional_map(sides, candidate, size))
     found = register(ours, theirs, start, PULLS, _STEPS)
     return judge(ours, theirs, found, sides.turned)
@@ -152,7 +198,7 @@ def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
 
 def functional_map(sides: Sides, candidate: Candidate, size: int) -> FloatArray:
     """Orthogonal map of so many functions, (size, size), that fits a candidate's point maps."""
-    ours, theirs = sides.source.proxy.shape, sides.target.proxy.shape
+    ours, theirs = sides.proxies
     forward, backward = candidate.registered[:2]
     size = min(size, ours.k, theirs.k)
     pairs = Pairs(forward[None], backward[None], np.zeros(1))

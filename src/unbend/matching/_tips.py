@@ -1,13 +1,14 @@
 """Hypotheses from the tips of limbs, for bodies whose eigenfunctions do not correspond.
 
 A tip is where the biharmonic distance to the rest of the surface is greatest nearby. Which tip is
-which is guessed from the ways between them: on another body every way is longer or shorter by a
-factor of its own, and by one for the limb at either end, all of them unknown and equally variable.
+which is guessed from the ways between them, in two senses: limbs are longer or shorter by a factor
+of their own, as any way is; or they may be of any length, and only where they begin tells.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +23,11 @@ from unbend.matching._shape import Shape
 _APART = 0.22
 _MOST_TIPS = MOST_LANDMARKS = 7
 _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
-# At least so many tips must correspond, and at most so many of the shape with fewer may not.
+# At least so many tips must correspond, and of whole shapes at most so many more may not.
 _FEWEST, _LEFT_OUT = 3, 2
-# What leaving a tip out costs, in the deviation of the logarithms of the ways.
-_LEAVING_OUT = 0.04
-_KEPT = 60
+_LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of ways
+# Variance of a limb's length where it may be any, and how much longer trunks are on another body.
+_ANY_LENGTH, _LONGER = 64.0, 1.7
 
 
 class Tips(NamedTuple):
@@ -85,57 +86,92 @@ def find_tips(shape: Shape) -> Tips:
     return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2, np.ascontiguousarray(ways.T))
 
 
-def guess_limbs(source: Tips, target: Tips, n_landmarks: int = 0) -> list[Limbs]:
-    """Guess which tips correspond: those between which the ways deviate least, the best first.
+def guess_limbs(
+    source: Tips, target: Tips, count: int, n_landmarks: int = 0, partial: bool = False
+) -> list[Limbs]:
+    """Guess which tips correspond: those between which the ways deviate least, in either sense.
 
-    Empty where a shape has too few tips. With landmarks, the first guesses are those with all of
-    them, then with each alone, then with none: one of them may be wrong.
+    So many guesses are made in each, or as many as there are; none where a shape has too few tips.
+    With landmarks, the first are those with all of them, then with each alone, then with none: one
+    of them may be wrong.
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
-    return [
+    guesses = (
         Limbs(mine, other, size)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
-        for _, mine, other, size in _assignments(source.ways, target.ways, fixed)
-    ]
+        for mine, other, size in _assignments(source.ways, target.ways, count, fixed, partial)
+    )
+    return list({(*one.source, -1, *one.target): one for one in guesses}.values())
 
 
 def _assignments(
-    ours: FloatArray, theirs: FloatArray, fixed: set[int]
-) -> list[tuple[float, IntArray, IntArray, float]]:
-    """Tips of both shapes that may correspond, least deviation first; of the fixed ones, i to i."""
+    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int], partial: bool
+) -> list[tuple[IntArray, IntArray, float]]:
+    """Tips of both shapes that may correspond, and the size; of the fixed ones, i to i."""
     if len(ours) > len(theirs):
-        swapped = _assignments(theirs, ours, fixed)
-        return [(d, mine, other, 1 / size) for d, other, mine, size in swapped]
-    few, many = (np.log(np.maximum(ways + np.eye(len(ways)), _NEAR)) for ways in (ours, theirs))
-    n = len(few)
-    found = []
-    for m in range(max(_FEWEST, n - _LEFT_OUT), n + 1):
+        swapped = _assignments(theirs, ours, count, fixed, partial)
+        return [(mine, other, 1 / size) for other, mine, size in swapped]
+    n = len(ours)
+    few, many = (np.maximum(ways, _NEAR) for ways in (ours, theirs))
+    senses: list[list[tuple[float, IntArray, IntArray, float]]] = [[], []]
+    for m in range(_FEWEST if partial else max(_FEWEST, n - _LEFT_OUT), n + 1):
         rows, columns = np.triu_indices(m, 1)
         others = np.array(list(itertools.permutations(range(len(many)), m)))
         ways = many[others[:, rows], others[:, columns]]
-        whitening = _whitening(m, rows, columns)
+        deviations = [make(m, rows, columns, ways) for make in (_of_logarithms, _of_trunks)]
+        logs = np.log(ways)
         for mine in itertools.combinations(range(n), m):
             if not fixed <= set(mine):
                 continue
             own = np.array(mine)
             held = np.isin(own, list(fixed))
-            free = (others[:, held] == own[held]).all(axis=1)
-            longer = ways[free] - few[own[rows], own[columns]]
-            deviation = np.sqrt(((longer @ whitening) ** 2).mean(axis=1)) + _LEAVING_OUT * (n - m)
-            best = np.argsort(deviation, kind="stable")[:_KEPT]
-            sizes = np.exp(np.median(longer[best], axis=1))
-            found += [
-                (float(deviation[i]), own, others[free][i], float(size))
-                for i, size in zip(best, sizes, strict=True)
-            ]
-    found.sort(key=lambda one: one[0])
-    return found[:_KEPT]
+            free = np.flatnonzero((others[:, held] == own[held]).all(axis=1))
+            lengths = few[own[rows], own[columns]]
+            for found, deviation in zip(senses, deviations, strict=True):
+                costs = deviation(lengths)[free] + _LEAVING_OUT * (n - m)
+                best = np.argsort(costs, kind="stable")[:count]
+                sizes = np.exp(np.median(logs[free[best]] - np.log(lengths), axis=1))
+                found += [
+                    (float(costs[i]), own, others[free[i]], float(size))
+                    for i, size in zip(best, sizes, strict=True)
+                ]
+    for found in senses:
+        found.sort(key=lambda one: one[0])
+    return [one[1:] for found in senses for one in found[:count]]
 
 
-def _whitening(n: int, rows: IntArray, columns: IntArray) -> FloatArray:
-    """Square root of the inverse covariance of the ways' logarithms, a common factor taken out."""
+Deviation = Callable[[FloatArray], FloatArray]  # of many sets of ways from one
+
+
+def _of_logarithms(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
+    """Every way varies by a factor of its own, and by one for the limb at either end."""
+    whitening = _whitening(n, rows, columns, 1.0)
+    whitening -= whitening.mean(axis=0)  # and all by one in common
+    many = np.log(ways) @ whitening
+    return lambda lengths: _root_mean_square(many - np.log(lengths) @ whitening)
+
+
+def _of_trunks(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
+    """Limbs may be of any length: what is left tells which of them begin beside each other."""
+    whitening = _whitening(n, rows, columns, _ANY_LENGTH)
+    many = ways / _root_mean_square(ways)[:, None] @ whitening
+    norms = np.maximum((many**2).sum(axis=1, keepdims=True), _NEAR)
+
+    def deviation(lengths: FloatArray) -> FloatArray:
+        one = lengths / _root_mean_square(lengths) @ whitening
+        size = (many @ one)[:, None] / norms
+        return _root_mean_square(np.clip(size, 1 / _LONGER, _LONGER) * many - one)
+
+    return deviation
+
+
+def _root_mean_square(rows: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt((rows**2).mean(axis=-1)))
+
+
+def _whitening(n: int, rows: IntArray, columns: IntArray, limb: float) -> FloatArray:
+    """Square root of the inverse covariance of ways: 1 each, and that of the limbs at the ends."""
     limbs = np.zeros((len(rows), n))
     limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
-    values, vectors = np.linalg.eigh(np.eye(len(rows)) + limbs @ limbs.T)
-    root = vectors / np.sqrt(values) @ vectors.T
-    return np.asarray(root - root.mean(axis=0))
+    values, vectors = np.linalg.eigh(np.eye(len(rows)) + limb * limbs @ limbs.T)
+    return np.asarray(vectors / np.sqrt(values) @ vectors.T)

@@ -1,0 +1,33 @@
+"""
+Forms that still look like the animal
+=====================================
+
+A canonical form keeps distances and nothing else: limbs become threads and faces vanish. With
+``detail="preserved"`` the surface itself is laid, as rigidly as possible, into the form's pose.
+"""
+
+import matplotlib.pyplot as plt
+
+from unbend import Mesh, canonical_form, procrustes
+from unbend.datasets import make_biped
+from unbend.report.figures import draw_mesh, position_colors
+
+people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
+unbent = [canonical_form(one, detail="preserved").surface for one in people]
+
+# %%
+# Three people in different poses become nearly the same person.
+upright = people[0].vertices
+fig, axes = plt.subplots(2, 3, figsize=(9, 6.4))
+for column, person, surface in zip(axes.T, people, unbent, strict=True):
+    rotation, translation = procrustes(surface, upright, reflect=False)
+    upright = surface @ rotation.T + translation
+    colors = position_colors(people[0].vertices)
+    draw_mesh(column[0], person, colors=colors)
+    draw_mesh(column[1], Mesh(upright, person.faces), colors=colors)
+axes[0, 0].set_title("as they stand", loc="left")
+axes[1, 0].set_title("unbent", loc="left")
+
+# %%
+# The last one, that was sitting:
+Mesh(upright, people[2].faces, name="a sitting person, unbent")

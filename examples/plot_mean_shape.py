@@ -1,0 +1,35 @@
+"""
+The mean of several bodies
+==========================
+
+People of different proportions are scanned, each on a mesh of its own. A template is laid onto
+all of them, and then vertices correspond: they have a mean, and directions in which they vary.
+"""
+
+import matplotlib.pyplot as plt
+
+from unbend import mean_shape
+from unbend.datasets import make_biped
+from unbend.report.figures import draw_mesh, same_scale
+
+template = make_biped("standing", n_vertices=600).mesh
+girths = (0.8, 1.0, 1.3)
+people = [
+    make_biped("standing", n_vertices=600, meshing=i, girth=girth, legs=legs).mesh
+    for i, (girth, legs) in enumerate(zip(girths, (1.1, 0.95, 1.0), strict=True))
+]
+found = mean_shape(people, template)
+share = found.statistics.variances / found.statistics.total_variance
+print(f"shares of the variance: {', '.join(f'{one:.0%}' for one in share)}")
+
+# %%
+# The first component: from slender and tall to stout and short. Colours show where bodies vary
+# most.
+fig, axes = plt.subplots(1, 3, figsize=(8, 4.2))
+for ax, deviations in zip(axes, (-1.5, 0, 1.5), strict=True):
+    draw_mesh(ax, found.at(0, deviations), colors=found.statistics.variability, view="front")
+    ax.set_title(f"{deviations:+g} deviations" if deviations else "mean")
+same_scale(axes)
+
+# %%
+found.mean

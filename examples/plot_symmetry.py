@@ -1,0 +1,33 @@
+"""
+Left and right of a body
+========================
+
+A walking person is not a mirror image of itself in space, but it is within its surface.
+:func:`unbend.symmetry` finds for each vertex the one on the other side, in any pose.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from unbend import match_page, symmetry
+from unbend.datasets import make_biped
+from unbend.report.figures import draw_mesh
+
+person = make_biped("walking", n_vertices=1000)
+found = symmetry(person.mesh)
+other = found.source_to_target
+print(f"{(other == person.mirror).mean():.1%} of the vertices lead to their very mirror image")
+
+# %%
+# What was marked on one side is marked on the other: the left arm, in orange, gives the right
+# one, in blue.
+left = person.labels == person.parts.index("left_arm")
+colors = np.full((1000, 3), 0.85)
+colors[left] = (0.84, 0.37, 0.0)
+colors[other[left]] = (0.0, 0.45, 0.7)
+fig, axes = plt.subplots(1, 2, figsize=(8, 4.6))
+draw_mesh(axes[0], person.mesh, colors=colors, view="front")
+draw_mesh(axes[1], person.mesh, colors=colors, view=(210, 15))
+
+# %%
+match_page(person.mesh, person.mesh, found)

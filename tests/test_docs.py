@@ -1,0 +1,176 @@
+"""The documentation: code in it runs, commands exist, links lead somewhere, nothing is missing.
+
+``make docs`` builds all of it with warnings as errors; here is what can be told without Sphinx.
+"""
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import typer
+
+import unbend
+from unbend import write_mesh
+from unbend.cli import app
+from unbend.datasets import make_biped, make_quadruped
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("reproduction/**/*.md")])
+WRITTEN = [*PAGES, *ROOT.glob("*.md"), *ROOT.glob("benchmarks/*.md")]
+BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# What the build makes, and what it is made from.
+MADE = {"gallery": ROOT / "examples", "commands": DOCS, "api": DOCS / "api"}
+
+pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="the site is not part of a release")
+
+
+def blocks(page, language):
+    return [code for kind, code in BLOCK.findall(page.read_text("utf-8")) if kind == language]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with the files that the pages speak of, as the current one."""
+    dogs = {"dog": "standing", "scans/first": "walking", "models/a/second": "sitting"}
+    for name, pose in dogs.items():
+        path = tmp_path / f"{name}{'.obj' if 'models' in name else '.ply'}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_mesh(path, make_quadruped(pose, n_vertices=500).mesh)
+    for i, name in enumerate(("template", "anna", "ben", "eve")):
+        body = make_biped("standing", n_vertices=500, girth=1 + 0.1 * i)
+        write_mesh(tmp_path / f"{name}.ply", body.mesh)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+WITH_CODE = [one for one in PAGES if blocks(one, "python") and one.stem != "first-steps"]
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda one: one.stem)
+def test_python_on_a_page_runs_from_top_to_bottom(page, folder):
+    known = {}
+    for code in blocks(page, "python"):
+        compiled = compile(code, page.name, "exec")
+        if "dask_kubernetes" in code and not find_spec("dask_kubernetes"):
+            continue  # needs a cluster: it is checked to be Python, and no more
+        with contextlib.redirect_stdout(io.StringIO()):
+            exec(compiled, known)
+
+
+def test_the_first_steps_lead_to_a_page_in_the_browser(tmp_path):
+    scripts = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
+    for kind, code in BLOCK.findall((DOCS / "first-steps.md").read_text("utf-8")):
+        if "make demo" in code:
+            continue
+        command = [sys.executable, "-c", code] if kind == "python" else ["sh", "-ec", code]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{code}\n{done.stdout}\n{done.stderr}"
+    assert (tmp_path / "match.html").exists()
+
+
+def commands_in(text):
+    """Every call of unbend in blocks of shell, indented ones too."""
+    code = "\n".join(code for kind, code in BLOCK.findall(text) if kind == "sh")
+    code += "\n".join(re.findall(r"^    (unbend .*)", text, re.MULTILINE))
+    for line in code.replace("\\\n", " ").splitlines():
+        if line.strip().startswith("unbend "):
+            yield shlex.split(line, comments=True)
+
+
+def check_command(words):
+    """Let the command line read the words, and do nothing; patterns stand for two files."""
+    command, name = typer.main.get_command(app), "unbend"
+    words = [one for word in words[1:] for one in [word] * (1 + ("*" in word))]
+    while hasattr(command, "commands"):
+        assert words, f"{name} needs a command"
+        assert words[0] in command.commands, f"there is no {name} {words[0]}"
+        name, command, words = f"{name} {words[0]}", command.commands[words[0]], words[1:]
+    command.make_context(name, words)
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda one: one.relative_to(ROOT).as_posix())
+def test_commands_on_a_page_are_read_by_the_command_line(page):
+    for words in commands_in(page.read_text("utf-8")):
+        words = [word for word in words if word not in ("COMMAND", "...")]
+        if "--help" not in words:
+            check_command(words)
+    for script in re.findall(r"python (benchmarks/\w+\.py)", page.read_text("utf-8")):
+        assert (ROOT / script).exists()
+
+
+def anchors(page):
+    """Names that headings go by, as GitHub and the site make them."""
+    heads = re.findall(r"^#+ (.*)", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in heads}
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda one: one.relative_to(ROOT).as_posix())
+def test_links_on_a_page_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if link.startswith(("http://", "https://")):
+            continue
+        file, _, anchor = link.partition("#")
+        made = MADE.get(file.split("/")[0]) if page.parent == DOCS else None
+        if made:
+            assert (made / f"{Path(file).name}.py").exists() or file.endswith("/index"), link
+            continue
+        target = (page.parent / file) if file else page
+        assert target.exists(), f"{page.name} leads to {link}, which is not there"
+        assert not anchor or anchor in anchors(target), f"{page.name}: no heading {link}"
+
+
+def test_every_page_can_be_found():
+    trees = "".join(page.read_text("utf-8") for page in DOCS.glob("*.md"))
+    listed = set(re.findall(r"^([\w/*-]+)$", trees, re.MULTILINE))
+    for page in DOCS.glob("*.md"):
+        assert page.stem in listed | {"index"}, f"{page.name} is in no table of contents"
+
+
+def test_every_public_name_is_in_the_reference():
+    for module, names in (("unbend", unbend.__all__), ("unbend.datasets", _public("datasets"))):
+        text = (DOCS / "api" / "index.rst").read_text("utf-8")
+        parts = re.split(r"^\.\. currentmodule:: (.*)$", text, flags=re.MULTILINE)
+        listed = [
+            name
+            for here, part in zip(parts[1::2], parts[2::2], strict=True)
+            for name in re.findall(r"^(?:   |\.\. data:: )(\w+)$", part, re.MULTILINE)
+            if here == module
+        ]
+        assert sorted(listed) == sorted(names)
+
+
+def _public(module):
+    return getattr(__import__(f"unbend.{module}"), module).__all__
+
+
+def test_every_command_and_option_is_in_the_reference(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(DOCS / "_ext"))
+    import commands
+
+    commands.write_pages(tmp_path)
+    pages = {path.name: path.read_text("utf-8") for path in tmp_path.glob("*.md")}
+    found = dict(commands.all_commands())
+    assert {"unbend match", "unbend collection mean", "unbend cache clear"} <= set(found)
+    assert len(pages) == len(found) + 1
+    for name, command in found.items():
+        page = pages[name.removeprefix("unbend ").replace(" ", "-") + ".md"]
+        assert page.startswith(f"# {name}\n")
+        for option in command.params:
+            if option.param_type_name == "option":
+                assert all(word in page for word in (*option.opts, *option.secondary_opts))
+        for words in commands_in(page):
+            check_command(words)
+    top = {name for name in found if name.count(" ") == 1}
+    assert all(f"[{name}](" in pages["index.md"] for name in top)
