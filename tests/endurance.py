@@ -52,7 +52,7 @@ def start(folder: Path, command: str) -> subprocess.Popen[bytes]:
         cwd=folder,
         env=environment,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
     )
 
 
