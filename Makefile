@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable lint format bench docs clean
+.PHONY: demo test test-browser browser test-portable fuzz lint format bench docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -43,6 +43,12 @@ browser: ## installs Chromium where there is none and we may
 	@test -n "$(strip $(CHROMIUM))" || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	&& timeout 300 sh -c "apt-get update -qq && apt-get install -qq -y chromium" >/dev/null; } || { echo \
 	"no Chromium was found: install it, or name a browser like it in UNBEND_BROWSER" >&2; exit 1; }
+
+FUZZ_SECONDS ?= 600
+
+fuzz: .venv/test.stamp .venv/fuzz.stamp ## each family of inputs for FUZZ_SECONDS; what is found is kept in fuzz-finds
+	for family in meshes maps values archives shapes; do \
+	PYTHONPATH=tests $(BIN)/python -m fuzz $$family --seconds $(FUZZ_SECONDS) || exit 1; done
 
 lint: .venv/test.stamp ## ruff and mypy, changing nothing
 	$(BIN)/ruff check .

@@ -9,6 +9,8 @@ place.
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import sys
 import warnings
@@ -50,6 +52,8 @@ COMMANDS = (
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
 _EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away
+# What writing to a file that others opened for us fails with; our own files are named.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Group(TyperGroup):
@@ -57,11 +61,14 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
+            if isinstance(sys.stdout, io.TextIOWrapper):  # a name may be no text in its encoding
+                sys.stdout.reconfigure(errors="backslashreplace")
             with warnings.catch_warnings():
                 warnings.showwarning = print_warning  # type: ignore[assignment]
                 warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
-                sys.stdout.flush()  # a closed pipe shows here rather than at exit
+                if sys.stdout is not None:  # as it is where the shell closed it
+                    sys.stdout.flush()  # a closed pipe shows here rather than at exit
                 return result
         except UnbendError as error:
             say("error", str(error))
@@ -70,9 +77,19 @@ class _Group(TyperGroup):
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
         except BrokenPipeError:
-            # Python would flush stdout again at exit and complain; give it somewhere to write.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _give_up_stdout()
             raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+        except OSError as error:
+            if error.filename is not None or error.errno not in _NO_ROOM:
+                raise
+            _give_up_stdout()
+            say("error", f"cannot write to standard output: {error.strerror}")
+            raise typer.Exit(EXIT_REFUSED) from None
+
+
+def _give_up_stdout() -> None:
+    """Give it somewhere to write: Python would flush it again at exit, and complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 app = typer.Typer(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +18,7 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     print_rows,
+    quoted,
     steps_on_stderr,
     warn_if_doubtful,
 )
@@ -133,7 +133,7 @@ def register(
             "written": out,
         }
     )
-    paths = " ".join(map(shlex.quote, (template, scan)))
+    paths = " ".join(map(quoted, (template, scan)))
     typer.echo(f"next: unbend match {paths} --figure PNG, to see what went where")
 
 
