@@ -114,7 +114,7 @@ def confidences(rows: list[dict[str, Any]], constants: FloatArray | None = None)
     found = np.empty(len(rows))
     for i, row in enumerate(rows):
         energies = np.array(row["energies"])
-        shares = np.exp((energies[0] - energies) / lead)
+        shares = np.exp((energies[0] - energies) / (lead * energies[0]))
         found[i] = 1 / shares.sum() / (1 + np.exp((energies[0] - even) / spread))
     return found
 
@@ -126,7 +126,7 @@ def fitted(rows: list[dict[str, Any]], right: FloatArray) -> FloatArray:
         trust = np.clip(confidences(rows, np.exp(logs)), 1e-4, 1 - 1e-4)
         return float(-np.mean(right * np.log(trust) + (1 - right) * np.log(1 - trust)))
 
-    starts = [np.log([even, 0.03, 0.02]) for even in (0.25, 0.35, 0.45)]
+    starts = [np.log([even, 0.05, 0.07]) for even in (0.25, 0.35, 0.45)]
     best = min((minimize(loss, start, method="Nelder-Mead") for start in starts), key=_value)
     return np.exp(best.x)
 

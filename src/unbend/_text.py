@@ -3,6 +3,18 @@
 from __future__ import annotations
 
 
+def printable(text: str) -> str:
+    r"""Write what does not print as an escape: a file's name may hold line breaks and worse.
+
+    Examples
+    --------
+    >>> from unbend._text import printable
+    >>> printable("cat\n.off")
+    'cat\\n.off'
+    """
+    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+
+
 def plural(number: int, noun: str) -> str:
     """Write a number with its noun: ``1 vertex``, ``2 vertices``, ``3 faces``."""
     if number == 1:

@@ -154,11 +154,21 @@ def test_one_component_is_chosen_and_the_rest_is_nan(blob):
 
 
 def test_degenerate_faces_are_handled_by_the_robust_laplacian(blob):
-    damaged = Mesh(blob.vertices, np.vstack([blob.faces, [[0, 0, 1], [4, 5, 5]]]))
+    (i, j, k), n = blob.faces[0], blob.n_vertices
+    middle = blob.vertices[[i, j]].mean(axis=0)
+    faces = np.vstack([blob.faces[1:], [[i, n, k], [n, j, k], [i, j, n]]])
     with pytest.warns(UnbendWarning, match="degenerate"):
-        form = canonical_form(damaged)
+        form = canonical_form((np.vstack([blob.vertices, [middle]]), faces))
     assert form.laplacian == "robust"
-    assert dense.relative_error(form.points, canonical_form(blob).points) < 0.05
+    assert dense.relative_error(form.points[:n], canonical_form(blob).points) < 0.05
+
+
+def test_faces_that_add_no_surface_change_nothing(blob):
+    """Those that name a vertex twice, and those that are given again."""
+    faces = np.vstack([[[0, 0, 1]], blob.faces, [[4, 5, 5]], blob.faces[:40, ::-1]])
+    with pytest.warns(UnbendWarning, match="left out"):
+        form = canonical_form((blob.vertices, faces))
+    np.testing.assert_array_equal(form.points, canonical_form(blob).points)
 
 
 def test_point_cloud_form_is_close_to_the_surface_s(blob):

@@ -238,7 +238,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("evaluate b.vts --target b.ply --source-truth a.vts --target-truth a.vts", "row 700 is"),
         (
             "evaluate b.vts --target b.ply --source-truth long.vts --target-truth b.vts",
-            "long.vts names vertex 800 (counted from 0), but b.vts has 800 rows",
+            "long.vts: row 799 is 801, but counted from 1 vertices are 1 to 800",
         ),
         (
             "evaluate ab.npz --target a.vts --source-truth a.vts --target-truth b.vts",

@@ -33,7 +33,7 @@ def test_paths_from_where_we_are(table, tmp_path, monkeypatch):
     ("text", "message"),
     [
         ("path,kind\n0.off,cat\n", "no column label"),
-        ("", "no column path"),
+        ("", "is empty"),
         ("path,label\n9.off,cat\n", "line 2: 9.off is no shape"),
         ("path,label\n0.off,cat\n", "line 2: 0.off is several shapes"),
         ("path,label\n1.off,\n", "line 2 lacks a path or a label"),

@@ -111,8 +111,10 @@ def test_a_missing_file_or_server_is_said_in_one_sentence(server, tmp_path):
 @pytest.mark.parametrize(
     ("url", "error", "message"),
     [
-        ("ftp://127.0.0.1/", InputError, "must begin with http"),
-        ("http://", FileError, "cannot download"),
+        ("ftp://127.0.0.1/", InputError, "must begin with https://"),
+        ("http://example.org/", InputError, "must begin with https://"),
+        ("http://127.0.0.1.example.org/", InputError, "must begin with https://"),
+        ("https://", FileError, "cannot download"),
     ],
 )
 def test_an_address_that_is_none_is_said(url, error, message, tmp_path):

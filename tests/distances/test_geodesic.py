@@ -3,8 +3,9 @@ import sys
 import numpy as np
 import pytest
 
-from unbend import distance
+from unbend import Mesh, distance
 from unbend.datasets import make_sphere
+from unbend.distances import geodesic_solver
 from unbend.errors import InputError, MeshError, MissingExtraError, UnbendWarning
 
 
@@ -104,3 +105,30 @@ def test_unknown_distances_and_times_are_refused():
 def test_options_that_a_distance_cannot_use_are_refused(options, message):
     with pytest.raises(InputError, match=message):
         distance(make_sphere(1), 0, **options)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_faces_that_are_no_surface_change_no_geodesic(exact):
+    """Given to the solvers as they are, they end the process, or bend the path."""
+    sphere = make_sphere(2)
+    faces = np.concatenate([[[0, 0, 1], [7, 7, 7]], sphere.faces, sphere.faces[:9, ::-1]])
+    found = geodesic_solver(Mesh(sphere.vertices, faces), exact=exact)(5)
+    expected = geodesic_solver(sphere, exact=exact)(5)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_no_exact_geodesics_where_sheets_meet():
+    sphere = make_sphere(1)
+    n = sphere.n_vertices
+    fin = (
+        np.vstack([sphere.vertices, [[2, 2, 2]]]),
+        np.vstack([sphere.faces, [[*sphere.faces[0, :2], n]]]),
+    )
+    beyond = np.where(sphere.faces == 0, 0, sphere.faces + n - 1)
+    twins = (
+        np.vstack([sphere.vertices, 2 * sphere.vertices[0] - sphere.vertices[1:]]),
+        np.vstack([sphere.faces, beyond]),
+    )
+    for shape, what in ((fin, "1 non-manifold edge"), (twins, "1 non-manifold vertex")):
+        with pytest.raises(MeshError, match=what):
+            geodesic_solver(Mesh(*shape), exact=True)(1)

@@ -131,6 +131,7 @@ class TestPaths:
         def refuse(self: Path) -> bytes:
             raise PermissionError(13, "Permission denied")
 
+        (tmp_path / "m.off").touch()
         monkeypatch.setattr(Path, "read_bytes", refuse)
         with pytest.raises(FileError, match=r"cannot read .*m\.off: Permission denied"):
             read_mesh(tmp_path / "m.off")

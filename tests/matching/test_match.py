@@ -216,3 +216,22 @@ def test_real_shapes(real_data: Path, source: str, target: str) -> None:
     result = evaluate(found.source_to_target, shapes[1], truth[0][some], truth[1][some])
     assert result.mean() < 0.03
     assert found.confidence > 0.5
+
+
+def test_places_on_faces_are_those_of_the_mesh_as_given(blob: Mesh) -> None:
+    """Whatever way its faces are wound, and whatever comes before them."""
+    ball = make_sphere(1)
+    n = ball.n_vertices
+    turned = np.where(np.arange(blob.n_faces)[:, None] % 3 == 0, blob.faces[:, ::-1], blob.faces)
+    other = Mesh(
+        np.concatenate([ball.vertices + 9, blob.vertices]),
+        np.concatenate([ball.faces, [[n, n, n + 1]], turned + n, turned[:5] + n]),
+    )
+    plain = match(blob, blob, barycentric=True, refine=False)
+    with pytest.warns(UnbendWarning):
+        found = match(blob, other, barycentric=True, refine=False)
+    places = [
+        np.einsum("ij,ijk->ik", one.weights, mesh.vertices[mesh.faces[one.faces]])
+        for one, mesh in ((plain, blob), (found, other))
+    ]
+    np.testing.assert_allclose(places[1], places[0], atol=1e-8)

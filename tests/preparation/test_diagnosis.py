@@ -204,7 +204,7 @@ def count_by_walking(faces: np.ndarray) -> tuple[int, int, list[int]]:
     for vertex in set(faces.ravel().tolist()):
         mine = [k for k, face in enumerate(proper) if vertex in face]
         many += len(groups(mine, [s & set(mine) for e, s in around.items() if vertex in e])) > 1
-    parts = groups(sorted(set(faces.ravel().tolist())), [set(face.tolist()) for face in faces])
+    parts = groups(sorted({i for face in proper for i in face}), [set(face) for face in proper])
     sizes = sorted((len(part) for part in parts), reverse=True)
     return sum(len(s) > 2 for s in around.values()), many, sizes
 

@@ -101,14 +101,33 @@ def test_faces_without_area_are_refused() -> None:
         prepare(Mesh(line, [[0, 1, 2], [1, 2, 3], [2, 3, 4]]))
 
 
-def test_degenerate_and_doubled_faces_stay_and_call_for_the_robust_laplacian() -> None:
-    mesh = Mesh(VERTICES, np.vstack([FACES, FACES[:1], [[1, 1, 1]]]))
+def test_doubled_faces_and_those_that_name_a_vertex_twice_are_left_out() -> None:
+    mesh = Mesh(VERTICES, np.vstack([[[1, 1, 1]], FACES[:, ::-1], FACES[:1], [[0, 0, 3]]]))
+    prepared = prepare(mesh)
+    np.testing.assert_array_equal(prepared.mesh.faces, FACES[:, ::-1])
+    np.testing.assert_array_equal(prepared.kept_faces, [1, 2, 3, 4])
+    assert not prepared.robust_needed
+    assert prepared.notes == (
+        "1 face that repeats the vertices of another left out",
+        "2 faces that name a vertex twice left out",
+    )
+
+
+def test_a_vertex_that_only_such_a_face_uses_is_left_out() -> None:
+    mesh = Mesh(np.vstack([VERTICES, [[2, 2, 2]]]), np.vstack([FACES, [[0, 0, 4]]]))
+    prepared = prepare(mesh)
+    np.testing.assert_array_equal(prepared.kept, [0, 1, 2, 3])
+    assert prepared.notes[0] == "1 unreferenced vertex is NaN in the result"
+
+
+def test_degenerate_faces_stay_and_call_for_the_robust_laplacian() -> None:
+    middle = (VERTICES[0] + VERTICES[1]) / 2
+    faces = np.vstack([FACES[1:], [[0, 2, 4], [4, 2, 1], [0, 4, 1]]])
+    mesh = Mesh(np.vstack([VERTICES, [middle]]), faces)
     prepared = prepare(mesh)
     assert prepared.mesh is mesh
     assert prepared.robust_needed
-    assert prepared.notes == (
-        "1 degenerate face and 3 non-manifold edges call for the robust Laplacian",
-    )
+    assert prepared.notes == ("1 degenerate face call for the robust Laplacian",)
 
 
 def test_points() -> None:

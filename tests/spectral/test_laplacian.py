@@ -81,9 +81,19 @@ def test_scale_leaves_the_stiffness_and_squares_the_areas(blob):
 
 
 def test_auto_chooses_robust_for_a_degenerate_face(blob):
-    split = np.vstack([blob.faces, [[0, 0, 1]]])
+    (i, j, k), middle = blob.faces[0], blob.vertices[blob.faces[0, :2]].mean(axis=0)
+    n = blob.n_vertices
+    split = np.vstack([blob.faces[1:], [[i, n, k], [n, j, k], [i, j, n]]])
     assert laplacian(blob).kind == "cotangent"
-    assert laplacian(Mesh(blob.vertices, split)).kind == "robust"
+    assert laplacian(Mesh(np.vstack([blob.vertices, [middle]]), split)).kind == "robust"
+
+
+def test_faces_that_repeat_a_vertex_or_another_face_do_not_count(blob):
+    faces = np.vstack([blob.faces[:9, ::-1], [[0, 0, 1]], blob.faces])
+    plain, found = laplacian(blob), laplacian(Mesh(blob.vertices, faces))
+    assert found.kind == "cotangent"
+    np.testing.assert_allclose(found.areas, plain.areas, rtol=1e-12)
+    assert abs(found.stiffness - plain.stiffness).max() < 1e-12 * abs(plain.stiffness).max()
 
 
 def test_point_cloud_has_areas_close_to_the_surface():

@@ -52,6 +52,8 @@ COMMANDS = (
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
 _EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away
+# What writing to a file that others opened for us fails with; our own files are named.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Group(TyperGroup):
@@ -63,7 +65,8 @@ class _Group(TyperGroup):
                 warnings.showwarning = print_warning  # type: ignore[assignment]
                 warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
-                sys.stdout.flush()  # a closed pipe shows here rather than at exit
+                if sys.stdout is not None:  # as it is where the shell closed it
+                    sys.stdout.flush()  # a closed pipe shows here rather than at exit
                 return result
         except UnbendError as error:
             say("error", str(error))
@@ -72,11 +75,19 @@ class _Group(TyperGroup):
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
         except OSError as error:
-            if not _is_broken_pipe(error):
+            if _is_broken_pipe(error):
+                _give_up_stdout()
+                raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+            if error.filename is not None or error.errno not in _NO_ROOM:
                 raise
-            # Python would flush stdout again at exit and complain; give it somewhere to write.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+            _give_up_stdout()
+            say("error", f"cannot write to standard output: {error.strerror}")
+            raise typer.Exit(EXIT_REFUSED) from None
+
+
+def _give_up_stdout() -> None:
+    """Give it somewhere to write: Python would flush it again at exit, and complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _is_broken_pipe(error: OSError) -> bool:

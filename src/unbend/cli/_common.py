@@ -6,12 +6,13 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from unbend._text import plural, printable
 from unbend.choices import Axis, LaplacianKind
 from unbend.errors import InputError, UnbendWarning
 
@@ -79,16 +80,17 @@ def command_line() -> str:
 
 def quoted(*words: str) -> str:
     """Put words together as this system's shell takes them."""
+    shown = [printable(word) for word in words]
     if sys.platform == "win32":
         from subprocess import list2cmdline
 
-        return list2cmdline(words)
-    return shlex.join(words)
+        return list2cmdline(shown)
+    return shlex.join(shown)
 
 
 def say(kind: str, sentence: str) -> None:
     """Print one line such as ``error: ...`` to stderr, where it cannot spoil piped output."""
-    typer.echo(f"{kind}: {sentence}", err=True)
+    typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 
 def warn_if_doubtful(confidence: float) -> None:
@@ -146,12 +148,28 @@ def read_any_map(path: str, *, base: int | None, n_target: int) -> IntArray:
 
     if not path.lower().endswith(".npz"):
         return read_map(path, base=base, n_target=n_target)
-    found = read_match(path).source_to_target
-    if found.max(initial=-1) >= n_target:
+    found = read_match(path)
+    if len(found.target_to_source) != n_target:
         raise InputError(
-            f"{path} names target vertex {found.max()}, but the target has {n_target} vertices"
+            f"{path} maps to {plural(len(found.target_to_source), 'vertex')}, but the target has "
+            f"{n_target}"
         )
-    return found
+    return found.source_to_target
+
+
+def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:
+    """Read source vertices whose images are known, and those images, in one or more files."""
+    from unbend.io import read_map
+
+    sources = read_map(paths[0], n_target=n_source)
+    truths = [read_map(path, n_target=n_target) for path in paths[1:]]
+    for path, images in zip(paths[1:], truths, strict=True):
+        if len(images) != len(sources):
+            raise InputError(
+                f"{path} holds {plural(len(images), 'row')}, but {paths[0]} {len(sources)}; each "
+                "row of the one is the image of that row of the other"
+            )
+    return [sources, *truths]
 
 
 def write_table(path: str, rows: Iterable[Iterable[Any]]) -> None:
@@ -171,13 +189,13 @@ def print_rows(rows: Mapping[str, str]) -> None:
     """Print names and values in two aligned columns to stdout."""
     width = max(map(len, rows)) + 2
     for name, value in rows.items():
-        typer.echo(f"{name:<{width}}{value}")
+        typer.echo(f"{name:<{width}}{printable(value)}")
 
 
 @contextmanager
 def steps_on_stderr() -> Iterator[Progress]:
     """Show the step that is under way on stderr, if a person is watching."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield lambda stage, share: None
         return
     from rich.console import Console

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
+from unbend._text import printable
 from unbend.cli._common import EXIT_REFUSED, JsonOption, MeshArgument, print_json, quoted
 
 if TYPE_CHECKING:
@@ -105,13 +106,13 @@ def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
         )
     robust = "uses the robust Laplacian"
     problems = (
-        (health.degenerate_faces, "degenerate faces", robust),
+        (health.degenerate_faces, "degenerate faces", f"{robust}, or leaves them out"),
         (health.non_manifold_edges, "non-manifold edges", robust),
         (health.non_manifold_vertices, "non-manifold vertices", robust),
         (health.inconsistent_edges, "edges with flipped faces", "nothing; it does not matter"),
         (health.unreferenced_vertices, "unreferenced vertices", "gives them NaN"),
         (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),
-        (health.duplicate_faces, "duplicate faces", "keeps them"),
+        (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
     rows += [Row(what, f"{count:,}", action) for count, what, action in problems if count]
     rows += [Row("reading", "", note) for note in shape.notes]
@@ -140,15 +141,16 @@ def _print_table(shape: Mesh, health: Diagnosis, verdict: Verdict) -> None:
     from rich.text import Text
 
     table = Table(box=None, pad_edge=False, title_justify="left", header_style="bold")
-    table.add_column(Text(shape.name), no_wrap=True)
+    table.add_column(Text(printable(shape.name)), no_wrap=True)
     table.add_column("found", justify="right", no_wrap=True)
     table.add_column("what unbend does", overflow="fold")
     for row in table_rows(shape, health):
-        table.add_row(*map(Text, row))  # Text: file names and notes may hold [brackets]
+        # Text: file names and notes may hold [brackets]
+        table.add_row(*(Text(printable(cell)) for cell in row))
     console = Console(highlight=False)
     console.print(table)
     console.print()
     style = "green" if verdict.usable else "red"
-    console.print(Text(verdict.sentence, style=style), soft_wrap=True)
+    console.print(Text(printable(verdict.sentence), style=style), soft_wrap=True)
     if verdict.next_step:
         console.print(Text(f"Next: {verdict.next_step}"), soft_wrap=True)

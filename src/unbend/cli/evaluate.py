@@ -14,6 +14,7 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     read_any_map,
+    read_truth,
     steps_on_stderr,
 )
 
@@ -70,8 +71,7 @@ def evaluate(
           --mirrored-truth b.sym.vts --distance geodesic-exact --figure curves.png
     """  # noqa: D301
     from unbend.correspondence import evaluate as measure
-    from unbend.errors import InputError
-    from unbend.io import check_writable, read_map, read_mesh
+    from unbend.io import check_writable, read_mesh
 
     if figure is not None:
         check_writable(figure, (".png", ".pdf", ".svg"))
@@ -79,17 +79,8 @@ def evaluate(
         progress("reading", 0)
         shape = read_mesh(target)
         point_map = read_any_map(map_file, base=base, n_target=shape.n_vertices)
-        sources = read_map(source_truth)
-        if sources.max() >= len(point_map):
-            raise InputError(
-                f"{Path(source_truth).name} names vertex {sources.max()} (counted from 0), but "
-                f"{Path(map_file).name} has {len(point_map)} rows"
-            )
-        truths = [
-            read_map(path, n_target=shape.n_vertices)
-            for path in (target_truth, mirrored_truth)
-            if path is not None
-        ]
+        files = [path for path in (source_truth, target_truth, mirrored_truth) if path is not None]
+        sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
         progress(f"{distance} distances", 0)
         found = measure(point_map, shape, sources, *truths, distance=distance)
         if figure is not None:

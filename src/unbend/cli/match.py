@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from unbend._text import printable
 from unbend.choices import Axis, MatchMethod, Partial
 from unbend.cli._common import (
     CacheOption,
@@ -23,6 +24,7 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     quoted,
+    read_truth,
     steps_on_stderr,
     warn_if_doubtful,
 )
@@ -139,13 +141,7 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
-    from unbend.io import (
-        MAP_SUFFIXES,
-        check_writable,
-        read_landmarks,
-        read_map,
-        read_mesh,
-    )
+    from unbend.io import MAP_SUFFIXES, check_writable, read_landmarks, read_mesh
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -158,15 +154,14 @@ def match(
     for path in colored or ():
         check_writable(path, (".ply", ".obj", ".glb"))
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
-    hints = None if landmarks is None else read_landmarks(landmarks)
     start = time.perf_counter()
     with steps_on_stderr() as progress:
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
-        truth = [
-            read_map(path, n_target=shapes[i > 0].n_vertices) for i, path in enumerate(truth_files)
-        ]
+        n_vertices = [shape.n_vertices for shape in shapes]
+        hints = None if landmarks is None else read_landmarks(landmarks, *n_vertices)
+        truth = read_truth(truth_files, *n_vertices) if truth_files else None
         found = find_match(
             *shapes,
             method=method,
@@ -200,7 +195,7 @@ def match(
                 found,
                 report,
                 up=up,
-                truth=truth or None,
+                truth=truth,
                 command=command_line(),
                 progress=progress,
             )
@@ -239,7 +234,7 @@ def match(
             }
         )
         return
-    typer.echo(summary(shapes, found, seconds))
+    typer.echo(printable(summary(shapes, found, seconds)))
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
         typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")

@@ -108,7 +108,7 @@ def reproduce(
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
     """Show what is under way; line by line where stderr is a file, for runs that take hours."""
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         with steps_on_stderr() as show:
             yield lambda step: show(step, 0)
     else:

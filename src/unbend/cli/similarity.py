@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from unbend._text import printable
 from unbend.choices import Axis, DistanceKind
 from unbend.cli._common import (
     CacheOption,
@@ -126,9 +127,9 @@ def similarity(
         print_json({"pairs": named, "csv": csv, "figure": figure, "report": report})
         return
     if table is not None:
-        _print_matrix(paths, table)
+        _print_matrix([printable(path) for path in paths], table)
     else:
-        _print_list(paths, pairs, known)
+        _print_list([printable(path) for path in paths], pairs, known)
     if report is not None:
         typer.echo(f"next: open {report} in a browser")
 

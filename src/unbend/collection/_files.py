@@ -7,6 +7,7 @@ import glob
 import hashlib
 import itertools
 import os
+import stat
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -76,6 +77,8 @@ def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:
 def _hash(path: str) -> tuple[str, str] | Failure:
     try:
         path.encode()
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe may never end, nor a device
+            return Failure(path, "it is not a regular file")
         return path, content_hash(path)
     except UnicodeEncodeError:
         readable = path.encode(errors="replace").decode()

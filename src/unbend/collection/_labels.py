@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from unbend.errors import FileError
+from unbend.io import read_bytes
 
 _COLUMNS = "path", "label"
 
@@ -46,14 +48,13 @@ def read_labels(table: str | os.PathLike[str], paths: Sequence[str]) -> list[str
     ['cat', None]
     """
     table = Path(table)
+    data = read_bytes(table, ())
     try:
-        with open(table, newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
-            rows = [] if missing else [(row["path"], row["label"]) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"cannot read {table}: {reason}") from None
+        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
+        missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
+        rows = [] if missing else [(row["path"], row["label"]) for row in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {table}: {error}") from None
     if missing:
         raise FileError(f"{table}: there is no column {missing[0]}; it needs path and label")
     number = {os.path.abspath(path): i for i, path in enumerate(paths)}

@@ -7,6 +7,7 @@ import json
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from unbend._parallel import n_cores
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
-from unbend.errors import FileError, MissingExtraError
+from unbend.errors import FileError, MissingExtraError, UnbendError
 
 _TABLE = "shapes"
 # Two processes that add one path at once then have one row: the later merges into the earlier's.
@@ -65,11 +66,26 @@ class Store:
         )
         if "://" not in self.path:
             _check_folder(Path(self.path))
-            if not Path(self.path).exists():
+            if not os.path.exists(self.path):
                 return
-        database = self._connect(self.path)
-        if _TABLE in database.list_tables().tables:
-            self._table = database.open_table(_TABLE)
+        with self._told():
+            database = self._connect(self.path)
+            if _TABLE in database.list_tables().tables:
+                self._table = database.open_table(_TABLE)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Say what LanceDB could not do; it raises whatever comes to hand."""
+        try:
+            yield
+        except UnbendError:
+            raise
+        except (RuntimeError, ValueError, OSError) as error:
+            reason = str(error).removeprefix("lance error: ").split(", /")[0]
+            raise FileError(
+                f"the collection {self.path} cannot be read or written ({reason}); if it is "
+                "damaged, remove its folder and add the shapes again"
+            ) from error
 
     @property
     def exists(self) -> bool:
@@ -77,18 +93,20 @@ class Store:
         return self._table is not None
 
     def __len__(self) -> int:
-        return int(self._table.count_rows()) if self.exists else 0
+        with self._told():
+            return int(self._table.count_rows()) if self.exists else 0
 
     def commit(self, rows: Sequence[dict[str, Any]]) -> None:
         """Add rows in one commit; a row takes the place of an earlier one of its path."""
         if not rows:
             return
         data = _arrow(rows)
-        if not self.exists:
-            database = self._connect(self.path)
-            self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
-        merge = self._table.merge_insert("path")
-        merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
+        with self._told():
+            if not self.exists:
+                database = self._connect(self.path)
+                self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
+            merge = self._table.merge_insert("path")
+            merge.when_matched_update_all().when_not_matched_insert_all().execute(data)
         self._commits += 1
         if self._commits >= _COMMITS_UNMERGED and time.monotonic() >= self._next_tidy:
             self.tidy()
@@ -98,14 +116,16 @@ class Store:
         from lancedb.index import BTree
 
         start = time.monotonic()
-        try:
-            indexed = {column for index in self._table.list_indices() for column in index.columns}
-            for column in {"id", "path"} - indexed:
-                self._table.create_index(column, config=BTree())
-            self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
-        except RuntimeError as error:
-            if "conflict" not in str(error):  # another process came first, and may tidy too
-                raise
+        with self._told():
+            try:
+                indices = self._table.list_indices()
+                indexed = {column for index in indices for column in index.columns}
+                for column in {"id", "path"} - indexed:
+                    self._table.create_index(column, config=BTree())
+                self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
+            except RuntimeError as error:
+                if "conflict" not in str(error):  # another process came first, and may tidy too
+                    raise
         end = time.monotonic()
         self._commits, self._next_tidy = 0, end + (end - start) / _MERGING_SHARE
 
@@ -122,7 +142,8 @@ class Store:
     @property
     def indexed(self) -> bool:
         """Whether there is an index of the descriptors."""
-        return any("descriptor" in index.columns for index in self._table.list_indices())
+        with self._told():
+            return any("descriptor" in index.columns for index in self._table.list_indices())
 
     def n_bytes(self) -> int | None:
         """Size on disk, old versions too; None for an object store."""
@@ -137,7 +158,9 @@ class Store:
 
     def version(self) -> str | None:
         """Version of the descriptors; None where there are none."""
-        rows = self._table.search().select(["version"]).limit(1).to_list() if self.exists else []
+        with self._told():
+            query = self._table.search().select(["version"]).limit(1) if self.exists else None
+            rows = query.to_list() if query is not None else []
         return rows[0]["version"] if rows else None
 
     def known(self, column: str, values: Iterable[str]) -> set[str]:
@@ -152,10 +175,11 @@ class Store:
         """Arrow batches of the rows that a condition holds for, in the order of the store."""
         if not self.exists:
             return
-        query = self._table.search().select(list(columns))
-        if where is not None:
-            query = query.where(where)
-        yield from query.to_batches(_ROWS_AT_ONCE)
+        with self._told():
+            query = self._table.search().select(list(columns))
+            if where is not None:
+                query = query.where(where)
+            yield from query.to_batches(_ROWS_AT_ONCE)
 
     def of_ids(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
         """Rows in the order of their ids."""
@@ -165,16 +189,18 @@ class Store:
     def remove(self, ids: Sequence[str]) -> None:
         """Remove rows in one commit."""
         if ids:
-            self._table.delete(among("id", ids))
+            with self._told():
+                self._table.delete(among("id", ids))
 
     def nearest(
         self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool
     ) -> list[dict[str, Any]]:
         """Rows with the nearest descriptors, the nearest first, with their `_distance` squared."""
-        query = self._table.search(descriptor, vector_column_name="descriptor")
-        query = query.distance_type("l2").select(["id", "path", "_distance"]).limit(n)
-        query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
-        found: list[dict[str, Any]] = query.to_list()
+        with self._told():
+            query = self._table.search(descriptor, vector_column_name="descriptor")
+            query = query.distance_type("l2").select(["id", "path", "_distance"]).limit(n)
+            query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
+            found: list[dict[str, Any]] = query.to_list()
         return found
 
     def build_index(self) -> None:
@@ -182,7 +208,8 @@ class Store:
         from lancedb.index import IvfFlat
 
         if not self.indexed:
-            self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
+            with self._told():
+                self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
         self.tidy()
 
 
@@ -193,9 +220,15 @@ def among(column: str, values: Iterable[str]) -> str:
 
 
 def _check_folder(path: Path) -> None:
-    if path.exists() and not path.is_dir():
-        raise FileError(f"{path} is a file; a collection is a folder of its own")
-    if path.is_dir() and not (path / f"{_TABLE}.lance").exists() and any(path.iterdir()):
+    try:
+        inside = os.listdir(path)
+    except FileNotFoundError:
+        return
+    except NotADirectoryError:
+        raise FileError(f"{path} is a file; a collection is a folder of its own") from None
+    except OSError as error:
+        raise FileError(f"cannot read the collection {path}: {error.strerror or error}") from error
+    if inside and f"{_TABLE}.lance" not in inside:
         raise FileError(
             f"the folder {path} holds other things; a collection is a folder of its own: give "
             "one that is empty or does not exist"

@@ -7,10 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.distances._metric import Metric
 from unbend.errors import MeshError, MissingExtraError
-from unbend.mesh import Mesh, find_components
+from unbend.mesh import (
+    Mesh,
+    count_non_manifold_vertices,
+    find_components,
+    find_edges,
+    has_earlier_twin,
+)
 from unbend.preparation import restrict
 from unbend.spectral import Surface
 
@@ -57,12 +64,15 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
     >>> geodesic_solver(corner, exact=True)(1)
     array([ 3.,  0.,  5., inf])
     """
+    twice = has_earlier_twin(mesh.faces)
+    if twice.any():  # they add no surface
+        mesh = Mesh(mesh.vertices, mesh.faces[~twice], name=mesh.name)
     of_vertex = find_components(mesh.faces, mesh.n_vertices).of_vertex
     make = _exact if exact else _heat
 
     @functools.cache
     def on_component(number: int) -> tuple[IntArray, _FromVertex]:
-        part, kept = restrict(mesh, of_vertex == number)
+        part, kept, _ = restrict(mesh, of_vertex == number)
         return kept, make(part)
 
     def one(source: int) -> FloatArray:
@@ -105,6 +115,16 @@ def _exact(mesh: Mesh) -> _FromVertex:
         from pygeodesic.geodesic import PyGeodesicAlgorithmExact
     except ImportError:
         raise MissingExtraError("pygeodesic", "exact") from None
+    # The solver reads beyond its arrays where an edge has a third face, and finds no path through
+    # a vertex where two sheets touch.
+    edges = find_edges(mesh.faces, mesh.n_vertices)
+    n_crowded = int((edges.n_faces > 2).sum())
+    n_touching = count_non_manifold_vertices(mesh.faces, edges)
+    if n_crowded or n_touching:
+        what = plural(n_crowded or n_touching, f"non-manifold {'edge' if n_crowded else 'vertex'}")
+        raise MeshError(
+            f"{mesh.name}: {what}, across which exact geodesics are not defined; use geodesic"
+        )
     solver = PyGeodesicAlgorithmExact(mesh.vertices, mesh.faces)
 
     def one(source: int) -> FloatArray:

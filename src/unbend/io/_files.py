@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import stat
 import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from unbend._memory import available_memory
 from unbend.errors import FileError
 
 
@@ -44,11 +46,17 @@ def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> P
     path = Path(path)
     check_suffix(path, suffixes, "write")
     folder = path.parent
-    if path.is_dir():
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # its name is too long, or we may not look
+        raise FileError(f"cannot write {path}: {error.strerror or error}") from error
+    if os.path.isdir(path):
         raise FileError(f"cannot write {path}: it is a folder; give a file's name")
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not os.path.isfile(path):
         raise FileError(f"cannot write {path}: it is not a regular file")
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise FileError(f"cannot write {path}: there is no folder {folder}; create it first")
     if sys.platform == "win32" and path.exists() and not os.access(path, os.W_OK):
         # Elsewhere the folder alone decides; there such a file can be neither replaced nor, had
@@ -89,10 +97,19 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
     FileError
         If the file is missing, of another kind, cannot be read, or is empty.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder; give a file's name")
     check_suffix(path, suffixes, "read")
     try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a pipe may never end, nor a device
+            raise FileError(f"cannot read {path}: it is not a regular file")
+        free = available_memory()
+        if free is not None and status.st_size > free:
+            raise FileError(
+                f"cannot read {path}: it has {status.st_size / 2**30:,.0f} GiB, and "
+                f"{free / 2**30:,.1f} GiB of memory are free"
+            )
         data = path.read_bytes()
     except FileNotFoundError:
         raise FileError(f"cannot read {path}: there is no such file") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
+from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, read_bytes
@@ -145,7 +147,9 @@ def write_map(
             file.write(("\n".join(lines) + "\n").encode())
 
 
-def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
+def read_landmarks(
+    path: str | os.PathLike[str], n_source: int | None = None, n_target: int | None = None
+) -> IntArray:
     r"""Read landmarks: on each line a source vertex and the target vertex that it corresponds to.
 
     Parameters
@@ -153,6 +157,8 @@ def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
     path : path
         A .csv or .txt file, the numbers counted from 0 and separated by a comma or blanks. A .csv
         file may begin with a line that names its columns.
+    n_source, n_target : int, optional
+        Vertices of the source and of the target, which landmarks must not exceed.
 
     Returns
     -------
@@ -176,18 +182,32 @@ def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
     """
     path = Path(path)
     suffixes = (".csv", ".txt")
-    lines = data_lines(read_bytes(path, suffixes), path.suffix.lower()[1:])
+    data = read_bytes(path, suffixes)
+    try:
+        return _landmarks(data, path.suffix.lower(), (n_source, n_target))
+    except FileError as error:
+        raise FileError(f"{path.name}: {error}") from None
+
+
+def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> IntArray:
+    lines = data_lines(data, suffix[1:])
     rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
-    if rows and path.suffix.lower() == ".csv" and not all(map(_is_number, rows[0])):
+    if rows and suffix == ".csv" and not all(map(_is_number, rows[0])):
         rows = rows[1:]
     if not rows:
-        raise FileError(f"{path.name}: holds no landmarks")
+        raise FileError("holds no landmarks")
     for index, row in enumerate(rows):
-        if len(row) != 2 or not all(word.isdecimal() for word in row):
+        if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
             raise FileError(
-                f"{path.name}: row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex "
-                "numbers, of the source and of the target, counted from 0"
+                f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, of "
+                "the source and of the target, counted from 0"
             )
+        for word, n, which in zip(row, n_vertices, ("source", "target"), strict=True):
+            if n is not None and int(word) >= n:
+                raise FileError(
+                    f"row {index} names vertex {word}, but the {which} has {plural(n, 'vertex')}, "
+                    "counted from 0"
+                )
     return np.array(rows, dtype=np.int64)
 
 
@@ -266,7 +286,7 @@ def _is_number(word: str) -> bool:
         float(word)
     except ValueError:
         return False
-    return True
+    return "_" not in word  # 1_000 is a number to Python alone
 
 
 def whole_numbers(values: npt.NDArray[Any]) -> IntArray:

@@ -21,6 +21,7 @@ from unbend.mesh import Mesh
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 VALUE_MESH_SUFFIXES = (".ply", ".obj", ".glb")
+_MOST_LETTERS = 1000
 
 
 def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) -> npt.NDArray[Any]:
@@ -179,7 +180,10 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
     lines = data_lines(data, suffix[1:])
     if suffix == ".csv":
-        rows = [[word.strip() for word in row] for row in csv.reader(lines)]
+        try:
+            rows = [[word.strip() for word in row] for row in csv.reader(lines)]
+        except csv.Error as error:
+            raise FileError(f"not a table in CSV: {error}") from None
         # Names over words look like the words; only the number of rows can tell then.
         if rows and not _are_numbers(rows[0]) and len(rows) != n_vertices:
             rows = rows[1:]
@@ -191,10 +195,20 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         raise FileError(f"row {row} has {len(rows[row])} entries, but row 0 has {len(rows[0])}")
     if not rows:
         return np.empty(0)
+    for i, words in enumerate(rows):
+        # An array of words gives each as much room as the longest.
+        if max(map(len, words)) > _MOST_LETTERS:
+            raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
     table = np.array(rows)
     if all(map(_are_numbers, rows)):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
-        table = table.astype(np.int64 if whole else np.float64)
+        try:
+            table = table.astype(np.int64 if whole else np.float64)
+        except OverflowError:
+            large = next(i for i, one in enumerate(rows) if any(len(word) > 18 for word in one))
+            raise FileError(
+                f"row {large} holds {' '.join(rows[large])[:40]!r}, more than 64 bits can hold"
+            ) from None
     elif table.shape[1] > 1:
         row = next(i for i, one in enumerate(rows) if not _are_numbers(one))
         raise FileError(f"row {row} holds {' '.join(rows[row])[:40]!r}, not numbers")
@@ -207,4 +221,4 @@ def _are_numbers(words: list[str]) -> bool:
             float(word)
     except ValueError:
         return False
-    return True
+    return not any("_" in word for word in words)  # 1_000 is a number to Python alone

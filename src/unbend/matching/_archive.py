@@ -161,7 +161,7 @@ def read_match(path: str | os.PathLike[str]) -> Match:
 
 
 def _checked_match(arrays: _Arrays) -> Match:
-    n, m = len(arrays["source_to_target"]), len(arrays["target_to_source"])
+    n, m = arrays["source_to_target"].size, arrays["target_to_source"].size
     fields: dict[str, Any] = {
         "source_to_target": _vertices(arrays, "source_to_target", n, m),
         "target_to_source": _vertices(arrays, "target_to_source", m, n),
@@ -201,7 +201,7 @@ def _vertices(arrays: _Arrays, name: str, n: int, below: int | None) -> IntArray
     try:
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
     except FileError as error:
-        raise FileError(f"its {name} {error}") from None
+        raise FileError(f"its {name}: {error}") from None
     if len(found) != n:
         raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
     return found
@@ -272,10 +272,13 @@ def _load(
     with _naming(path):
         try:
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                there = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+                members = archive.infolist()
+                there = {info.filename.removesuffix(".npy"): info for info in members}
                 for name in required:
                     if name not in there:
                         raise FileError(f"holds no {name}; it was not written by unbend match")
+                if len(there) < len(members):
+                    raise FileError("holds two arrays of one name; it was not written by unbend")
                 wanted = {name: there[name] for name in (*required, *optional) if name in there}
                 _check_sizes(archive, wanted, len(data))
                 return {name: read_array(archive.read(info)) for name, info in wanted.items()}
@@ -288,11 +291,14 @@ def _load(
 def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], packed: int) -> None:
     """Refuse, before anything is unpacked, what is not as large as its shape, or far too large."""
     for name, info in wanted.items():
+        # Others are unpacked whole, whatever size the archive says, before a byte is seen.
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise FileError(f"its {name} is packed in a way that NumPy does not use")
         with archive.open(info) as stream:
             try:
                 shape, _, dtype = read_header(stream)
             except FileError as error:
-                raise FileError(f"its {name} {error}") from error.__cause__
+                raise FileError(f"its {name}: {error}") from error.__cause__
             size = stream.tell() + math.prod(shape) * dtype.itemsize
         if size != info.file_size:
             raise FileError(

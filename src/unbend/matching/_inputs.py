@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from unbend._text import plural
-from unbend._types import BoolArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
@@ -33,12 +33,18 @@ class Input(NamedTuple):
     stands_for : (n,) ndarray of int64
         The vertex of `shape` that stands for each vertex of the mesh: itself, or on smaller
         components the nearest one; -1 at vertices that no face uses.
+    own_faces : (m,) ndarray of int64
+        The face of the mesh that each face of `shape` is.
+    own_corners : (m, 3) ndarray of int64
+        Its corners, vertices of the mesh in the mesh's winding.
     """
 
     surface: Surface
     shape: Shape
     kept: IntArray
     stands_for: IntArray
+    own_faces: IntArray
+    own_corners: IntArray
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
@@ -48,6 +54,12 @@ class Input(NamedTuple):
         if (found < 0).any():
             raise InputError(f"{name}: no face uses vertex {ids[found < 0][0]}; name another")
         return found
+
+    def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Turn points on faces of `shape` into points on faces of the mesh."""
+        corners = self.kept[self.shape.faces[faces]]
+        moved = self.own_corners[faces][:, :, None] == corners[:, None, :]
+        return self.own_faces[faces], np.einsum("ijk,ik->ij", moved, weights)
 
 
 def prepare_shape(
@@ -61,7 +73,7 @@ def prepare_shape(
     mesh = as_mesh(mesh)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
-    largest, kept = _largest(mesh)
+    largest, kept, own_faces = _largest(mesh)
     surface = make_surface(largest)
     faces = wind_alike(surface.mesh.faces, surface.n_vertices)
     if faces is None:
@@ -76,7 +88,8 @@ def prepare_shape(
         surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
     )
     kept = kept[surface.prepared.kept]
-    return Input(surface, shape, kept, _stand_ins(mesh, kept))
+    own_faces = own_faces[surface.prepared.kept_faces]
+    return Input(surface, shape, kept, _stand_ins(mesh, kept), own_faces, mesh.faces[own_faces])
 
 
 def expand(point_map: IntArray, within: BoolArray, source: Input, target: Input) -> IntArray:
@@ -92,12 +105,12 @@ def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     return full
 
 
-def _largest(mesh: Mesh) -> tuple[Mesh, IntArray]:
-    """Take the largest component, and its vertices; say so if there are more."""
+def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
+    """Take the largest component, its vertices and its faces; say so if there are more."""
     components = find_components(mesh.faces, mesh.n_vertices)
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
-        return mesh, np.arange(mesh.n_vertices)
+        return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
     warnings.warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]} of "
         f"{mesh.n_vertices} vertices; {plural(n_others, 'smaller component')} "

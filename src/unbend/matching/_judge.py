@@ -22,9 +22,10 @@ from unbend.mesh import vertex_normals
 # Maps are different where more than this share of the surface, a limb's end, goes further apart
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
-# The energy at which a map is as likely right as wrong, how fast that changes, and the lead in
-# energy that makes the odds between two maps 2.7 to 1.
-_EVEN, _SPREAD, _LEAD = 0.42, 0.03, 0.02
+# The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
+# share of the energy, that makes the odds between two maps 2.7 to 1: the likeliest for 427 pairs of
+# our own bodies (benchmarks/confidence.py).
+_EVEN, _SPREAD, _LEAD = 0.377, 0.067, 0.075
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
@@ -122,7 +123,7 @@ def confidences(found: Sequence[Candidate]) -> FloatArray:
     other does so nearly as well. Candidates of one cost share the probability.
     """
     costs = np.array([one.cost for one in found])
-    shares = np.exp((costs[0] - costs) / _LEAD)
+    shares = np.exp((costs[0] - costs) / (_LEAD * max(costs[0], 10.0**-DIGITS)))
     energies = np.array([one.energy for one in found])
     return np.asarray(shares / shares.sum() / (1 + np.exp((energies - _EVEN) / _SPREAD)))
 

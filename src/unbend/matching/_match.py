@@ -315,7 +315,9 @@ def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate
     """Add where each source vertex falls within a face of the target."""
     registered = chosen.registered
     landing = landing_places(ours.shape, theirs.shape, registered)
-    faces, weights = closest_faces(*landing, theirs.shape.faces, registered.forward)
+    faces, weights = theirs.on_own_faces(
+        *closest_faces(*landing, theirs.shape.faces, registered.forward)
+    )
     faces = np.where(registered.source.within, faces, -1)
     weights = np.where(registered.source.within[:, None], weights, np.nan)
     return replace(

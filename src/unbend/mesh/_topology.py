@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from unbend._arrays import first_equal_row
 from unbend._types import BoolArray, FloatArray, IntArray
 
 # A face is degenerate when its height over its longest edge is at most this fraction of that
@@ -157,12 +158,13 @@ class Components:
 
 
 def find_components(faces: IntArray, n_vertices: int) -> Components:
-    """Group the vertices that faces connect."""
+    """Group the vertices that faces connect; a face that names a vertex twice connects none."""
+    faces = proper_faces(faces)
     index = faces.astype(np.int32)
     links = index[:, [0, 0]].ravel(), index[:, 1:].ravel()
     graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(n_vertices, n_vertices))
     n_labels, label = connected_components(graph, directed=False)
-    if n_labels == 1 and n_vertices > 1:  # as most meshes are
+    if n_labels == 1 and n_vertices > 1 and len(faces):  # as most meshes are
         counts = np.array([n_vertices]), np.array([len(faces)])
         return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
     used = np.zeros(n_vertices, dtype=bool)
@@ -240,6 +242,11 @@ def has_repeated_index(faces: IntArray) -> BoolArray:
     a, b, c = faces.T
     repeated: BoolArray = (a == b) | (b == c) | (c == a)
     return repeated
+
+
+def has_earlier_twin(faces: IntArray) -> BoolArray:
+    """Which faces have the three vertices of an earlier one, in any order."""
+    return np.asarray(first_equal_row(np.sort(faces, axis=1)) != np.arange(len(faces)))
 
 
 def proper_faces(faces: IntArray) -> IntArray:

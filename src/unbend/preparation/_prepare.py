@@ -17,11 +17,13 @@ from unbend.mesh import (
     count_non_manifold_vertices,
     find_components,
     find_edges,
+    has_earlier_twin,
+    has_repeated_index,
     measure_faces,
-    proper_faces,
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
+_LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,8 @@ class Prepared:
         Index in the original mesh of each kept vertex, increasing.
     n_original : int
         Vertices of the original mesh.
+    kept_faces : (m_kept,) ndarray of int64
+        Index in the original mesh of each kept face, increasing. None of a point cloud.
     robust_needed : bool
         Whether degenerate faces or non-manifold edges or vertices are kept, which the cotangent
         Laplacian cannot take. False for a point cloud.
@@ -46,6 +50,7 @@ class Prepared:
 
     mesh: Mesh
     kept: IntArray
+    kept_faces: IntArray
     n_original: int
     robust_needed: bool
     notes: tuple[str, ...] = ()
@@ -82,8 +87,9 @@ class Prepared:
 def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool = True) -> Prepared:
     """Select the vertices that computations can run on, or say why there are none.
 
-    Vertices that no face uses are left out, as are the components that were not chosen. Nothing
-    else is: degenerate and duplicate faces stay, and vertices keep their order.
+    Vertices that no face uses are left out, as are the components that were not chosen, faces that
+    name a vertex twice, and faces of the same vertices as an earlier one, which would count the
+    surface twice. Nothing else is: other degenerate faces stay, and vertices keep their order.
 
     Parameters
     ----------
@@ -102,8 +108,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     Raises
     ------
     MeshError
-        If no face has an area, fewer than 4 vertices are left, or the mesh has several components
-        while one is needed and none was chosen.
+        If no face has an area, fewer than 4 vertices are left, the mesh has several components
+        while one is needed and none was chosen, or it is less than 1e-60 or more than 1e60 across.
     InputError
         If there is no such component.
 
@@ -127,6 +133,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         return _prepare_points(mesh, component)
     components = find_components(mesh.faces, mesh.n_vertices)
     n_components = len(components.n_vertices)
+    if not n_components:
+        raise _no_area(mesh.name)
     chosen = _chosen(component, n_components, mesh.name)
     if chosen is None and connected and n_components > 1:
         raise MeshError(
@@ -146,7 +154,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
             f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]} of "
             f"{mesh.n_vertices} vertices; the others are NaN in the result"
         )
-    working, kept = restrict(mesh, keep)
+    working, kept, kept_faces = restrict(mesh, keep)
     if len(kept) < _LEAST_VERTICES:
         raise MeshError(
             f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
@@ -154,14 +162,22 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         )
     degenerate, _ = measure_faces(working.vertices, working.faces)
     if degenerate.all():
-        raise MeshError(
-            f"{mesh.name}: every face is degenerate (a point or a line); "
-            "give a mesh whose faces have an area"
-        )
+        raise _no_area(mesh.name)
+    _check_size(working)
     problems = _problems(working, int(degenerate.sum()))
+    twice = has_earlier_twin(working.faces) if problems else np.zeros(0, dtype=bool)
+    if twice.any():  # faces at an edge are more than two then, or fans at a vertex more than one
+        verb = "repeats the vertices" if twice.sum() == 1 else "repeat the vertices"
+        notes.append(f"{plural(int(twice.sum()), 'face')} that {verb} of another left out")
+        working = Mesh(working.vertices, working.faces[~twice], name=mesh.name, notes=mesh.notes)
+        kept_faces, degenerate = kept_faces[~twice], degenerate[~twice]
+        problems = _problems(working, int(degenerate.sum()))
+    if n_improper := int(has_repeated_index(mesh.faces).sum()):
+        verb = "names" if n_improper == 1 else "name"
+        notes.append(f"{plural(n_improper, 'face')} that {verb} a vertex twice left out")
     if problems:
         notes.append(f"{' and '.join(problems)} call for the robust Laplacian")
-    return Prepared(working, kept, mesh.n_vertices, bool(problems), tuple(notes))
+    return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
 
 
 def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
@@ -207,10 +223,34 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
             f"a shape needs at least {_LEAST_VERTICES}"
         )
     repeats = count_repeats(mesh.vertices)
+    if mesh.n_vertices - repeats < _LEAST_VERTICES:
+        raise MeshError(
+            f"{mesh.name}: the points have only "
+            f"{plural(mesh.n_vertices - repeats, 'different position')}; a shape needs at least "
+            f"{_LEAST_VERTICES}"
+        )
+    _check_size(mesh)
     verb = "point repeats" if repeats == 1 else "points repeat"
     notes = (f"{repeats} {verb} the position of another",) if repeats else ()
     kept = np.arange(mesh.n_vertices, dtype=np.int64)
-    return Prepared(mesh, kept, mesh.n_vertices, False, notes)
+    return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, notes)
+
+
+def _check_size(mesh: Mesh) -> None:
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
+    if not _LEAST_SIZE <= size <= _MOST_SIZE:
+        raise MeshError(
+            f"{mesh.name}: it is {size:.0e} across; give coordinates in a unit in which that is "
+            f"between {_LEAST_SIZE:g} and {_MOST_SIZE:g}"
+        )
+
+
+def _no_area(name: str) -> MeshError:
+    return MeshError(
+        f"{name}: every face is degenerate (a point or a line); give a mesh whose faces have an "
+        "area"
+    )
 
 
 def _chosen(component: str | int | None, n_components: int, name: str) -> int | None:
@@ -235,35 +275,38 @@ def _sizes(components: Components) -> str:
     return f"{', '.join(sizes[:-1])} and {sizes[-1]}"
 
 
-def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray]:
-    """Keep some components: their vertices, in their order, and the faces between them.
+def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray, IntArray]:
+    """Keep some components: their vertices, in their order, and the proper faces between them.
 
     Parameters
     ----------
     mesh : Mesh
     keep : (n,) ndarray of bool
-        Alike for all vertices of a face.
+        Alike for all vertices of a face that names three.
 
     Returns
     -------
     part : Mesh
     kept : (n_kept,) ndarray of int64
         Index in the mesh of each vertex of the part.
+    kept_faces : (m_kept,) ndarray of int64
+        Index in the mesh of each face of the part.
     """
     kept = np.flatnonzero(keep).astype(np.int64)
-    if len(kept) == mesh.n_vertices:
-        return mesh, kept
+    kept_faces = np.flatnonzero(keep[mesh.faces[:, 0]] & ~has_repeated_index(mesh.faces))
+    if len(kept) == mesh.n_vertices and len(kept_faces) == mesh.n_faces:
+        return mesh, kept, kept_faces
     number = np.cumsum(keep) - 1
-    faces = number[mesh.faces[keep[mesh.faces[:, 0]]]]
-    return Mesh(mesh.vertices[kept], faces, name=mesh.name, notes=mesh.notes), kept
+    faces = number[mesh.faces[kept_faces]]
+    part = Mesh(mesh.vertices[kept], faces, name=mesh.name, notes=mesh.notes)
+    return part, kept, kept_faces
 
 
 def _problems(mesh: Mesh, n_degenerate: int) -> list[str]:
-    proper = proper_faces(mesh.faces)
-    edges = find_edges(proper, mesh.n_vertices)
+    edges = find_edges(mesh.faces, mesh.n_vertices)
     found = (
         (n_degenerate, "degenerate face"),
         (int((edges.n_faces > 2).sum()), "non-manifold edge"),
-        (count_non_manifold_vertices(proper, edges), "non-manifold vertex"),
+        (count_non_manifold_vertices(mesh.faces, edges), "non-manifold vertex"),
     )
     return [plural(number, noun) for number, noun in found if number]

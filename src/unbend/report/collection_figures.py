@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend.errors import InputError
-from unbend.report.figures import new_figure, save_figure
+from unbend.report.figures import as_written, new_figure, save_figure
 from unbend.report.trees import join_alike
 
 _MOST_NAMES = 150  # more could not be read
@@ -64,7 +64,7 @@ def draw_distances(
     right.set_xticks([])
     if n <= _MOST_NAMES:
         right.yaxis.tick_right()
-        right.set_yticks(range(n), [names[i] for i in order], fontsize=min(8, 600 / n))
+        right.set_yticks(range(n), [as_written(names[i]) for i in order], fontsize=min(8, 600 / n))
     else:
         right.set_yticks([])
     right.tick_params(length=0)

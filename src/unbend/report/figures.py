@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from unbend._text import printable
 from unbend._types import FloatArray
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
@@ -19,6 +20,7 @@ __all__ = [
     "UPRIGHT",
     "VIEWS",
     "CanonicalColumn",
+    "as_written",
     "draw_canonical_forms",
     "draw_mesh",
     "draw_places",
@@ -246,7 +248,7 @@ def draw_canonical_forms(
             ax = figure.add_axes((0.02 + i * width, below, width, 0.96 * height))
             draw_places(ax, vertices, mesh, colors, seen_from, thicker)
             rows[row].append(ax)
-        figure.text(0.02 + (i + 0.5) * width, 0.015, caption, ha="center", fontsize=9)
+        figure.text(0.02 + (i + 0.5) * width, 0.015, as_written(caption), ha="center", fontsize=9)
     for row_axes in rows:
         same_scale(row_axes)
     save_figure(figure, path)
@@ -259,6 +261,11 @@ def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
             f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"
         )
     return points
+
+
+def as_written(name: str) -> str:
+    """Write a name for matplotlib, which would read what stands between dollars as a formula."""
+    return printable(name).replace("$", r"\$")
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
@@ -283,11 +290,8 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
     """
     from matplotlib import rc_context
-    from matplotlib.text import Text
 
     suffix = check_writable(path, tuple(_UNDATED)).suffix.lower()
-    for text in figure.findobj(Text):
-        text.set_parse_math(False)  # a name may hold dollar signs
     # Neither the time nor chance: the same picture is the same file.
     with atomic_write(path) as file, rc_context({"svg.hashsalt": "unbend"}):
         figure.savefig(file, format=suffix[1:], metadata=_UNDATED[suffix])

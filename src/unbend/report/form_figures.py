@@ -15,6 +15,7 @@ from unbend.mesh import Mesh
 from unbend.report.figures import (
     FORM_THICKER,
     UPRIGHT,
+    as_written,
     draw_places,
     new_figure,
     position_colors,
@@ -66,7 +67,10 @@ def draw_form(
     mesh = drawable(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     places = turned_to_fit(form.points, mesh.vertices, inside)
-    columns = [(mesh.name, mesh.vertices, 0.0), ("its canonical form", places, FORM_THICKER)]
+    columns = [
+        (as_written(mesh.name), mesh.vertices, 0.0),
+        ("its canonical form", places, FORM_THICKER),
+    ]
     if form.surface is not None:
         laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
         columns.append(("the surface in its form's pose", laid, 0.0))

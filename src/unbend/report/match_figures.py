@@ -16,7 +16,14 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh
-from unbend.report.figures import UPRIGHT, draw_mesh, new_figure, position_colors, save_figure
+from unbend.report.figures import (
+    UPRIGHT,
+    as_written,
+    draw_mesh,
+    new_figure,
+    position_colors,
+    save_figure,
+)
 from unbend.report.trees import apart, join_alike
 
 __all__ = [
@@ -175,7 +182,7 @@ def draw_match(
         for row, azimuth in enumerate((view[0], view[0] + 180)):
             ax = figure.add_axes((0.01 + 0.5 * i, 0.53 - 0.47 * row, 0.48, 0.46))
             draw_mesh(ax, mesh, colors=painted, view=(azimuth, view[1]))
-        figure.text(0.25 + 0.5 * i, 0.02, caption, ha="center", fontsize=10)
+        figure.text(0.25 + 0.5 * i, 0.02, as_written(caption), ha="center", fontsize=10)
     save_figure(figure, path)
 
 
@@ -231,7 +238,7 @@ def draw_error_curves(
         raise InputError("there are no evaluations to draw")
     figure = error_curves(evaluations)
     if title:
-        figure.axes[0].set_title(title, fontsize=10)
+        figure.axes[0].set_title(as_written(title), fontsize=10)
     save_figure(figure, path)
 
 
@@ -240,7 +247,8 @@ def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
     figure = new_figure(5.2, 3.8)
     figure.set_layout_engine("constrained")
     ax = figure.add_subplot()
-    for i, (name, found) in enumerate(evaluations.items()):
+    for i, (given, found) in enumerate(evaluations.items()):
+        name = as_written(given)
         label = f"{name}, mean {found.mean():.3f}"
         ax.plot(THRESHOLDS, found.curve(), color=f"C{i}", lw=1.8, marker=".", label=label)
         if found.map_min is not None:
@@ -290,7 +298,7 @@ def draw_similarities(
     if table.shape != (n, n) or n == 0:
         raise InputError(f"{n} names need similarities of shape ({n}, {n}), not {table.shape}")
     order = _alike_together(table)
-    table, labels = table[np.ix_(order, order)], [names[i] for i in order]
+    table, labels = table[np.ix_(order, order)], [as_written(names[i]) for i in order]
     side = 1.2 + max(0.42, 2.0 / n) * n
     figure = new_figure(side + 1.0, side)
     figure.set_layout_engine("constrained")

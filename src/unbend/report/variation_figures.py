@@ -9,7 +9,7 @@ import numpy as np
 
 from unbend.errors import InputError
 from unbend.mesh import Mesh
-from unbend.report.figures import draw_mesh, new_figure, same_scale, save_figure
+from unbend.report.figures import as_written, draw_mesh, new_figure, same_scale, save_figure
 
 _SIDE = 1.8  # inches
 
@@ -62,7 +62,7 @@ def draw_variation(
             axes = figure.add_axes(place)
             draw_mesh(axes, mesh, colors=moved)
             drawn.append(axes)
-        figure.text(0.01, 1 - i * height - 0.02, name, va="top", fontsize=8)
+        figure.text(0.01, 1 - i * height - 0.02, as_written(name), va="top", fontsize=8)
     for j, caption in enumerate(captions):
         figure.text((j + 0.5) / len(captions), 0.02, caption, ha="center", fontsize=9)
     same_scale(drawn)

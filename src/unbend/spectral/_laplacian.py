@@ -83,7 +83,10 @@ def laplacian(
     if area_kind not in ("voronoi", "barycentric"):
         raise InputError(f'area_kind must be "voronoi" or "barycentric", not {area_kind!r}')
     if laplacian == "auto":
-        laplacian = choose_kind(laplacian, prepare(mesh, connected=False))
+        prepared = prepare(mesh, connected=False)
+        laplacian = choose_kind(laplacian, prepared)
+        if len(prepared.kept_faces) < mesh.n_faces:
+            mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
     if laplacian == "robust":
         return _robust(mesh)
     if laplacian == "cotangent":

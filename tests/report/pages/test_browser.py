@@ -304,3 +304,13 @@ def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, scre
     browser.run("(s => { s.value = 4; s.dispatchEvent(new Event('input')) })(part('thicken'))")
     browser.settle()
     assert changed(thin, browser.picture("#form")) > 0.002
+
+
+def test_a_name_is_text_and_nothing_else(browser, tmp_path: Path) -> None:
+    name = "<script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
+    sphere = make_sphere(2)
+    mesh_page(Mesh(sphere.vertices, sphere.faces, name=name)).write(tmp_path / "name.html")
+    browser.open(tmp_path / "name.html")
+    assert browser.run("document.querySelector('h1').textContent") == name
+    assert browser.run("document.images.length") == 0
+    assert browser.run("document.title") != "run"

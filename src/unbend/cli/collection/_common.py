@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from unbend._text import printable
 from unbend.cli._common import command_line, say
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def opened(store: str) -> Collection:
 def shown(path: str) -> str:
     """Shorten a path that is below the folder we are in."""
     here = os.path.join(os.getcwd(), "")
-    return path.removeprefix(here)
+    return printable(path.removeprefix(here))
 
 
 def list_failures(failures: Sequence[Failure]) -> None:
@@ -125,7 +126,7 @@ def write_page(
 @contextmanager
 def bar_on_stderr() -> Iterator[Progress]:
     """Show how far it is, the rate and the time left: a bar, or now and then a line in a log."""
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn
 

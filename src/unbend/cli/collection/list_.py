@@ -30,8 +30,9 @@ def list_(
     if as_json:
         print_json({"store": store, "shapes": [vars(entry) for entry in entries]})
         return
+    first = list(itertools.islice(entries, 1))  # before anything is printed: it may fail
     typer.echo(f"{'id':<{SHORT_ID}}  {'vertices':>10}  {'faces':>10}  path")
-    for one in entries:
+    for one in itertools.chain(first, entries):
         typer.echo(
             f"{one.id[:SHORT_ID]}  {one.n_vertices:>10,}  {one.n_faces:>10,}  {shown(one.path)}"
         )

@@ -12,6 +12,9 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend.errors import FileError
 
+# What NumPy can count, in empty arrays too.
+_MOST_DIMENSIONS, _MOST_BYTES = 32, 2**62
+
 
 def read_array(data: bytes) -> npt.NDArray[Any]:
     """Read an array of numbers, truth values or text from the bytes of a .npy file.
@@ -66,6 +69,11 @@ def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]
         raise FileError("not a NumPy array file, or a damaged one") from error
     if dtype.kind not in "biufU":
         raise FileError(f"holds an array of shape {shape} and type {dtype}, not numbers or text")
-    if min(shape, default=0) < 0:
-        raise FileError(f"promises an array of shape {shape}")
+    bytes_but_for_zeros = math.prod(filter(None, shape)) * dtype.itemsize
+    if (
+        min(shape, default=0) < 0
+        or len(shape) > _MOST_DIMENSIONS
+        or not 0 < bytes_but_for_zeros < _MOST_BYTES
+    ):
+        raise FileError(f"promises an array of shape {shape} and type {dtype}")
     return shape, fortran_order, dtype

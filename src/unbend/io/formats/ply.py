@@ -70,6 +70,8 @@ def read(data: bytes) -> Contents:
         raise FileError("has vertices without the properties x, y and z")
     if face is not None and face.count:
         listed = [i for name in _INDICES if (i := face.index(name)) >= 0]
+        if len(listed) > 1:
+            raise FileError(f"has faces with both {_INDICES[0]} and {_INDICES[1]}; keep one")
         if not listed or face.properties[listed[0]].size_dtype is None:
             raise FileError("has faces without the property list vertex_indices")
         index_type = face.properties[listed[0]].dtype
@@ -106,7 +108,10 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
                 raise FileError(f"has a header line that PLY does not know: {line[:60]!r}")
     if not encoding:
         raise FileError("has no format line (ascii, binary_little_endian or binary_big_endian)")
+    named = [element.name for element in elements]
     for element in elements:
+        if named.count(element.name) > 1:
+            raise FileError(f"names the element {element.name} twice")
         names = [p.name for p in element.properties]
         if len(set(names)) != len(names):
             raise FileError(f"names a property of {element.name} twice")
@@ -185,7 +190,8 @@ def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
         at += rows.nbytes
         if element.name == "vertex":
             xyz = [rows[f"p{element.index(axis)}"] for axis in "xyz"]
-            vertices = np.column_stack(xyz).astype(np.float64)
+            with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
+                vertices = np.column_stack(xyz).astype(np.float64)
         elif element.name == "face":
             corners = rows[f"p{_indices_of(element)}"].astype(np.int64)
             sizes = np.full(len(rows), corners.shape[1], dtype=np.int64)
@@ -250,7 +256,7 @@ def _ragged_rows(
                 raise _truncated(element, "fewer")
             if i == wanted:
                 sizes.append(size)
-                corners.append(np.frombuffer(body, dtype, size, at).tolist())
+                corners.append(np.frombuffer(body, dtype, size, at).astype(np.int64).tolist())
             at = end
     flat = np.fromiter(chain.from_iterable(corners), dtype=np.int64)
     return (np.array(sizes, dtype=np.int64), flat), at

@@ -31,7 +31,8 @@ def read_npy(data: bytes) -> Contents:
         raise FileError(
             f"holds an array of shape {points.shape} and type {points.dtype}, not (n, 3) numbers"
         )
-    return Contents(points.astype(np.float64), NO_FACES)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
+        return Contents(points.astype(np.float64), NO_FACES)
 
 
 def write_xyz(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:

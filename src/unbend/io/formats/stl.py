@@ -48,7 +48,8 @@ def _binary(data: bytes) -> FloatArray | None:
             else "not an STL file, or one without triangles"
         )
     triangles = np.frombuffer(data, dtype=_TRIANGLE, count=n_triangles, offset=_HEADER)
-    return triangles["corners"].reshape(-1, 3).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
+        return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 
 def _text(data: bytes) -> FloatArray:

@@ -1,0 +1,42 @@
+"""Run every case and write the table of ``docs/bad-input.md``: ``python -m tests.corpus``."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from . import CASES, try_case
+
+PAGE = Path(__file__).parents[2] / "docs" / "bad-input.md"
+HEAD = """\
+# Bad input
+
+What the command line makes of files that are not as they should be. Each case is made by code in
+`tests/corpus` and run by the tests, most of them through every command that reads such a file. A
+case ends in one of two ways: with an answer, which is compared with that of the same mesh mended;
+or with exit code 2 and one sentence that names the file and what is wrong with it. No traceback, no
+hang, nothing left half-written, and never more memory than the file itself accounts for.
+
+This page is written by `python -m tests.corpus`.
+
+| case | expected | seen |
+| --- | --- | --- |
+"""
+
+
+def main() -> None:
+    """Write the page; what goes wrong is raised."""
+    rows = []
+    for case in CASES:
+        with tempfile.TemporaryDirectory() as folder:
+            seen = try_case(case, Path(folder))
+        rows.append(" | ".join(map(_cell, (case.name, str(case.expected), seen))))
+    PAGE.write_text(HEAD + "".join(f"| {row} |\n" for row in rows))
+    print(f"{len(rows)} cases, written to {PAGE}")
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+main()

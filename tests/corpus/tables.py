@@ -1,0 +1,175 @@
+"""Maps, values, landmarks and labels that are damaged."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from .case import Case, Refused
+from .good import Command, beside
+
+_N = 42  # vertices of good.off
+
+_Row = tuple[str, str, str | bytes, str]
+
+
+def cases() -> Iterator[Case]:
+    """Give a case for each damaged table."""
+    yield from (_case(_using_map, row) for row in (*_maps(), *_lists_of_vertices()))
+    yield from (_case(_using_truth, row) for row in _truths())
+    yield from (_case(_using_values, row) for row in _values())
+    yield from (_case(_using_landmarks, row) for row in _landmarks())
+    yield from (_case(_using_labels, row) for row in _labels())
+
+
+def _case(commands: object, row: _Row) -> Case:
+    name, suffix, content, sentence = row
+    assert callable(commands)
+    data = content.encode() if isinstance(content, str) else content
+
+    def make(folder: Path) -> None:
+        beside(folder)
+        (folder / f"bad{suffix}").write_bytes(data)
+
+    return Case(name, make, commands(f"bad{suffix}"), Refused(sentence, names=f"bad{suffix}"))
+
+
+def _using_map(name: str) -> tuple[Command, ...]:
+    """Give every command that reads a map, with this one."""
+    return (
+        f"transfer good.off good.off --map {name} --values values.csv -o out.csv",
+        f"register good.off good.off --map {name} -o out.ply",
+        f"evaluate {name} --target good.off --source-truth truth.txt --target-truth truth.txt",
+    )
+
+
+def _using_truth(name: str) -> tuple[Command, ...]:
+    evaluate = "evaluate map.txt --target good.off --source-truth truth.txt --target-truth"
+    return (
+        f"{evaluate} {name}",
+        f"{evaluate} truth.txt --mirrored-truth {name}",
+        "match good.off good.off --method icp --report out.html --no-cache "
+        f"--source-truth truth.txt --target-truth {name}",
+    )
+
+
+def _using_values(name: str) -> tuple[Command, ...]:
+    transfer = f"transfer good.off good.off --map map.txt --values {name} -o"
+    return tuple(f"{transfer} out{suffix}" for suffix in (".npy", ".csv", ".txt"))
+
+
+def _using_landmarks(name: str) -> tuple[Command, ...]:
+    return (f"match good.off good.off --landmarks {name} -o out.npz --no-cache",)
+
+
+def _using_labels(name: str) -> tuple[Command, ...]:
+    return (f"collection evaluate STORE --labels {name}",)
+
+
+def _lines(*rows: object) -> str:
+    return "".join(f"{row}\n" for row in rows)
+
+
+_MAP = [str(i) for i in range(_N)]
+
+
+def _maps() -> Iterator[_Row]:
+    yield "map, empty", ".txt", "", "is empty"
+    yield "map, comments only", ".txt", "# a map\n", "holds no rows"
+    yield "map, a header only", ".csv", "target_vertex\n", "holds no rows"
+    yield "map, words", ".txt", _lines(*_MAP[:-1], "tail"), "row 41 holds 'tail'"
+    yield "map, two columns", ".txt", _lines(*_MAP[:-1], "1 2"), "row 41 holds '1 2'"
+    yield "map, a fraction", ".txt", _lines(*_MAP[:-1], "1.5"), "row 41 is 1.5"
+    yield "map, NaN", ".txt", _lines(*_MAP[:-1], "nan"), "row 41 is nan"
+    yield "map, infinity", ".txt", _lines(*_MAP[:-1], "-inf"), "row 41 is -inf"
+    yield "map, beyond the last vertex", ".txt", _lines(*_MAP[:-1], _N), "row 41 is 42"
+    yield "map, -2", ".txt", _lines(*_MAP[:-1], -2), "row 41 is -2"
+    yield "map, a number of 400 digits", ".txt", _lines(*_MAP[:-1], "9" * 400), "row 41 is inf"
+    yield "map, counted from 0 where 1 is meant", ".vts", _lines(*_MAP), "does the file count"
+    yield "map, noise", ".txt", bytes(range(256)), "binary data"
+    yield "map, Latin-1", ".txt", "é\n".encode("latin-1") * _N, "row 0 holds"
+    yield "map, an unknown suffix", ".map", _lines(*_MAP), "unknown suffix"
+
+
+def _lists_of_vertices() -> Iterator[_Row]:
+    yield "map as .npy, two axes", ".npy", _npy(np.zeros((_N, 1), int)), "list of vertex numbers"
+    yield "map as .npy, no axis", ".npy", _npy(np.array(3)), "list of vertex numbers"
+    yield "map as .npy, no rows", ".npy", _npy(np.zeros(0, int)), "holds no rows"
+    yield "map as .npy, words", ".npy", _npy(np.array(_MAP)), "list of vertex numbers"
+    yield "map as .npy, fractions", ".npy", _npy(np.arange(_N) + 0.5), "row 0 is 0.5"
+    yield "map as .npy, cut off", ".npy", _npy(np.arange(_N))[:-1], "truncated"
+    yield "map as .npy, 2^63", ".npy", _npy(np.full(_N, 2**63, np.uint64)), "row 0 is 9223372036"
+    objects = np.array([{}], dtype=object)
+    yield "map as .npy, pickled", ".npy", _npy(objects, pickled=True), "not numbers or text"
+
+
+def _truths() -> Iterator[_Row]:
+    yield "truth, empty", ".vts", "", "is empty"
+    yield "truth, fewer rows", ".txt", _lines(*_MAP[:-1]), "holds 41 rows, but truth.txt 42"
+    yield "truth, beyond the last vertex", ".txt", _lines(*_MAP[:-1], 99), "row 41 is 99"
+    yield "truth, words", ".csv", _lines("image", *_MAP[:-1], "x"), "row 41 holds 'x'"
+
+
+def _values() -> Iterator[_Row]:
+    numbers = [str(i / 4) for i in range(_N)]
+    yield "values, empty", ".csv", "", "is empty"
+    yield "values, comments only", ".txt", "# none\n", "holds no rows"
+    yield "values, fewer rows", ".csv", _lines(*numbers[:-1]), "41 rows|42 vertices"
+    yield "values, more rows", ".txt", _lines(*numbers, 1, 2), "44 rows"
+    yield "values, rows of several lengths", ".csv", _lines(*numbers[:-1], "1,2"), "row 41 has 2 en"
+    yield "values, words among numbers", ".csv", _lines(*["1,x"] * _N), "row 0 holds '1 x'"
+    yield "values, whole numbers of 30 digits", ".csv", _lines(*["9" * 30] * _N), "row 0 holds '999"
+    yield "values, a word of a million letters", ".txt", _lines(*["a"] * 41, "b" * 10**6), "row 41"
+    yield (
+        "values, a CSV cell of a million letters",
+        ".csv",
+        "a" * 10**6 + "\n1\n",
+        "not a table in CSV",
+    )
+    yield "values, noise", ".csv", bytes(range(256)) * 9, "binary data"
+    yield "values as .npy, no axis", ".npy", _npy(np.array(1.0)), "holds no rows"
+    yield "values as .npy, fewer rows", ".npy", _npy(np.zeros(7)), "7 rows"
+    yield "values as .npy, cut off", ".npy", _npy(np.zeros(_N))[:-1], "truncated"
+    yield "values as .npy, a structure", ".npy", _npy(np.zeros(_N, "i4,i4")), "not numbers"
+    objects = np.array([{}] * _N, dtype=object)
+    yield "values as .npy, pickled", ".npy", _npy(objects, pickled=True), "not numbers or text"
+
+
+def _landmarks() -> Iterator[_Row]:
+    yield "landmarks, empty", ".csv", "", "is empty"
+    yield "landmarks, a header only", ".csv", "source,target\n", "holds no landmarks"
+    yield "landmarks, one column", ".csv", "1\n2\n", "row 0 holds '1'"
+    yield "landmarks, three columns", ".csv", "1,2,3\n", "row 0 holds '1 2 3'"
+    yield "landmarks, words", ".csv", "1,2\nnose,tail\n", "row 1 holds 'nose tail'"
+    yield "landmarks, a fraction", ".txt", "1.5 2\n", "row 0 holds '1.5 2'"
+    yield "landmarks, negative", ".csv", "1,2\n-1,3\n", "row 1 holds '-1 3'"
+    yield "landmarks, beyond the last vertex", ".csv", "1,2\n3,42\n", "row 1 names vertex 42"
+    yield "landmarks, a number of 30 digits", ".csv", f"1,{'9' * 30}\n", "row 0 holds '1 999"
+    yield "landmarks, noise", ".csv", bytes(range(256)), "binary data"
+    yield "landmarks, an unknown suffix", ".xls", "1,2\n", "unknown suffix"
+
+
+def _labels() -> Iterator[_Row]:
+    yield "labels, empty", ".csv", "", "is empty"
+    yield "labels, another column", ".csv", "path,name\nstone0.off,a\n", "no column label"
+    yield "labels, of no shape", ".csv", "path,label\nnowhere.off,a\n", "line 2: nowhere.off is no"
+    yield "labels, an empty one", ".csv", "path,label\nstone0.off,\n", "line 2 lacks"
+    yield (
+        "labels, two for one shape",
+        ".csv",
+        "path,label\nstone0.off,a\nstone0.off,b\n",
+        "line 3 calls",
+    )
+    yield "labels, Latin-1", ".csv", "path,label\nstone0.off,é\n".encode("latin-1"), "bad.csv"
+    yield "labels, noise", ".csv", bytes(range(256)), "bad.csv"
+    long = f"path,label\nstone0.off,{'a' * 10**6}\n"
+    yield "labels, a cell of a million letters", ".csv", long, "bad.csv"
+
+
+def _npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array, allow_pickle=pickled)
+    return file.getvalue()
