@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable fuzz lint format bench docs clean
+.PHONY: demo test test-browser browser test-portable test-matrix fuzz lint format bench docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -44,6 +44,9 @@ browser: ## installs Chromium where there is none and we may
 	&& timeout 300 sh -c "apt-get update -qq && apt-get install -qq -y chromium" >/dev/null; } || { echo \
 	"no Chromium was found: install it, or name a browser like it in UNBEND_BROWSER" >&2; exit 1; }
 
+test-matrix: .venv/release.stamp ## what would be released, in empty environments; CASES="--extra none"
+	$(BIN)/python release/matrix.py $(CASES)
+
 FUZZ_SECONDS ?= 600
 
 fuzz: .venv/test.stamp .venv/fuzz.stamp ## each family of inputs for FUZZ_SECONDS; what is found is kept in fuzz-finds
@@ -67,7 +70,7 @@ docs: .venv/docs.stamp ## the documentation site, into docs/_build/html; warning
 	$(BIN)/sphinx-build -W --keep-going docs docs/_build/html
 
 clean: ## remove the environment, all caches, and the built site
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*
+	rm -rf .venv dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*
 	rm -rf docs/_build docs/api/backreferences docs/api/generated docs/commands docs/gallery
 
 .venv/%.stamp: pyproject.toml

@@ -31,6 +31,8 @@ _LAUNCH = (
 
 def find_browser() -> str | None:
     """Find Chromium: what UNBEND_BROWSER names, or one on the path."""
+    if sys.platform == "win32":
+        return None  # pipes do not pass to it as they do elsewhere
     return os.environ.get("UNBEND_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
 
 

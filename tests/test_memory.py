@@ -1,7 +1,9 @@
 """Memory: what is predicted, what is free, and the sentence between them."""
 
-import resource
+import ctypes
+import mmap
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,4 +65,19 @@ def test_free_memory_of_the_machine(tmp_path):
     (tmp_path / "meminfo").write_text("MemTotal: 9 kB\nMemAvailable: 7 kB\n")
     assert _machine(tmp_path) == 7 * 1024
     if sys.platform != "win32":
-        assert _machine(tmp_path / "nothing") > resource.getpagesize()
+        assert _machine(tmp_path / "nothing") > mmap.PAGESIZE
+
+
+def test_windows_is_asked_what_is_free(tmp_path, monkeypatch):
+    def tell(pointer):
+        status = pointer._obj
+        assert status.size == 64  # as documented of MEMORYSTATUSEX; else Windows refuses
+        status.total, status.available = 16 * GIB, 5 * GIB
+        return 1
+
+    kernel = SimpleNamespace(GlobalMemoryStatusEx=tell)
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(ctypes, "windll", SimpleNamespace(kernel32=kernel), raising=False)
+    assert _machine(tmp_path / "nothing") == 5 * GIB
+    kernel.GlobalMemoryStatusEx = lambda pointer: 0
+    assert _machine(tmp_path / "nothing") is None

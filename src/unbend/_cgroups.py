@@ -24,7 +24,7 @@ def control_groups(
         not exist; none are known where the system has no control groups.
     """
     try:
-        lines = (proc / "self" / "cgroup").read_text().splitlines()
+        lines = (proc / "self" / "cgroup").read_text("utf-8", "surrogateescape").splitlines()
     except OSError:
         return []
     groups = []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 from pathlib import Path
 
 from unbend._cgroups import control_groups
@@ -86,15 +88,31 @@ def _gib(size: int) -> str:
 
 def _machine(proc: Path = Path("/proc")) -> int | None:
     try:
-        for line in (proc / "meminfo").read_text().splitlines():
+        for line in (proc / "meminfo").read_text("utf-8").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) * 1024
     except (OSError, ValueError):
         pass
+    if sys.platform == "win32":
+        status = _WindowsMemory(ctypes.sizeof(_WindowsMemory))
+        told = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
+        return int(status.available) if told else None
     try:  # other systems say at least how much there is in all
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return None
+
+
+class _WindowsMemory(ctypes.Structure):
+    """``MEMORYSTATUSEX``, as Windows fills it in."""
+
+    _fields_ = (
+        ("size", ctypes.c_uint32),
+        ("load", ctypes.c_uint32),
+        ("total", ctypes.c_uint64),
+        ("available", ctypes.c_uint64),
+        ("others", ctypes.c_uint64 * 5),
+    )
 
 
 def _group_limits(**places: Path) -> list[int | None]:
@@ -108,11 +126,11 @@ def _group_limits(**places: Path) -> list[int | None]:
 
 def _left(limit: Path, usage: Path) -> int | None:
     try:
-        used = int(usage.read_text())
+        used = int(usage.read_text("utf-8"))
         # Files that are only cached give way when memory is asked for.
-        for line in limit.with_name("memory.stat").read_text().splitlines():
+        for line in limit.with_name("memory.stat").read_text("utf-8").splitlines():
             if line.split()[0] == "inactive_file":
                 used -= int(line.split()[1])
-        return max(int(limit.read_text()) - used, 0)
+        return max(int(limit.read_text("utf-8")) - used, 0)
     except (OSError, ValueError, IndexError):  # no limit is "max" or no file
         return None

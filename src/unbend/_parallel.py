@@ -66,7 +66,7 @@ def _quota(**places: Path) -> int:
 def _share(group: Path, version: int) -> float:
     names = ["cpu.max"] if version == 2 else ["cpu.cfs_quota_us", "cpu.cfs_period_us"]
     try:
-        quota, period = " ".join((group / name).read_text() for name in names).split()
+        quota, period = " ".join((group / name).read_text("utf-8") for name in names).split()
         return int(quota) / int(period)
     except (OSError, ValueError, ZeroDivisionError):  # no limit is "max", -1 or no file
         return -1.0

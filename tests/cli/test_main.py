@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 import unbend
+from unbend import write_mesh
 from unbend.cli import _common, app, main
+from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 
 RUN = [sys.executable, "-c", "from unbend.cli import main; main()"]
@@ -150,3 +155,60 @@ def test_notes_go_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err == "note: one\nnote: two\n"
+
+
+def test_it_runs_as_a_module() -> None:
+    run = [sys.executable, "-m", "unbend"]
+    done = subprocess.run([*run, "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"unbend {unbend.__version__}\n")
+    refused = subprocess.run([*run, "check", "none.off"], capture_output=True, text=True)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == "error: cannot read none.off: there is no such file\n"
+
+
+def test_shells_can_complete_commands_and_options(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["unbend"])
+    monkeypatch.setenv("_UNBEND_COMPLETE", "complete_bash")
+    for typed, expected in (("unbend can", {"canonical"}), ("unbend match --par", {"--partial"})):
+        monkeypatch.setenv("COMP_WORDS", typed)
+        monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert not end.value.code
+        assert set(capsys.readouterr().out.split()) == expected
+
+
+@pytest.mark.parametrize(
+    ("platform", "filename", "code"),
+    [("win32", None, 141), ("win32", "a|b.off", 1), ("linux", None, 1)],
+)
+def test_a_closed_pipe_is_quiet_on_windows_too(
+    platform: str, filename: str | None, code: int
+) -> None:
+    program = (
+        "import sys, unbend.cli as c\n"
+        "@c.app.command()\ndef write():\n"
+        f"    sys.platform = {platform!r}\n"
+        f"    raise OSError({errno.EINVAL}, 'Invalid argument', {filename!r})\n"
+        "c.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", program, "write"], capture_output=True)
+    assert (done.returncode, done.stderr == b"") == (code, code == 141)
+
+
+def test_what_a_pipe_cannot_encode_is_escaped(tmp_path: Path) -> None:
+    # What Windows gives a pipe in western Europe, which has no Greek.
+    environment = os.environ | {"PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
+    write_mesh(tmp_path / "Ω.off", make_sphere(1))
+    command = [sys.executable, "-m", "unbend", "check", "Ω.off"]
+    done = subprocess.run(command, capture_output=True, cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\u03a9.off" in done.stdout
+
+
+def test_commands_are_quoted_as_the_shell_takes_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _common.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert _common.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'

@@ -6,7 +6,6 @@ import csv
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -283,7 +282,7 @@ def test_killed_and_resumed_it_is_as_if_undisturbed(
     done = subprocess.Popen([sys.executable, tmp_path / "add.py", tmp_path / "killed", stones])
     while done.poll() is None and len(Collection(tmp_path / "killed")) < 3:
         time.sleep(0.02)
-    done.send_signal(signal.SIGKILL)
+    done.kill()
     done.wait()
     killed = Collection(tmp_path / "killed")
     last = killed.add(stones, workers=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,7 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no permissions of this kind")
 def test_permissions_follow_the_users_mask_and_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     mask = os.umask(0o027)
@@ -62,6 +64,7 @@ def test_permissions_follow_the_users_mask_and_the_old_file(tmp_path: Path) -> N
     assert path.stat().st_mode & 0o777 == 0o604
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege")
 def test_a_link_keeps_pointing_where_it_did(tmp_path: Path) -> None:
     (tmp_path / "link.txt").symlink_to(tmp_path / "target.txt")
     (tmp_path / "target.txt").write_bytes(b"old")
@@ -81,8 +84,20 @@ def test_outputs_that_cannot_work_are_refused(
         check_writable(tmp_path, [])
     with pytest.raises(FileError, match="there is no folder"):
         check_writable(tmp_path / "missing" / "a.off", [".off"])
-    with pytest.raises(FileError, match="not a regular file"):
-        check_writable("/dev/null", [])
+    if sys.platform != "win32":
+        with pytest.raises(FileError, match="not a regular file"):
+            check_writable("/dev/null", [])
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(FileError, match="no permission"):
         check_writable(tmp_path / "a.off", [".off"])
+
+
+def test_a_read_only_file_is_refused_where_it_cannot_be_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.off"
+    path.touch()
+    monkeypatch.setattr(os, "access", lambda name, mode: Path(name) != path)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(FileError, match="it is read-only; allow writing or remove it"):
+        check_writable(path, [])

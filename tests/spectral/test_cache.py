@@ -237,3 +237,15 @@ def test_fifty_processes_killed_at_random_never_see_a_wrong_number():
         if found is not None:
             functions = np.full((3000, len(found[0])), float(key)) + np.arange(len(found[0]))
             np.testing.assert_array_equal(found[1], functions)
+
+
+def test_a_file_that_another_process_has_open_costs_no_storing(folder, monkeypatch):
+    store_eigenpairs("old", VALUES, FUNCTIONS)
+    monkeypatch.setenv("UNBEND_CACHE_GIB", "1e-6")
+
+    def refuse(path, **_):
+        raise PermissionError(13, "open in another process", str(path))  # as Windows does
+
+    monkeypatch.setattr("pathlib.Path.unlink", refuse)
+    store_eigenpairs("new", VALUES, FUNCTIONS)
+    assert load_eigenpairs("new") is not None

@@ -61,8 +61,6 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            if isinstance(sys.stdout, io.TextIOWrapper):  # a name may be no text in its encoding
-                sys.stdout.reconfigure(errors="backslashreplace")
             with warnings.catch_warnings():
                 warnings.showwarning = print_warning  # type: ignore[assignment]
                 warnings.simplefilter("always", UnbendWarning)
@@ -76,10 +74,10 @@ class _Group(TyperGroup):
         except KeyboardInterrupt:
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
-        except BrokenPipeError:
-            _give_up_stdout()
-            raise typer.Exit(_EXIT_BROKEN_PIPE) from None
         except OSError as error:
+            if _is_broken_pipe(error):
+                _give_up_stdout()
+                raise typer.Exit(_EXIT_BROKEN_PIPE) from None
             if error.filename is not None or error.errno not in _NO_ROOM:
                 raise
             _give_up_stdout()
@@ -92,13 +90,18 @@ def _give_up_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def _is_broken_pipe(error: OSError) -> bool:
+    # Windows has no such error and calls the write itself invalid; files name theirs.
+    invalid = error.errno == errno.EINVAL and error.filename is None
+    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and invalid)
+
+
 app = typer.Typer(
     name="unbend",
     cls=_Group,
     help="Pose-free canonical forms of deformable 3-D shapes.",
     epilog="unbend COMMAND --help explains a command and shows examples.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: rich would double the time it takes
     pretty_exceptions_enable=False,
 )
@@ -128,6 +131,10 @@ def _options(
 
 def main() -> None:
     """Run the command line; the ``unbend`` script calls this."""
+    # A pipe on Windows, or a name that is no text, has characters that cannot be written as they
+    # are: better escaped than an end halfway through.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app()
     except KeyboardInterrupt:  # before a command began

@@ -75,12 +75,17 @@ CacheOption = Annotated[
 
 def command_line() -> str:
     """Give the command that is running, as it could be typed again."""
-    return shlex.join(["unbend", *sys.argv[1:]])
+    return quoted("unbend", *sys.argv[1:])
 
 
-def quoted(path: str) -> str:
-    """Write a path as it is typed in a shell."""
-    return shlex.quote(printable(path))
+def quoted(*words: str) -> str:
+    """Put words together as this system's shell takes them."""
+    shown = [printable(word) for word in words]
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(shown)
+    return shlex.join(shown)
 
 
 def say(kind: str, sentence: str) -> None:

@@ -318,5 +318,5 @@ def _next_step(source: str, target: str, out: str | None, report: str | None) ->
         return f"open {report} in a browser"
     if out is None:
         return "add -o MAP.npz to keep the match, --report HTML to look at it"
-    paths = " ".join(map(quoted, (source, target)))
+    paths = quoted(source, target)
     return f"unbend transfer {paths} --map {quoted(out)} --values VALUES.npy -o OUT.npy"

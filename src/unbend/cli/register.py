@@ -133,7 +133,7 @@ def register(
             "written": out,
         }
     )
-    paths = " ".join(map(quoted, (template, scan)))
+    paths = quoted(template, scan)
     typer.echo(f"next: unbend match {paths} --figure PNG, to see what went where")
 
 

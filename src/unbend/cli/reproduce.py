@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from typing import Annotated
 import typer
 
 from unbend.choices import Experiment
-from unbend.cli._common import EXIT_REFUSED, JsonOption, print_json, say, steps_on_stderr
+from unbend.cli._common import EXIT_REFUSED, JsonOption, print_json, quoted, say, steps_on_stderr
 
 
 def reproduce(
@@ -100,8 +99,8 @@ def reproduce(
         print_json({"index": str(index), "pages": pages, "not_run": skipped})
     else:
         for name, path in pages.items():
-            typer.echo(f"{name:12}{shlex.quote(path)}")
-        typer.echo(f"{'index':12}{shlex.quote(str(index))}")
+            typer.echo(f"{name:12}{quoted(path)}")
+        typer.echo(f"{'index':12}{quoted(str(index))}")
     if not pages:
         raise typer.Exit(EXIT_REFUSED)
 

@@ -6,6 +6,7 @@ import os
 import secrets
 import shutil
 import stat
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -57,6 +58,10 @@ def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> P
         raise FileError(f"cannot write {path}: it is not a regular file")
     if not os.path.isdir(folder):
         raise FileError(f"cannot write {path}: there is no folder {folder}; create it first")
+    if sys.platform == "win32" and path.exists() and not os.access(path, os.W_OK):
+        # Elsewhere the folder alone decides; there such a file can be neither replaced nor, had
+        # the temporary one taken its mode, tidied away.
+        raise FileError(f"cannot write {path}: it is read-only; allow writing or remove it")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"cannot write {path}: no permission to write in the folder {folder}")
     return path

@@ -118,7 +118,7 @@ def _warm_up(name: str) -> None:
 
 
 def _resident(field: str) -> float:
-    found = re.search(rf"{field}:\s*(\d+)", _STATUS.read_text())
+    found = re.search(rf"{field}:\s*(\d+)", _STATUS.read_text("utf-8"))
     return int(found[1]) / 1024 if found else float("nan")
 
 

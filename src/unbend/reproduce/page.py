@@ -109,7 +109,7 @@ def machine() -> dict[str, object]:
     processor = platform.processor()
     with_names = Path("/proc/cpuinfo")
     if with_names.exists():
-        found = re.search(r"model name\s*: (.*)", with_names.read_text())
+        found = re.search(r"model name\s*: (.*)", with_names.read_text("utf-8"))
         processor = found[1].strip() if found else processor
     facts: dict[str, object] = {
         "system": f"{platform.system()} {platform.machine()}",

@@ -160,11 +160,16 @@ def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
 def _make_room(n_bytes: int) -> None:
     for path, _, used in _files(".*.part"):
         if time.time() - used > _ABANDONED_SECONDS:
-            path.unlink(missing_ok=True)
+            _give_up(path)
     files = sorted(_files(), key=lambda file: file[2])
     excess = sum(size for _, size, _ in files) + n_bytes - _most_bytes()
     for path, size, _ in files:
         if excess <= 0:
             return
-        path.unlink(missing_ok=True)
+        _give_up(path)
         excess -= size
+
+
+def _give_up(path: Path) -> None:
+    with suppress(OSError):  # gone already or, on Windows, open in another process: let it be
+        path.unlink()
