@@ -128,6 +128,9 @@ def test_links_on_a_page_lead_somewhere(page):
             continue
         target = (page.parent / file) if file else page
         assert target.exists(), f"{page.name} leads to {link}, which is not there"
+        if page != ROOT / "README.md" and target.suffix == ".md":
+            here = DOCS.resolve() in target.resolve().parents
+            assert here, f"{page.name}: {link} is no page of the site"
         assert not anchor or anchor in anchors(target), f"{page.name}: no heading {link}"
 
 
