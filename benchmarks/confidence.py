@@ -31,7 +31,7 @@ from scipy.optimize import minimize
 from unbend import match
 from unbend._types import FloatArray
 from unbend.errors import UnbendError
-from unbend.matching import _judge
+from unbend.matching._judge import probabilities
 
 # Sets, and how often each is drawn; strengths are drawn evenly.
 OFTEN = {
@@ -106,25 +106,18 @@ def read(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text().splitlines() if line.endswith("}")]
 
 
-def confidences(rows: list[dict[str, Any]], constants: FloatArray | None = None) -> FloatArray:
+def confidences(rows: list[dict[str, Any]], *constants: FloatArray) -> FloatArray:
     """Confidence of every row, with the constants as they are or with others."""
-    if constants is None:
-        constants = np.array([_judge._EVEN, _judge._SPREAD, _judge._LEAD])
-    even, spread, lead = constants
-    found = np.empty(len(rows))
-    for i, row in enumerate(rows):
-        energies = np.array(row["energies"])
-        shares = np.exp((energies[0] - energies) / (lead * energies[0]))
-        found[i] = 1 / shares.sum() / (1 + np.exp((energies[0] - even) / spread))
-    return found
+    energies = [np.array(row["energies"]) for row in rows]
+    return np.array([probabilities(one, one, *constants)[0] for one in energies])
 
 
 def fitted(rows: list[dict[str, Any]], right: FloatArray) -> FloatArray:
     """Constants of the greatest likelihood."""
 
     def loss(logs: FloatArray) -> float:
-        trust = np.clip(confidences(rows, np.exp(logs)), 1e-4, 1 - 1e-4)
-        return float(-np.mean(right * np.log(trust) + (1 - right) * np.log(1 - trust)))
+        said = np.clip(confidences(rows, np.exp(logs)), 1e-4, 1 - 1e-4)
+        return float(-np.mean(right * np.log(said) + (1 - right) * np.log(1 - said)))
 
     starts = [np.log([even, 0.05, 0.07]) for even in (0.25, 0.35, 0.45)]
     best = min((minimize(loss, start, method="Nelder-Mead") for start in starts), key=_value)
@@ -174,9 +167,9 @@ def fit(files: list[Path]) -> None:
     constants = fitted(train, right[used])
     print(f"fitted to {len(train)}: even {constants[0]:.3f}, spread {constants[1]:.4f}, "
           f"lead {constants[2]:.4f}")  # fmt: skip
-    for label, given in (("as they are", None), ("as fitted", constants)):
+    for label, given in (("as they are", ()), ("as fitted", (constants,))):
         print(f"{label}, on {len(check)} pairs that were not used:")
-        print_reliability(confidences(check, given), right[~used])
+        print_reliability(confidences(check, *given), right[~used])
 
 
 def main() -> None:

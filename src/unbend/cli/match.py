@@ -141,7 +141,13 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
-    from unbend.io import MAP_SUFFIXES, check_writable, read_landmarks, read_mesh
+    from unbend.io import (
+        MAP_SUFFIXES,
+        VALUE_MESH_SUFFIXES,
+        check_writable,
+        read_landmarks,
+        read_mesh,
+    )
     from unbend.matching import match as find_match
     from unbend.preparation import only_component
 
@@ -152,7 +158,7 @@ def match(
     if report is not None:
         check_writable(report, (".html",))
     for path in colored or ():
-        check_writable(path, (".ply", ".obj", ".glb"))
+        check_writable(path, VALUE_MESH_SUFFIXES)
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
     start = time.perf_counter()
     with steps_on_stderr() as progress:

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from unbend.correspondence import Registration
 
 _SUFFIXES = (".ply", ".obj", ".glb", ".off", ".stl")
-_COLORED = _SUFFIXES[:3]
 
 
 def register(
@@ -75,7 +74,13 @@ def register(
       unbend register template.ply scan.ply --component largest -o fitted.ply --json
     """  # noqa: D301
     from unbend.correspondence import register as lay
-    from unbend.io import check_writable, read_mesh, value_colors, write_mesh
+    from unbend.io import (
+        VALUE_MESH_SUFFIXES,
+        check_writable,
+        read_mesh,
+        value_colors,
+        write_mesh,
+    )
     from unbend.matching import Match
     from unbend.preparation import only_component
 
@@ -97,7 +102,7 @@ def register(
         suffix = Path(out).suffix.lower()
         scalars = {"distance": found.distances} if suffix == ".ply" else None
         colors = None
-        if suffix in _COLORED:
+        if suffix in VALUE_MESH_SUFFIXES:
             colors = value_colors(found.distances, limits=(0, found.tolerance))
         write_mesh(out, found.mesh, scalars=scalars, colors=colors)
     for shape in shapes:

@@ -117,15 +117,24 @@ def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) 
 
 
 def confidences(found: Sequence[Candidate]) -> FloatArray:
-    """Probability of each of the distinct candidates, best first, that it is right as a whole.
+    """Probability of each of the distinct candidates, best first, that it is right as a whole."""
+    costs, energies = np.array([(one.cost, one.energy) for one in found]).T
+    return probabilities(costs, energies)
+
+
+def probabilities(
+    costs: FloatArray,
+    energies: FloatArray,
+    constants: Sequence[float] = (_EVEN, _SPREAD, _LEAD),
+) -> FloatArray:
+    """Probability of each of some maps, the least cost first, that it is right as a whole.
 
     Two things must hold: that it moves the surface as one body in two poses moves, and that no
-    other does so nearly as well. Candidates of one cost share the probability.
+    other does so nearly as well. Maps of one cost share the probability.
     """
-    costs = np.array([one.cost for one in found])
-    shares = np.exp((costs[0] - costs) / (_LEAD * max(costs[0], 10.0**-DIGITS)))
-    energies = np.array([one.energy for one in found])
-    return np.asarray(shares / shares.sum() / (1 + np.exp((energies - _EVEN) / _SPREAD)))
+    even, spread, lead = constants
+    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], 10.0**-DIGITS)))
+    return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
 
 
 def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArray) -> FloatArray:
