@@ -32,7 +32,9 @@ from unbend.mesh import vertex_normals
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
 PULLS = (300.0, 1000.0, 3000.0)
 # For parts these come first, from a fifth of sqrt(area) on: what the other shape lacks moves out.
+# What is near its end already begins with looser ones still, which let it slide as a whole.
 LOOSE = (30.0, 100.0, 300.0)
+LOOSEST = (3.0, 10.0)
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
@@ -172,6 +174,17 @@ def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: S
     )
 
 
+def bearable(source: Shape, target: Shape, pulls: Sequence[float]) -> tuple[float, ...]:
+    """Leave out pulls that balance with stiffness over less than an edge, if a shape is a part.
+
+    These follow how maps are rounded to vertices, and a part's rim follows its neighbours.
+    """
+    if not (source.partial or target.partial):
+        return tuple(pulls)
+    most = 1 / max(source.edge, target.edge) ** 2
+    return tuple(dict.fromkeys(min(pull, most) for pull in pulls))
+
+
 def register(
     source: Shape,
     target: Shape,
@@ -188,14 +201,14 @@ def register(
     start : Registered
         Is not changed.
     pulls : sequence of float
-        In units of 1 / area.
+        In units of 1 / area, rising; see :func:`bearable`.
     steps : int
     resize : bool, default=True
         Whether a part's size, next to the other shape's, is found anew in every step.
     """
     forward, backward = start[:2]
     ours, theirs = _Moving(source, target, start.source), _Moving(target, source, start.target)
-    for pull in pulls:
+    for pull in bearable(source, target, pulls):
         for _ in range(steps):
             ours.step(pull, forward, backward, theirs.within)
             theirs.step(pull, backward, forward, ours.within)

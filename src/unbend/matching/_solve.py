@@ -15,8 +15,10 @@ from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, r
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     LOOSE,
+    LOOSEST,
     PULLS,
     Registered,
+    bearable,
     lift,
     limb_maps,
     mapped_start,
@@ -84,7 +86,11 @@ class Sides(NamedTuple):
 @one_blas_thread()  # the threads are ours
 def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
-    return Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
+    sides = Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
+    for pair in (sides.proxies, sides.rough):
+        pulls = bearable(*pair, (*LOOSEST, *LOOSE, *PULLS[1:]))
+        run_all(functools.partial(_make_ready, one, pulls) for one in pair)
+    return sides
 
 
 @one_blas_thread()
@@ -190,7 +196,7 @@ def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
 def loosened(sides: Sides, candidate: Candidate) -> Candidate:
     """Let a candidate's poses relax, and draw them together again."""
     ours, theirs = sides.proxies
-    found = register(ours, theirs, candidate.registered, LOOSE + PULLS[1:], _STEPS)
+    found = register(ours, theirs, candidate.registered, (*LOOSEST, *LOOSE, *PULLS[1:]), _STEPS)
     return judge(ours, theirs, found, sides.turned)
 
 
@@ -225,7 +231,8 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
     if not polish:
         return judge(ours, theirs, lifted, candidate.reflected)
-    run_all(functools.partial(_make_ready, one, PULLS) for one in (ours, theirs))
+    pulls = bearable(ours, theirs, PULLS)
+    run_all(functools.partial(_make_ready, one, pulls) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
         found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
@@ -268,10 +275,7 @@ def grown_start(
 
 def _make_levels(shape: Shape) -> Levels:
     proxy = make_proxy(shape, _PROXY_VERTICES)
-    rough = make_proxy(proxy.shape, _ROUGH_VERTICES)
-    for one in (proxy.shape, rough.shape):
-        _make_ready(one, LOOSE + PULLS[1:])
-    return Levels(shape, proxy, rough)
+    return Levels(shape, proxy, make_proxy(proxy.shape, _ROUGH_VERTICES))
 
 
 def _make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
