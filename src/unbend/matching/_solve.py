@@ -12,6 +12,7 @@ from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
 from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_cost
+from unbend.matching._points import find_points, guess_points, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     LOOSE,
@@ -28,7 +29,7 @@ from unbend.matching._registration import (
 )
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._tips import Limbs, find_tips, guess_limbs
+from unbend.matching._tips import Guess, find_tips, guess_limbs
 from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
@@ -40,6 +41,9 @@ _MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (200, 64), 16, 8, 3
 # A candidate is clear if its cost is at most this and any other's so many times that, after this
 # few from tips were tried; then it is followed, and some others to compare it with.
 _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
+# For parts: points of either shape, guesses which correspond, and candidates of these that are
+# followed besides; over ways much longer than this such points say little, in sqrt(area).
+_POINTS, _GUESSED, _POINTED, _REACH = (40, 60), 24, 4, 0.3
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -115,7 +119,10 @@ def candidates(
         clear = is_clear(distinct_on(sides.proxies, found))
     if not clear:
         ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
-        found = follow_all(sides, ways[:_FOLLOWED], spectral[:_SPECTRAL])
+        others = spectral[:_SPECTRAL]
+        if any(one.partial for one in sides.proxies):
+            others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
+        found = follow_all(sides, ways[:_FOLLOWED], others)
     best = distinct_on(sides.proxies, found)[: 1 if clear else _REGROWN]
     if any(one.partial for one in sides.proxies):
         tasks = [functools.partial(loosened, sides, one) for one in best]
@@ -158,13 +165,36 @@ def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
 
 def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
     """Register the rough proxies from guesses which tips of limbs correspond."""
-    ours, theirs = sides.rough
-    mine, other = find_tips(sides.source.proxy.shape), find_tips(sides.target.proxy.shape)
-    fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
+    mine, other = (find_tips(one) for one in sides.proxies)
+    partial = any(one.partial for one in sides.proxies)
+    n_landmarks = len(sides.proxies[0].landmarks)
+    guesses = guess_limbs(mine, other, n_guesses, n_landmarks, partial)
+    return from_guesses(sides, (mine.fields, other.fields), guesses, n_begun)
 
-    def start(one: Limbs) -> tuple[float, IntArray, IntArray, float]:
+
+def from_points(sides: Sides) -> list[Candidate]:
+    """Register the rough proxies from guesses which points, all over the shapes, correspond."""
+    mine, other = (
+        find_points(one, count) for one, count in zip(sides.proxies, _POINTS, strict=True)
+    )
+    guesses = guess_points(mine, other, sizes_to_try(*sides.proxies), _GUESSED)
+    return from_guesses(sides, (mine.fields, other.fields), guesses, _GUESSED, _REACH)
+
+
+def from_guesses(
+    sides: Sides,
+    fields: tuple[FloatArray, FloatArray],
+    guesses: list[Guess],
+    n_begun: int,
+    reach: float = np.inf,
+) -> list[Candidate]:
+    """Register the rough proxies from the best, as they are, of guesses, and tighten the best."""
+    ours, theirs = sides.rough
+    fields = fields[0][sides.source.rough.kept], fields[1][sides.target.rough.kept]
+
+    def start(one: Guess) -> tuple[float, IntArray, IntArray, float]:
         ways = fields[0][:, one.source], fields[1][:, one.target]
-        maps = limb_maps(*ways, one.size)
+        maps = limb_maps(*ways, one.size, reach)
         return rough_cost(ours, theirs, *maps), *maps, one.size
 
     def begin(forward: IntArray, backward: IntArray, size: float) -> Candidate:
@@ -176,8 +206,6 @@ def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
         found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
         return judge(ours, theirs, found, sides.turned)
 
-    partial = ours.partial or theirs.partial
-    guesses = guess_limbs(mine, other, n_guesses, len(ours.landmarks), partial)
     starts = run_all(functools.partial(start, one) for one in guesses)
     starts = sorted(starts, key=lambda one: round(one[0], DIGITS))[:n_begun]
     begun = ranked(run_all(functools.partial(begin, *one[1:]) for one in starts))

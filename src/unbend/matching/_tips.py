@@ -48,13 +48,13 @@ class Tips(NamedTuple):
     fields: FloatArray
 
 
-class Limbs(NamedTuple):
-    """A guess which tips correspond.
+class Guess(NamedTuple):
+    """A guess which points of two shapes correspond.
 
     Attributes
     ----------
     source, target : (m,) ndarray of int64
-        Rows of the shapes' tips.
+        Rows of the shapes' tips, or other points.
     size : float
         How much longer ways are on the target.
     """
@@ -71,9 +71,7 @@ def find_tips(shape: Shape) -> Tips:
     spokes = shape.spokes
     highest = np.maximum.reduceat(remoteness[spokes.indices], spokes.indptr[:-1])
     tips = np.flatnonzero(remoteness >= highest)
-    rows, columns = spokes.nonzero()
-    lengths = np.linalg.norm(shape.vertices[rows] - shape.vertices[columns], axis=1)
-    graph = sp.csr_array((lengths, (rows, columns)), shape=spokes.shape)
+    graph = edge_graph(shape)
     kept: list[int] = []
     ways = np.empty((0, len(remoteness)))
     sought = [*shape.landmarks, *tips[np.argsort(-remoteness[tips], kind="stable")]]
@@ -86,9 +84,16 @@ def find_tips(shape: Shape) -> Tips:
     return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2, np.ascontiguousarray(ways.T))
 
 
+def edge_graph(shape: Shape) -> sp.csr_array:
+    """Lengths of edges, (n, n)."""
+    rows, columns = shape.spokes.nonzero()
+    lengths = np.linalg.norm(shape.vertices[rows] - shape.vertices[columns], axis=1)
+    return sp.csr_array((lengths, (rows, columns)), shape=shape.spokes.shape)
+
+
 def guess_limbs(
     source: Tips, target: Tips, count: int, n_landmarks: int = 0, partial: bool = False
-) -> list[Limbs]:
+) -> list[Guess]:
     """Guess which tips correspond: those between which the ways deviate least, in either sense.
 
     So many guesses are made in each, or as many as there are; none where a shape has too few tips.
@@ -97,7 +102,7 @@ def guess_limbs(
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
     guesses = (
-        Limbs(mine, other, size)
+        Guess(mine, other, size)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
         for mine, other, size in _assignments(source.ways, target.ways, count, fixed, partial)
     )
@@ -152,7 +157,7 @@ def _of_logarithms(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) 
 
 
 def _of_trunks(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
-    """Limbs may be of any length: what is left tells which of them begin beside each other."""
+    """Guess may be of any length: what is left tells which of them begin beside each other."""
     whitening = _whitening(n, rows, columns, _ANY_LENGTH)
     many = ways / _root_mean_square(ways)[:, None] @ whitening
     norms = np.maximum((many**2).sum(axis=1, keepdims=True), _NEAR)

@@ -1,0 +1,178 @@
+"""Hypotheses from points whose surroundings look alike, for parts: tips need not be on both.
+
+Some points of either shape, far apart, are paired with those of the other whose surroundings are
+alike. Pairs support each other that are as far apart on one shape as on the other; from every pair
+in turn the ones that support it, and each other, are gathered, by the power method on the matrix
+of that support (Leordeanu & Hebert, "A spectral technique for correspondence problems using
+pairwise constraints", ICCV 2005), while pairs of one point compete.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse.csgraph import dijkstra
+
+from unbend._arrays import snap
+from unbend._types import BoolArray, FloatArray
+from unbend.matching._shape import Shape
+from unbend.matching._tips import Guess, edge_graph
+
+# Surroundings are described within so many distances, from this one on, in sqrt(area), each by
+# this factor longer than the last. Sizes of a part beside the whole are tried by the same factor,
+# so many.
+_RADIUS, _FACTOR, _N_RADII = 0.07, 2**0.25, 9
+_SIZES = 6
+# What faces away by more than this, as the cosine, is not described: a camera may not see it.
+_FACING = 0.3
+_PARTNERS = 8  # of every point that are tried
+# Relative difference of distances at which pairs do not support each other any more; and the
+# distance, in sqrt(area), at which they do so the less by e: long ways lead round what is torn.
+_DEVIATION, _DECAY = 0.25, 0.8
+_ROUNDS = 5
+_GATHERED = 0.35  # of the strongest pair's share: what has less is not gathered
+_FEWEST = 4  # pairs
+_DIGITS, _LEAST = 6, 1e-6  # of support that is not rounding: digits, and size
+_SHARED = 0.5  # of the pairs of a guess: with more it is no other one
+
+
+class Points(NamedTuple):
+    """Points of a shape, far apart.
+
+    Attributes
+    ----------
+    fields : (n, p) ndarray of float64
+        Lengths of the shortest ways along edges from every vertex to them.
+    ways : (p, p) ndarray of float64
+        And between them.
+    surroundings : (p, r, 6) ndarray of float64
+        What lies around each, within each of some distances, in their unit.
+    whole : (p, r) ndarray of bool
+        Whether it ends at no rim.
+    """
+
+    fields: FloatArray
+    ways: FloatArray
+    surroundings: FloatArray
+    whole: BoolArray
+
+
+def sizes_to_try(source: Shape, target: Shape) -> range:
+    """How much larger the same may be on the target, of unit area as the source, in factors.
+
+    Of two parts either may be.
+    """
+    both = source.partial and target.partial
+    most = _SIZES // 2 if both else _SIZES
+    return range(-most * source.partial, most * target.partial + 1)
+
+
+def find_points(shape: Shape, count: int) -> Points:
+    """Find points as far from each other as possible, and describe what is around them."""
+    graph = edge_graph(shape)
+    chosen = [int(shape.samples[0])]
+    fields = [dijkstra(graph, directed=False, indices=chosen[0])]
+    nearest = snap(fields[0])  # of equally far ones the first is taken, on every processor
+    while len(chosen) < min(count, len(shape.areas)):
+        chosen.append(int(nearest.argmax()))
+        fields.append(dijkstra(graph, directed=False, indices=chosen[-1]))
+        nearest = np.minimum(nearest, snap(fields[-1]))
+    ways = np.array(fields)[:, chosen]
+    described = [_describe(shape, one, field) for one, field in zip(chosen, fields, strict=True)]
+    surroundings, whole = (np.array(part) for part in zip(*described, strict=True))
+    return Points(
+        np.ascontiguousarray(np.transpose(fields)), (ways + ways.T) / 2, surroundings, whole
+    )
+
+
+def _radii() -> FloatArray:
+    return np.asarray(_RADIUS * _FACTOR ** np.arange(_N_RADII))
+
+
+def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Describe what lies within each radius: how much, how high, how wide, and how it is turned."""
+    normal, radii = shape.normals[vertex], _radii()
+    offsets, facing = shape.vertices - shape.vertices[vertex], shape.normals @ normal
+    inside = np.clip((radii[:, None] - field) / shape.edge + 0.5, 0, 1) * shape.areas
+    seen = inside * np.clip(facing / _FACING, 0, 1)
+    total = seen.sum(axis=1, keepdims=True)
+    means = seen @ offsets / total
+    squares = np.einsum("rn,ni,nj->rij", seen, offsets, offsets) / total[:, :, None]
+    spread = np.linalg.eigvalsh(squares - means[:, :, None] * means[:, None])
+    widths = 2 * np.sqrt(np.maximum(spread, 0)) / radii[:, None]
+    described = np.column_stack(
+        [
+            np.sqrt(inside.sum(axis=1) / np.pi) / radii,
+            2 * means @ normal / radii,
+            widths,
+            seen @ facing / total[:, 0],
+        ]
+    )
+    rim = field[shape.on_rim]
+    return described, radii < (rim.min() if len(rim) else np.inf)
+
+
+def guess_points(ours: Points, theirs: Points, sizes: range, count: int) -> list[Guess]:
+    """Guess which points of two shapes correspond, at most so many times, for sizes to be tried."""
+    found = [one for size in sizes for one in _consistent(ours, theirs, size)]
+    found.sort(key=lambda one: -round(one[0], _DIGITS))
+    kept: list[tuple[set[int], Guess]] = []
+    for _, guess in found:
+        pairs = set((guess.source * len(theirs.ways) + guess.target).tolist())
+        if all(len(pairs & other) < _SHARED * len(pairs) for other, _ in kept):
+            kept.append((pairs, guess))
+            if len(kept) == count:
+                break
+    return [guess for _, guess in kept]
+
+
+def _consistent(ours: Points, theirs: Points, step: int) -> list[tuple[float, Guess]]:
+    """Gather pairs that support each other, and the support, if sizes differ by so many factors."""
+    size = _FACTOR**step
+    unlike = _unlike(ours, theirs, step)
+    n, k = len(unlike), min(_PARTNERS, unlike.shape[1])
+    partners = np.argsort(snap(unlike), axis=1, kind="stable")[:, :k]
+    usual = max(float(np.median(unlike.min(axis=1))), _LEAST)
+    alike = np.exp(-np.take_along_axis(unlike, partners, 1) / (2 * usual))
+    mine, other, alike = np.arange(n).repeat(k), partners.ravel(), alike.ravel()
+    here = ours.ways[np.ix_(mine, mine)] * size**0.5
+    there = theirs.ways[np.ix_(other, other)] / size**0.5
+    deviation = np.abs(here - there) / np.maximum(np.minimum(here, there), _RADIUS)
+    support = np.maximum(1 - (deviation / _DEVIATION) ** 2, 0)
+    support *= np.exp(-(here + there) / (2 * _DECAY)) * np.sqrt(alike[:, None] * alike)
+    support[(mine[:, None] == mine) | (other[:, None] == other)] = 0
+    shares = np.eye(n * k)
+    for _ in range(_ROUNDS):
+        gathered = (shares @ support).reshape(-1, n, k)
+        best = gathered.max(axis=2, keepdims=True)
+        gathered *= (gathered / np.maximum(best, _LEAST)) ** 2
+        shares = gathered.reshape(-1, n * k)
+        shares /= np.maximum(np.linalg.norm(shares, axis=1, keepdims=True), _LEAST)
+    gathered = shares.reshape(-1, n, k)
+    best = gathered.max(axis=2, keepdims=True)
+    least = _GATHERED * best.max(axis=1, keepdims=True)
+    chosen = np.unique(((gathered == best) & (best > least)).reshape(-1, n * k), axis=0)
+    chosen = chosen[chosen.any(axis=1)]
+    # The better supported half: the others may be beyond what both have.
+    supported = np.where(chosen, chosen @ support, np.nan)
+    chosen &= supported >= np.nanmedian(supported, axis=1, keepdims=True)
+    numbers = chosen.sum(axis=1)
+    totals = ((chosen @ support) * chosen).sum(axis=1) / np.maximum(numbers, 1)
+    return [
+        (float(total), Guess(mine[one], other[one], size))
+        for total, number, one in zip(totals, numbers, chosen, strict=True)
+        if number >= _FEWEST
+    ]
+
+
+def _unlike(ours: Points, theirs: Points, step: int) -> FloatArray:
+    """Mean difference of surroundings, (p, q), of a shape that is so many steps larger."""
+    difference, weight = np.zeros((2, len(ours.ways), len(theirs.ways)))
+    for i in range(max(0, -step), min(_N_RADII, _N_RADII - step)):
+        apart = np.abs(ours.surroundings[:, None, i] - theirs.surroundings[:, i + step])
+        whole = ours.whole[:, None, i] & theirs.whole[:, i + step]
+        # How much there is tells nothing where a surface ends; the rest tells less.
+        difference += np.where(whole, apart.sum(axis=2), apart[:, :, 1:].sum(axis=2) / 2)
+        weight += np.where(whole, 1, 0.5)
+    return np.asarray(difference / weight, dtype=np.float64)
