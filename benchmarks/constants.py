@@ -1,11 +1,14 @@
 """What each constant of the matcher does: maps when it is halved, and doubled.
 
     python benchmarks/constants.py [NAME ...] [--pairs N] [--vertices N] [--seed S] [--jobs N]
+                                   [--parts]
 
 Matches the same pairs of our own bodies with every constant as it is and, one at a time, halved and
 doubled: two poses of one body, two bodies of random proportions, and a body of which a tenth was
-cut off. Prints how many maps are right (mean error below 0.08 of the square root of the area), the
-mean error of those, and the processor time over that with all constants as they are.
+cut off. With --parts these are half bodies, views of a camera and parts that overlap in half, and
+the constants are those that matter to parts alone. Prints how many maps are right (mean error below
+0.08 of the square root of the area), the mean error of those, and the processor time over that with
+all constants as they are.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ CASES = (
     ("cuts", "own", "10%"),
     ("proportions", "quadruped", ""),
 )
+PARTS = (("cuts", "own", "half"), ("scans", "own", "clean"), ("cuts", "own", "overlap 50%"))
 # Where each constant is; all modules that hold it are changed.
 CONSTANTS = {
     "_SIGNED": ("_search",),
@@ -71,6 +75,24 @@ CONSTANTS = {
     "_SHARE": ("_judge",),
     "_WITHOUT": ("_judge",),
 }
+OF_PARTS = {
+    "_POINTS": ("_solve",),
+    "_GUESSED": ("_solve",),
+    "_POINTED": ("_solve",),
+    "_REACH": ("_solve",),
+    "LOOSEST": ("_registration", "_solve"),
+    "_RADIUS": ("_points",),
+    "_FACTOR": ("_points",),
+    "_N_RADII": ("_points",),
+    "_SIZES": ("_points",),
+    "_FACING": ("_points",),
+    "_PARTNERS": ("_points",),
+    "_DEVIATION": ("_points",),
+    "_DECAY": ("_points",),
+    "_ROUNDS": ("_points",),
+    "_GATHERED": ("_points",),
+    "_SHARED": ("_points",),
+}
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -82,10 +104,10 @@ def scaled(value: Any, factor: float) -> Any:
 
 def set_constant(name: str, factor: float) -> None:
     """Change a constant in this process, from here on."""
-    for place in CONSTANTS[name]:
+    for place in (CONSTANTS | OF_PARTS)[name]:
         module: Any = importlib.import_module(f"unbend.matching.{place}")
-        if name == "_GROWTH":  # what counts is how far it is from 1
-            module._GROWTH = 1 + factor * (module._GROWTH - 1)
+        if name in ("_GROWTH", "_FACTOR"):  # what counts is how far it is from 1
+            setattr(module, name, 1 + factor * (getattr(module, name) - 1))
         else:
             setattr(module, name, scaled(getattr(module, name), factor))
         if name == "_BEAM":
@@ -114,16 +136,19 @@ def _error(case: Case) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", default=list(CONSTANTS))
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("--parts", action="store_true")
     parser.add_argument("--pairs", type=int, default=12)
     parser.add_argument("--vertices", type=int, default=800)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     options = Options(given.seed, given.vertices, None, None)
-    cases = [draw(*CASES[i % len(CASES)], i, options) for i in range(given.pairs)]
+    kinds, constants = (PARTS, OF_PARTS) if given.parts else (CASES, CONSTANTS)
+    names = given.names or list(constants)
+    cases = [draw(*kinds[i % len(kinds)], i, options) for i in range(given.pairs)]
     tasks: list[tuple[str | None, float]] = [(None, 1.0)]
-    tasks += [(name, factor) for name in given.names for factor in (0.5, 2.0)]
+    tasks += [(name, factor) for name in names for factor in (0.5, 2.0)]
     # A process for each: constants that were changed do not stay.
     with ProcessPoolExecutor(
         given.jobs, mp_context=get_context("spawn"), max_tasks_per_child=1
@@ -132,9 +157,9 @@ def main() -> None:
         right, error, seconds = running[0].result()
         print(f"| all as they are | | {right} of {given.pairs}, {error:.4f} | | |", flush=True)
         print("| constant | value | halved | doubled | time |\n|---|---|---|---|---|", flush=True)
-        for i, name in enumerate(given.names):
+        for i, name in enumerate(names):
             half, double = (running[1 + 2 * i + k].result() for k in range(2))
-            module = importlib.import_module(f"unbend.matching.{CONSTANTS[name][0]}")
+            module = importlib.import_module(f"unbend.matching.{(CONSTANTS | OF_PARTS)[name][0]}")
             print(
                 f"| `{name}` | {getattr(module, name)} | {half[0]}, {half[1]:.4f} "
                 f"| {double[0]}, {double[1]:.4f} | {half[2] / seconds:.2f}, "

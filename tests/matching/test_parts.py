@@ -11,6 +11,7 @@ from unbend import Mesh, evaluate, match
 from unbend.datasets import (
     Damaged,
     add_components,
+    cut,
     cut_discs,
     damaged_truth,
     keep,
@@ -21,7 +22,14 @@ from unbend.datasets import (
 from unbend.datasets import Shape as ShapeWithTruth
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._registration import LOOSE, PULLS, Pose, Registered, register
+from unbend.matching._registration import (
+    LOOSE,
+    PULLS,
+    Pose,
+    Registered,
+    bearable,
+    register,
+)
 from unbend.matching._shape import Shape, find_rim
 from unbend.mesh import vertex_areas
 
@@ -85,6 +93,28 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
     both = found.source.within & truth
     off = np.linalg.norm(part.vertices[found.forward] - part.vertices[there], axis=1)
     assert off[both].mean() < 0.01
+
+
+def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
+    torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
+    whole, part = (prepare_shape(one, 20, True, None, True).shape for one in (SOURCE.mesh, torn))
+    assert bearable(whole, whole, PULLS) == PULLS
+    most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
+    assert part.edge > whole.edge
+    assert PULLS[0] < most < PULLS[2]
+    pulls = bearable(whole, part, PULLS)
+    assert pulls == bearable(part, whole, PULLS)
+    assert list(pulls) == sorted({min(pull, most) for pull in PULLS})
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_half_a_body_is_found_on_the_whole_one(seed: int) -> None:
+    direction = np.random.default_rng(seed).standard_normal(3)
+    half = cut(TARGET.mesh, TARGET.mesh.vertices @ direction, 0.5)
+    found = match(SOURCE.mesh, half.mesh, cache=False)
+    measured = evaluate(found, half.mesh, np.arange(len(TRUTH)), damaged_truth(TRUTH, None, half))
+    assert measured.mean() < 0.06  # of the half's sqrt(area)
+    assert measured.overlap.iou > 0.8
 
 
 @pytest.mark.parametrize("side", ["source", "target"])

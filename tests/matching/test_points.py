@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import cut, make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
@@ -14,16 +15,6 @@ from unbend.matching._shape import Shape
 
 def shape_of(mesh: Mesh, partial: bool = True) -> Shape:
     return prepare_shape(mesh, 40, True, None, partial).shape
-
-
-def square(n: int) -> Mesh:
-    """A flat square of side 2, in n by n cells of two triangles."""
-    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], axis=1), np.stack([i, i + n + 2, i + n + 1], axis=1)]
-    )
-    return Mesh(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), faces)
 
 
 def test_points_are_far_from_each_other_and_near_to_everything():
@@ -38,7 +29,7 @@ def test_no_more_points_than_vertices():
 
 
 def test_around_a_point_of_a_plane_is_a_flat_disc():
-    shape = shape_of(square(60))
+    shape = shape_of(make_sheet(61))
     points = find_points(shape, 40)
     inner = points.whole[:, 4]
     assert inner.any()
@@ -61,7 +52,7 @@ def test_a_sphere_is_round_everywhere_and_low_from_above():
 
 
 def test_surroundings_end_at_rims():
-    body = square(20)
+    body = make_sheet(21)
     points = find_points(shape_of(body), 30)
     nearest = points.fields[shape_of(body).on_rim].min(axis=0)
     assert (
@@ -116,7 +107,7 @@ def test_nothing_is_guessed_where_nothing_agrees():
 
 
 def test_a_part_is_smaller_than_the_whole():
-    whole, part = shape_of(make_sphere(1)), shape_of(square(3))
+    whole, part = shape_of(make_sphere(1)), shape_of(make_sheet(4))
     assert list(sizes_to_try(part, whole)) == list(range(-6, 1))
     assert list(sizes_to_try(whole, part)) == list(range(7))
     assert list(sizes_to_try(part, part)) == list(range(-3, 4))
