@@ -105,6 +105,7 @@ def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     pulls = bearable(whole, part, PULLS)
     assert pulls == bearable(part, whole, PULLS)
     assert list(pulls) == sorted({min(pull, most) for pull in PULLS})
+    assert bearable(part, whole, PULLS, 2)[-1] == pytest.approx(most / 4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -41,7 +41,7 @@ _NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
 # Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
 # there and back may end where a pair draws.
-_SLACK, _WAY_BACK = 0.5, 3.0
+_SLACK, _WAY_BACK = 0.3, 3.0
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
@@ -181,14 +181,16 @@ def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: S
     )
 
 
-def bearable(source: Shape, target: Shape, pulls: Sequence[float]) -> tuple[float, ...]:
-    """Leave out pulls that balance with stiffness over less than an edge, if a shape is a part.
+def bearable(
+    source: Shape, target: Shape, pulls: Sequence[float], edges: float = 1.0
+) -> tuple[float, ...]:
+    """Leave out pulls that balance with stiffness over fewer edges than so many, if one is a part.
 
     These follow how maps are rounded to vertices, and a part's rim follows its neighbours.
     """
     if not (source.partial or target.partial):
         return tuple(pulls)
-    most = 1 / max(source.edge, target.edge) ** 2
+    most = 1 / (edges * max(source.edge, target.edge)) ** 2
     return tuple(dict.fromkeys(min(pull, most) for pull in pulls))
 
 

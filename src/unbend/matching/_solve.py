@@ -43,13 +43,15 @@ _MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (200, 64), 16, 8, 3
 _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides; over ways much longer than this such points say little, in sqrt(area).
-_POINTS, _GUESSED, _POINTED, _REACH = (40, 60), 24, 4, 0.3
+_POINTS, _GUESSED, _POINTED, _FAR = (40, 60), 24, 4, 0.3
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
 # Growth on the full meshes begins with so many functions and multiplies their number by this, over
 # so many samples.
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
+# There parts balance stiffness and pull over at least so many edges.
+_POLISHED_OVER = 2.0
 
 
 class Levels(NamedTuple):
@@ -178,7 +180,7 @@ def from_points(sides: Sides) -> list[Candidate]:
         find_points(one, count) for one, count in zip(sides.proxies, _POINTS, strict=True)
     )
     guesses = guess_points(mine, other, sizes_to_try(*sides.proxies), _GUESSED)
-    return from_guesses(sides, (mine.fields, other.fields), guesses, _GUESSED, _REACH)
+    return from_guesses(sides, (mine.fields, other.fields), guesses, _GUESSED, _FAR)
 
 
 def from_guesses(
@@ -259,11 +261,13 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
     if not polish:
         return judge(ours, theirs, lifted, candidate.reflected)
-    pulls = bearable(ours, theirs, PULLS)
-    run_all(functools.partial(_make_ready, one, pulls) for one in (ours, theirs))
+    pulls = bearable(ours, theirs, PULLS[1:], _POLISHED_OVER)
+    part = ours.partial or theirs.partial
+    ready = pulls if part else PULLS
+    run_all(functools.partial(_make_ready, one, ready) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
-        found = register(ours, theirs, lifted, PULLS[1:], _STEPS // 2)
+        found = register(ours, theirs, lifted, pulls, _STEPS // 2)
         return judge(ours, theirs, found, candidate.reflected)
 
     def grown() -> Candidate:
@@ -271,7 +275,6 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         found = register(ours, theirs, start, PULLS, _STEPS)
         return judge(ours, theirs, found, candidate.reflected)
 
-    part = ours.partial or theirs.partial
     return ranked(run_all([from_proxies] if part else [from_proxies, grown]))[0]
 
 
