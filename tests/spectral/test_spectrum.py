@@ -10,9 +10,8 @@ from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.spectral import Laplacian
+from unbend.spectral import Laplacian, _spectrum
 from unbend.spectral._laplacian import _stiffness
-from unbend.spectral import _spectrum
 from unbend.spectral._spectrum import whole_eigenpairs
 
 

@@ -118,7 +118,7 @@ def inverse_lanczos(
 
 
 def least_that_counts(values: FloatArray, diagonal: FloatArray) -> float:
-    """What eigenvalues near 0 count as: their mean distance, or next to nothing where all are 0.
+    """Say what eigenvalues near 0 count as: their mean distance, or next to nothing if all are 0.
 
     Nothing is 1e-12 of what is usual on the matrix's diagonal, not of the largest entry: beside a
     needle that may be of any size.

@@ -43,8 +43,8 @@ def smallest_eigenpairs(
     tol : float
         Largest relative residual: |W x - value A x| / |value A x| in the norm of A^-1. Values
         close to 0 count as if they were the mean distance between the first k (if all k are 0: as
-        1e-6 of the median of the diagonal of A^-1/2 W A^-1/2). What rounding in the product W x makes
-        unavoidable comes on top.
+        1e-6 of the median of the diagonal of A^-1/2 W A^-1/2). What rounding in the product W x
+        makes unavoidable comes on top.
     random_state : int
         Seed of the starting vectors. The same input gives the same output.
     progress : callable, optional
