@@ -147,13 +147,13 @@ def measure_eigenpairs(
     shares[:, 1] /= np.maximum(values, floor)
     weights = np.sqrt(areas)
     plain, scaled = (vectors @ shares).T
-    skew = np.linalg.norm(vectors.T @ (areas * plain) - shares[:, 0])
+    skew = float(np.linalg.norm(vectors.T @ (areas * plain) - shares[:, 0]))
     image = stiffness @ scaled - areas * (vectors @ (values * shares[:, 1]))
-    residual = np.linalg.norm(image / weights)
+    residual = float(np.linalg.norm(image / weights))
     if residual > tol:
         sizes = abs(stiffness) @ (np.abs(vectors) @ np.abs(shares[:, 1]))
-        residual = max(residual - ROUNDING * np.linalg.norm(sizes / weights), 0.0)
-    return float(skew), float(residual)
+        residual = max(residual - ROUNDING * float(np.linalg.norm(sizes / weights)), 0.0)
+    return skew, residual
 
 
 def largest_eigenpairs(
