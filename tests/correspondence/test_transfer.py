@@ -208,5 +208,5 @@ def test_weights_that_do_not_sum_to_one_are_refused() -> None:
         assert found.weights is not None
         weights = found.weights.copy()
         weights[7] *= wrong
-        with pytest.raises(InputError, match="weights in row 7 sum to (0.5|nan)"):
+        with pytest.raises(InputError, match=r"weights in row 7 sum to (0.5|nan)"):
             positions_on_target(replace(found, weights=weights), mesh)
