@@ -49,7 +49,7 @@ TOLERANCES = {
     "form, by area": 1e-7,
     "form, sampled": 1e-6,
     "form, two levels": 1e-5,
-    "descriptor": 1e-4,
+    "descriptor": 1e-5,
     "alignment": 1e-9,
     "register": 1e-6,
     "morph": 1e-7,

@@ -10,8 +10,9 @@ import pytest
 
 from reproducible import ENGINES, KERNELS, TOLERANCES, compute, differences, elsewhere, with_engine
 
-# The only product that BLAS may spread over threads of its own: all others are pinned.
-NOT_PINNED = {"functional map"}
+# What BLAS may spread over threads of its own; in all else it is held to one.
+NOT_PINNED = {"functional map", "form, sampled", "alignment"}
+PAGE = Path(__file__).parents[1] / "docs" / "numerical-honesty.md"
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,7 @@ def test_two_threads_give_the_same_bits_as_one(first):
     threaded, _ = elsewhere(OMP_NUM_THREADS="2", OPENBLAS_NUM_THREADS="2")
     other = {name for name in threaded if threaded[name].tobytes() != first[0][name].tobytes()}
     assert other <= NOT_PINNED
-    assert all(found < 1e-14 for found in differences(first[0], threaded).values())
+    check(differences(first[0], threaded))
 
 
 @pytest.mark.parametrize("processor", KERNELS)
@@ -59,6 +60,13 @@ def test_engines_that_factorise_agree(engine, plain, monkeypatch):
 def plain():
     """Results but for matches, by the engines that are chosen by themselves."""
     return compute(matching=False)
+
+
+def test_the_page_states_the_tolerances():
+    page = PAGE.read_text()
+    assert [
+        name for name, share in TOLERANCES.items() if f"| {name} | {share:g} |" not in page
+    ] == []
 
 
 def check(found):

@@ -212,3 +212,27 @@ def test_commands_are_quoted_as_the_shell_takes_them(monkeypatch: pytest.MonkeyP
     assert _common.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
     monkeypatch.setattr(sys, "platform", "win32")
     assert _common.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
+
+
+def test_an_interruption_that_python_has_to_ignore_comes_again() -> None:
+    """In the callback of a weak reference, say, of which matplotlib has many."""
+    code = """
+import signal, time, weakref
+from unbend import cli
+
+class Held:
+    pass
+
+@cli.app.command("try")
+def interrupted():
+    held = Held()
+    kept = weakref.ref(held, lambda _: signal.raise_signal(signal.SIGINT))
+    del held
+    time.sleep(20)
+    print("went on")
+
+cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code, "try"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "interrupted: no file was left half-written\n"
