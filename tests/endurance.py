@@ -27,7 +27,7 @@ import unbend
 from corpus.good import beside, stone, store
 from unbend.datasets import make_biped
 
-BEGIN = (sys.executable, "-c", "from unbend.cli import main; main()")
+BEGIN = (sys.executable, "-m", "unbend")
 FIELD = "distance good.off --from 0 --n-eigenpairs 20 -o field.npy"
 # Every command that writes. STORE is a collection of two shapes; OWN a copy of it, to change.
 COMMANDS = {

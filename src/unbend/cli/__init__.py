@@ -74,6 +74,13 @@ class _Group(TyperGroup):
         except UnbendError as error:
             say("error", str(error))
             raise typer.Exit(EXIT_REFUSED) from None
+        except MemoryError as error:
+            what = f": {error}" if str(error) else ""
+            say(
+                "error",
+                f"there is too little memory{what}; reduce the mesh to fewer vertices first",
+            )
+            raise typer.Exit(EXIT_REFUSED) from None
         except KeyboardInterrupt:
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
