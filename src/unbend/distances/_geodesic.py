@@ -130,7 +130,8 @@ def _heat(mesh: Mesh) -> _FromVertex:
         if not np.isfinite(distances.sum()):
             raise SolverError(f"{mesh.name}: the heat method gave distances that are not finite")
         straight = np.linalg.norm(mesh.vertices[some] - mesh.vertices[source], axis=1)
-        short = float((straight - distances[some]).max() / max(straight.max(), distances.max()))
+        largest = max(straight.max(), distances.max(), np.finfo(float).tiny)
+        short = float((straight - distances[some]).max() / largest)
         if short > _SHORT and not told:
             told = True
             warnings.warn(

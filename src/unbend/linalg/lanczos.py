@@ -99,8 +99,8 @@ def smallest_eigenpairs(
             values, vectors = scipy.linalg.eigh(scaled.toarray(), subset_by_index=(0, k - 1))
             # Its errors are those of the largest entries, and sliver triangles have huge ones.
             clipped = np.maximum(values, 0)
-            lacking = measure_eigenpairs(scaled, np.ones(n), clipped, vectors, tol)
-        if not small or max(lacking) > tol:
+            _, residual = measure_eigenpairs(scaled, np.ones(n), clipped, vectors, tol)
+        if not small or not residual <= tol:
             values, vectors = inverse_lanczos(scaled, k, tol, random_state, progress)
     if progress is not None:
         progress(1.0)
