@@ -153,8 +153,10 @@ def main() -> None:
     # are: better escaped than an end halfway through.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    sys.unraisablehook = _interrupt_again
+    before, sys.unraisablehook = sys.unraisablehook, _interrupt_again
     try:
         app()
     except KeyboardInterrupt:  # before a command began
         raise SystemExit(_EXIT_INTERRUPTED) from None
+    finally:
+        sys.unraisablehook = before
