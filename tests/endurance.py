@@ -2,7 +2,8 @@
 
 ``interrupts`` ends commands at random moments, by Ctrl-C and by ``kill -9``; ``crowd`` lets many
 processes use one cache and one collection at once; ``soak`` computes thousands of forms and
-hundreds of matches in one process and prints its memory and threads.
+hundreds of matches in one process and prints its memory and threads; ``memory`` gives commands too
+little of it; ``quota`` runs some under half a processor, where control groups can be made.
 """
 
 from __future__ import annotations
@@ -10,53 +11,118 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 import unbend
 from corpus.good import beside, stone, store
+from unbend.datasets import make_biped
 
-BEGIN = (sys.executable, "-c", "from unbend.cli import main; main()")
-# Commands by the file that they write.
+BEGIN = (sys.executable, "-m", "unbend")
+FIELD = "distance good.off --from 0 --n-eigenpairs 20 -o field.npy"
+# Every command that writes. STORE is a collection of two shapes; OWN a copy of it, to change.
 COMMANDS = {
-    "form.ply": "canonical good.off -o form.ply",
-    "form.html": "canonical good.off --report form.html",
-    "field.npy": "distance good.off --from 0 --n-eigenpairs 20 -o field.npy",
-    "map.npz": "match good.off good.off -o map.npz",
-    "fitted.obj": "register good.off good.off --map map.txt -o fitted.obj",
-    "carried.csv": "transfer good.off good.off --map map.txt --values values.csv -o carried.csv",
-    "table.csv": "similarity good.off good.off --known-correspondence --csv table.csv",
-    "curves.svg": "evaluate map.txt --target good.off --source-truth truth.txt "
+    "canonical": "canonical good.off -o form.ply --figure form.png --report form.html",
+    "distance": FIELD,
+    "match": "match good.off good.off -o map.npz --figure match.svg --report match.html "
+    "--colored left.glb right.ply",
+    "register": "register good.off good.off --map map.txt -o fitted.obj",
+    "transfer": "transfer good.off good.off --map map.txt --values values.csv -o carried.csv",
+    "similarity": "similarity good.off good.off --known-correspondence --matrix --csv table.csv "
+    "--figure table.png --report table.html",
+    "evaluate": "evaluate map.txt --target good.off --source-truth truth.txt "
     "--target-truth truth.txt --figure curves.svg",
-    "shapes.parquet": "collection export STORE -o shapes.parquet",
-    "groups.csv": "collection groups STORE -n 2 --csv groups.csv",
+    "demo": "demo -o demo.png",
+    "reproduce": "reproduce figure1 --data synthetic -o reproduced --quick",
+    "cache clear": "cache clear",
+    "collection add": "collection add OWN good.off --workers 1",
+    "collection remove": "collection remove OWN SHAPE",
+    "collection match": "collection match STORE --all -o pairs --workers 1",
+    "collection mean": "collection mean STORE --template good.off -o mean --min-confidence 0 "
+    "--workers 1",
+    "collection export": "collection export STORE -o shapes.parquet",
+    "collection groups": "collection groups STORE -n 2 --csv groups.csv",
+    "collection matrix": "collection matrix STORE --csv far.csv --figure far.png --report far.html",
+    "collection search": "collection search STORE good.off --report found.html",
+    "collection info": "collection info STORE SHAPE --thumbnail shape.png",
 }
 
 
-def start(folder: Path, command: str) -> subprocess.Popen[bytes]:
-    """Begin a command in a process of its own, with a cache in the folder."""
-    words = [store() if word == "STORE" else word for word in shlex.split(command)]
+def start(folder: Path, command: str, first: str = ":", **more: str) -> subprocess.Popen[bytes]:
+    """Begin a command in a process of its own, with a cache in the folder.
+
+    The shell does `first` before, in the same process.
+    """
+    meant = {"STORE": store(), "OWN": "own", "SHAPE": _shape()}
     environment = os.environ | {
         "PYTHONPATH": str(Path(unbend.__file__).parents[1]),
         "UNBEND_CACHE_DIR": str(folder / "cache"),
     }
     return subprocess.Popen(
-        [*BEGIN, *words],
+        ["sh", "-c", f'{first} && exec "$@"', "sh", *BEGIN]
+        + [meant.get(word, word) for word in shlex.split(command)],
         cwd=folder,
-        env=environment,
+        env=environment | more,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
     )
 
 
-def interrupt(name: str, command: str, by: signal.Signals, moments: Sequence[float]) -> list[int]:
+def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
+    """Wait for a process; its exit code and what it said."""
+    said = process.communicate()[1].decode(errors="replace")
+    return process.returncode, said
+
+
+def _shape() -> str:
+    return min(one.path for one in unbend.Collection(store()))
+
+
+def fresh(folder: Path, command: str) -> None:
+    """Put the folder into the state that a command is to find."""
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir()
+    beside(folder)
+    if "OWN" in command:
+        shutil.copytree(store(), folder / "own")
+    if command.startswith("cache"):
+        assert ended(start(folder, FIELD))[0] == 0
+
+
+def written(folder: Path) -> dict[str, int]:
+    """Files in a folder and their sizes; of a collection, its shapes and their vertices."""
+    found = {
+        str(path.relative_to(folder)): path.stat().st_size
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".part" and path.relative_to(folder).parts[0] != "own"
+    }
+    if (folder / "own").exists():
+        found |= {one.path: one.n_vertices for one in unbend.Collection(folder / "own")}
+    return found
+
+
+def check_whole(now: dict[str, int], before: dict[str, int], whole: dict[str, int]) -> None:
+    """Assert that each file is as it was, or as it is when the command is done, or not there."""
+    for name, size in now.items():
+        wanted = [states[name] for states in (before, whole) if name in states]
+        # Cached spectra are not the output; times and the like may differ, by no more than this.
+        near = any(abs(size - other) < 0.1 * other + 64 for other in wanted)
+        assert near or name.startswith("cache"), f"{name} has {size}, not {wanted}"
+    lost = [name for name in before.keys() & whole.keys() if name not in now]
+    assert not lost, f"{lost} are gone"
+
+
+def interrupt(command: str, by: signal.Signals, moments: Sequence[float]) -> list[int]:
     """End a command at moments given as shares of its time; what it leaves must be whole.
 
     Returns
@@ -65,39 +131,114 @@ def interrupt(name: str, command: str, by: signal.Signals, moments: Sequence[flo
         Exit codes.
     """
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        beside(folder)
-        begin = time.monotonic()
-        assert start(folder, command).wait() == 0, command
-        seconds = time.monotonic() - begin
-        whole = (folder / name).read_bytes()
-        size = len(whole)
+        folder = Path(place, "work")
+        fresh(folder, command)
+        before, begin = written(folder), time.monotonic()
+        code, said = ended(start(folder, command))
+        assert code == 0, said
+        seconds, whole = time.monotonic() - begin, written(folder)
         codes = []
         for moment in moments:
-            (folder / name).unlink(missing_ok=True)
+            fresh(folder, command)
             process = start(folder, command)
             try:
                 process.wait(moment * seconds)
             except subprocess.TimeoutExpired:
                 process.send_signal(by)
-            codes.append(process.wait())
-            if (folder / name).exists():  # times and the like may differ, by no more than this
-                assert abs((folder / name).stat().st_size - size) < 0.1 * size + 64, name
+            code, said = ended(process)
+            codes.append(code)
+            assert "Traceback" not in said, said
+            check_whole(written(folder), before, whole)
             if by == signal.SIGINT:
                 assert not list(folder.rglob("*.part")), command
-        (folder / name).unlink(missing_ok=True)
-        assert start(folder, command).wait() == 0, f"{command}, after it was ended"
-        assert abs((folder / name).stat().st_size - size) < 0.1 * size + 64, name
+        if command.startswith("collection remove") and written(folder) == whole:
+            fresh(folder, command)  # what is gone cannot be removed again
+        assert ended(start(folder, command))[0] == 0, f"{command}, after it was ended"
+        check_whole(whole, before, written(folder))
+        check_whole(written(folder), before, whole)
         return codes
 
 
-def interrupts(rounds: int) -> None:
+def interrupts(rounds: int, only: Sequence[str]) -> None:
     """End every command at random moments, in both ways."""
     draw = np.random.default_rng(0)
-    for name, command in COMMANDS.items():
+    # What a shell runs in the background is deaf to it, and so is what that begins.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for name in only or COMMANDS:
         for by in (signal.SIGINT, signal.SIGKILL):
-            codes = interrupt(name, command, by, draw.uniform(0.1, 1.0, rounds).tolist())
-            print(f"{by.name:8} {command.split(' -')[0]:40} exit codes {codes}", flush=True)
+            codes = interrupt(COMMANDS[name], by, draw.uniform(0.1, 1.0, rounds).tolist())
+            print(f"{name:18} {by.name:8} exit codes {codes}", flush=True)
+
+
+def memory(only: Sequence[str]) -> None:
+    """Give every command less and less address space; it ends well or with a sentence."""
+    for name in only or COMMANDS:
+        outcomes = []
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place, "work")
+            fresh(folder, COMMANDS[name])
+            before = written(folder)
+            assert ended(start(folder, COMMANDS[name]))[0] == 0
+            whole = written(folder)
+            for mebibytes in (1600, 800, 600, 500, 400, 300):  # with less, libraries do not load
+                fresh(folder, COMMANDS[name])
+                limit = f"ulimit -v {mebibytes * 1024}"
+                code, said = ended(start(folder, COMMANDS[name], limit))
+                check_whole(written(folder), before, whole)
+                last = said.strip().splitlines()[-1][:90] if "Traceback" in said else ""
+                outcomes.append(f"{mebibytes}: {code} {last}".strip())
+        print(f"{name:18} {', '.join(outcomes)}", flush=True)
+
+
+@contextmanager
+def half_a_processor() -> Iterator[Path]:
+    """Make a control group of half a processor, or raise OSError where that is not allowed."""
+    top = Path("/sys/fs/cgroup")
+    second = (top / "cgroup.controllers").exists()
+    group = (top if second else top / "cpu") / f"unbend-{os.getpid()}"
+    group.mkdir()
+    try:
+        if second:
+            (group / "cpu.max").write_text("50000 100000")
+        else:
+            (group / "cpu.cfs_period_us").write_text("100000")
+            (group / "cpu.cfs_quota_us").write_text("50000")
+        yield group
+    finally:
+        group.rmdir()
+
+
+def quota() -> None:
+    """Run commands under half a processor, with the threads that unbend chooses and with two."""
+    print("command     threads      s  of a processor  periods stopped in", flush=True)
+    with half_a_processor() as group, tempfile.TemporaryDirectory() as place:
+        for pose in ("running", "sitting"):
+            mesh = make_biped(pose, n_vertices=5000).mesh
+            unbend.write_mesh(Path(place, f"{pose}.off"), mesh)
+        for command in (
+            "canonical running.off -o form.ply --no-cache",
+            "match running.off sitting.off -o map.npz --no-cache",
+        ):
+            assert ended(start(Path(place), command))[0] == 0  # what is compiled is kept
+            for threads in ("", "2", "", "2"):
+                enter = f"echo $$ > {group}/cgroup.procs"
+                more = {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+                stopped, begin, used = _stopped(group), time.monotonic(), os.times()
+                code, said = ended(start(Path(place), command, enter, **more))
+                assert code == 0, said
+                seconds, now = time.monotonic() - begin, os.times()
+                spent = now.children_user + now.children_system
+                spent -= used.children_user + used.children_system
+                print(
+                    f"{command.split()[0]:10} {threads or 'chosen':>8} {seconds:6.1f} "
+                    f"{spent:15.1f} {_stopped(group) - stopped:19}",
+                    flush=True,
+                )
+
+
+def _stopped(group: Path) -> int:
+    lines = (group / "cpu.stat").read_text().splitlines()
+    return {name: int(value) for name, value in map(str.split, lines)}["nr_throttled"]
 
 
 def crowd(number: int) -> None:
@@ -105,11 +246,11 @@ def crowd(number: int) -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         beside(folder)
-        field = COMMANDS["field.npy"]
+        field = FIELD
         several = [
             start(folder, field.replace("field.npy", f"field{i}.npy")) for i in range(number)
         ]
-        assert [one.wait() for one in several] == [0] * number
+        assert [ended(one)[0] for one in several] == [0] * number
         found = {(folder / f"field{i}.npy").read_bytes() for i in range(number)}
         assert len(found) == 1
         assert len(list((folder / "cache").glob("*.npz"))) == 1
@@ -171,18 +312,20 @@ def _threads() -> int:
 def main() -> None:
     """Run what is asked for."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=("interrupts", "crowd", "soak"))
+    parser.add_argument("what", choices=("interrupts", "crowd", "soak", "memory", "quota"))
+    parser.add_argument("only", nargs="*", help="commands, by the names that they have here")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--processes", type=int, default=20)
     parser.add_argument("--forms", type=int, default=2000)
     parser.add_argument("--matches", type=int, default=500)
     asked = parser.parse_args()
-    if asked.what == "interrupts":
-        interrupts(asked.rounds)
-    elif asked.what == "crowd":
-        crowd(asked.processes)
-    else:
-        soak(asked.forms, asked.matches)
+    {
+        "interrupts": lambda: interrupts(asked.rounds, asked.only),
+        "crowd": lambda: crowd(asked.processes),
+        "soak": lambda: soak(asked.forms, asked.matches),
+        "memory": lambda: memory(asked.only),
+        "quota": quota,
+    }[asked.what]()
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are oth
 
 
 @pytest.mark.parametrize(
-    ("name", "by"), [("field.npy", signal.SIGKILL), ("shapes.parquet", signal.SIGINT)]
+    ("name", "by"), [("distance", signal.SIGKILL), ("collection export", signal.SIGINT)]
 )
 def test_an_ended_command_leaves_no_half(name: str, by: signal.Signals) -> None:
-    codes = interrupt(name, COMMANDS[name], by, [0.9])
+    codes = interrupt(COMMANDS[name], by, [0.9])
     assert set(codes) <= {0, 130, -by, 1}

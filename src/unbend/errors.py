@@ -8,7 +8,7 @@
     │   └── MeshError            a mesh breaks a rule; names the vertex or face
     ├── SolverError              (also RuntimeError) a computation did not reach its accuracy
     └── MissingExtraError        (also ImportError) an optional package is not installed
-    UnbendWarning                (a UserWarning) the result stands; something was done to the input
+    UnbendWarning                (a UserWarning) the result stands, but something should be known
 
 Messages are one sentence that says what is wrong, where, and what to do. The command line
 prints that sentence and exits with code 2.
@@ -53,4 +53,4 @@ class MissingExtraError(UnbendError, ImportError):
 
 
 class UnbendWarning(UserWarning):
-    """The result stands, but something was done to the input that the user should know."""
+    """The result stands, but something was done to the input, or a check gave a figure to know."""

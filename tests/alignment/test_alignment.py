@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.alignment import align, nearest_rotation, procrustes
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 
 
 def _cloud(n: int, d: int, seed: int = 0) -> np.ndarray:
@@ -133,3 +133,21 @@ def test_the_nearest_rotation_has_the_largest_trace(d: int) -> None:
         assert (rotation * matrix).sum() >= (turned * matrix).sum(axis=(1, 2)).max()
     for other in (turned[:6], -turned[:6]):  # what is orthogonal stays as it is
         np.testing.assert_allclose(nearest_rotation(other, reflect=True), other, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-160, 1e-70, 1e70, 1e200])
+def test_units_do_not_matter(unit: float) -> None:
+    """Squares of the coordinates, or single precision, would not hold them."""
+    points = _cloud(60, 3)
+    turned = points @ _orthogonal(3, 1, 1).T
+    rotation, _ = procrustes(points * unit, turned * unit)
+    np.testing.assert_allclose(rotation, _orthogonal(3, 1, 1), atol=1e-9)
+    found = align(points * unit, turned * unit)
+    np.testing.assert_allclose(found.rotation, _orthogonal(3, 1, 1), atol=1e-9)
+    assert found.residual < 1e-12 * unit
+
+
+def test_a_search_that_is_ended_early_says_so() -> None:
+    left, right = (np.random.default_rng(seed).normal(size=(300, 3)) for seed in (0, 1))
+    with pytest.warns(UnbendWarning, match="in the last of 3 iterations; allow more"):
+        align(left, right, max_iterations=3)

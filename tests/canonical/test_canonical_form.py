@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 
 import dense
 from unbend import Mesh, canonical_form, distance
+from unbend.canonical import _canonical_form
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 
 METHODS = [
     {},
@@ -245,3 +246,33 @@ def test_n_coarse_that_suffice_change_nothing():
             canonical_form(mesh, n_coarse=300, **options)
     with pytest.raises(InputError, match="at least 100, not 5"):
         canonical_form(mesh, n_coarse=5)
+
+
+@pytest.mark.parametrize("options", METHODS)
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda points: points * 1.001,
+        lambda points: points + 0.01,
+        lambda points: points[:, [0] * 3],
+    ],
+)
+def test_a_form_that_is_not_on_its_axes_is_an_error(blob, monkeypatch, options, spoil):
+    for name in ("exact", "sampled"):
+        route = getattr(_canonical_form, name)
+        monkeypatch.setattr(
+            _canonical_form,
+            name,
+            lambda *args, route=route: (lambda way: way._replace(points=spoil(way.points)))(
+                route(*args)
+            ),
+        )
+    with pytest.raises(SolverError, match="of the largest eigenvalue"):
+        canonical_form(blob, **options)
+
+
+@pytest.mark.filterwarnings("ignore:.*sampled")
+def test_a_shape_too_long_for_two_levels_is_refused_in_a_sentence():
+    ball = make_sphere(4)
+    with pytest.raises(SolverError):
+        canonical_form((ball.vertices * [1, 1e6, 1], ball.faces), n_coarse=200)

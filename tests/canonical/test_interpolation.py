@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,3 +125,13 @@ def test_too_few_samples_are_reported(sampled, interpolation):
 def test_samples_and_values_that_cannot_be_used_are_refused(blob, values, samples, message):
     with pytest.raises(InputError, match=message):
         interpolate(values, samples, spectrum(blob, 3))
+
+
+def test_what_does_not_keep_constants_is_no_interpolation(blob):
+    """As with eigenpairs whose constant is missing."""
+    found = spectrum(blob, 12)
+    rest = replace(
+        found, eigenvalues=found.eigenvalues[1:], eigenfunctions=found.eigenfunctions[:, 1:]
+    )
+    with pytest.raises(SolverError, match="misses a constant by"):
+        interpolate(np.ones(40), np.arange(0, 640, 16), rest)

@@ -79,6 +79,17 @@ def test_mistakes_are_one_sentence(run_command: Callable[..., object]) -> None:
     assert result.stderr == "error: cat.off: vertex 3 is not finite\n"
 
 
+@pytest.mark.parametrize("what", [": Unable to allocate 9 TiB for an array", ""])
+def test_too_little_memory_is_one_sentence(run_command: Callable[..., object], what: str) -> None:
+    def starve() -> None:
+        raise MemoryError(*([what[2:]] if what else []))
+
+    result = run_command(starve)
+    assert result.exit_code == 2
+    expected = f"error: there is too little memory{what}; reduce the mesh to fewer vertices first\n"
+    assert result.stderr == expected
+
+
 def test_an_interruption_is_one_line(run_command: Callable[..., object]) -> None:
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -212,3 +223,43 @@ def test_commands_are_quoted_as_the_shell_takes_them(monkeypatch: pytest.MonkeyP
     assert _common.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
     monkeypatch.setattr(sys, "platform", "win32")
     assert _common.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
+
+
+def test_an_interruption_that_python_has_to_ignore_comes_again() -> None:
+    """In the callback of a weak reference, say, of which matplotlib has many."""
+    code = """
+import signal, time, weakref
+from unbend import cli
+
+class Held:
+    pass
+
+@cli.app.command("try")
+def interrupted():
+    held = Held()
+    kept = weakref.ref(held, lambda _: signal.raise_signal(signal.SIGINT))
+    del held
+    time.sleep(20)
+    print("went on")
+
+cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code, "try"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "interrupted: no file was left half-written\n"
+
+
+def test_an_interruption_while_it_is_imported() -> None:
+    code = """
+import runpy, sys
+
+class Interrupted:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupted())
+runpy.run_module("unbend", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

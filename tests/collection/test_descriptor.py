@@ -6,9 +6,10 @@ from scipy.sparse.csgraph import connected_components
 
 from unbend import Mesh
 from unbend.collection import descriptor
+from unbend.collection._descriptor import describe, make_basis
 from unbend.collection._whole import whole_surface
 from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
-from unbend.errors import MeshError
+from unbend.errors import MeshError, SolverError
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +133,10 @@ def test_point_clouds_are_described(person):
 def test_what_has_no_area_is_refused():
     with pytest.raises(MeshError, match="degenerate"):
         descriptor(Mesh(np.arange(3)[:, None] * np.ones(3), [[0, 1, 2]]))
+
+
+@pytest.mark.parametrize("spoil", [lambda values: values * 1.01, lambda values: values * np.nan])
+def test_heat_that_is_lost_is_an_error(person, spoil):
+    basis = make_basis(person)
+    with pytest.raises(SolverError, match="heat and waves are off by"):
+        describe(basis._replace(functions=spoil(basis.functions)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 
@@ -93,3 +94,20 @@ def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _engine._local_shape(2) == (2, 4, 2**31)
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**30)
     assert _engine._local_shape(None) == (2, 4, 2**29)
+
+
+def test_a_cluster_that_is_ended_half_made_is_left_to_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Dask would try to close it at exit, and print a traceback."""
+    import distributed
+
+    def interrupted(**options: object) -> None:
+        raise KeyboardInterrupt
+
+    left: list[object] = []
+    monkeypatch.setattr(distributed, "LocalCluster", interrupted)
+    monkeypatch.setattr(atexit, "unregister", left.append)
+    with pytest.raises(KeyboardInterrupt), engine(workers=1):
+        pass
+    assert left == [distributed.deploy.spec.close_clusters]

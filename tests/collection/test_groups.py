@@ -44,3 +44,20 @@ def test_the_silhouette_is_scikit_learns() -> None:
         ours = silhouette(table, labels)
         np.testing.assert_allclose(ours, silhouette_score(table, labels, metric="precomputed"))
     assert silhouette(table, np.zeros(19, dtype=int)) == 0
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "value", "message"),
+    [
+        (0, 1, 5.0, "symmetric"),
+        (3, 3, 1.0, "0 on the diagonal"),
+        (2, 1, np.nan, "finite"),
+        (2, 1, -1.0, "none negative"),
+    ],
+)
+def test_what_are_no_distances_are_refused(row, column, value, message) -> None:
+    """SciPy would take the upper half for the whole."""
+    distances = cdist(POINTS, POINTS)
+    distances[row, column] = value
+    with pytest.raises(InputError, match=message):
+        find_groups(distances)

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unbend import Mesh
-from unbend.collection import shape_statistics
-from unbend.errors import InputError
+from unbend.collection import _statistics, shape_statistics
+from unbend.errors import InputError, UnbendWarning
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +116,15 @@ def test_what_is_no_set_of_shapes_is_refused(shapes, options, message):
 def test_a_component_that_is_not_there_is_refused(grown):
     with pytest.raises(InputError, match="no component 99"):
         shape_statistics(grown[3]).at(99, 1)
+
+
+def test_shapes_that_settle_on_no_mean_are_warned_of(grown, monkeypatch):
+    monkeypatch.setattr(_statistics, "_ROUNDS", 1)
+    with pytest.warns(UnbendWarning, match="still moves by .* of its size after 1 rounds"):
+        shape_statistics(grown[3])
+
+
+@pytest.mark.parametrize("unit", [1e-160, 1e200])
+def test_sizes_beyond_double_precision_are_refused(grown, unit):
+    with pytest.raises(InputError, match=r"a single point|has a size of|be finite"):
+        shape_statistics(grown[3] * unit)

@@ -1,5 +1,7 @@
 """Carried values are those of the place they come from; labels are never averaged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -196,3 +198,15 @@ def test_a_partner_without_faces_stands_in_itself() -> None:
     laid = _match([1, 2, 1, 0], [3, 0, 1], np.zeros(4, dtype=np.int64), np.eye(3)[[1, 2, 1, 0]])
     assert transfer([1, 2, 3, 4], laid, source=source, target=target).tolist()[0] == 4
     assert transfer([1.0, 2, 3, 4], laid, source=source, target=target)[0] == 4
+
+
+def test_weights_that_do_not_sum_to_one_are_refused() -> None:
+    """Else places would be drawn towards the origin, and morphs and registrations with them."""
+    mesh = make_quadruped("walking", n_vertices=600).mesh
+    found = _identity(mesh)
+    for wrong in (0.5, np.nan):
+        assert found.weights is not None
+        weights = found.weights.copy()
+        weights[7] *= wrong
+        with pytest.raises(InputError, match=r"weights in row 7 sum to (0.5|nan)"):
+            positions_on_target(replace(found, weights=weights), mesh)

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from unbend import Mesh, distance
-from unbend.datasets import make_sphere
+from unbend.datasets import make_biped, make_sphere
 from unbend.distances import geodesic_solver
-from unbend.errors import InputError, MeshError, MissingExtraError, UnbendWarning
+from unbend.errors import (
+    InputError,
+    MeshError,
+    MissingExtraError,
+    SolverError,
+    UnbendWarning,
+)
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +138,56 @@ def test_no_exact_geodesics_where_sheets_meet():
     for shape, what in ((fin, "1 non-manifold edge"), (twins, "1 non-manifold vertex")):
         with pytest.raises(MeshError, match=what):
             geodesic_solver(Mesh(*shape), exact=True)(1)
+
+
+def needled(mesh, share, seed):
+    """A mesh some of whose edges have shrunk to this share."""
+    points = mesh.vertices.copy()
+    rows = np.random.default_rng(seed).permutation(mesh.n_faces)[:60]
+    here, there = mesh.faces[rows, 0], mesh.faces[rows, 1]
+    points[there] = points[here] + share * (points[there] - points[here])
+    return Mesh(points, mesh.faces)
+
+
+def test_exact_geodesics_that_do_not_arrive_are_an_error(blob):
+    with pytest.raises(SolverError, match=r"do not get to \d+ vert"):
+        geodesic_solver(needled(blob, 1e-6, 2), exact=True)(0)
+
+
+def test_exact_geodesics_that_needles_lead_astray_are_warned_of_once(blob):
+    """The solver's own fault: no path is longer than one along the edges."""
+    one = geodesic_solver(needled(blob, 1e-5, 3), exact=True)
+    with pytest.warns(UnbendWarning, match="by up to 0.07 of the largest") as caught:
+        assert [len(one(480)), len(one(480))] == [blob.n_vertices] * 2
+    assert len(caught) == 1
+
+
+def test_heat_that_undercuts_the_straight_line_is_warned_of_once():
+    mesh = make_biped("running", n_vertices=1000).mesh
+    one = geodesic_solver(Mesh(mesh.vertices * [1, 1e3, 1], mesh.faces), exact=False)
+    with pytest.warns(UnbendWarning, match=r"by up to \d\d% of the largest") as caught:
+        assert [len(one(100)), len(one(200))] == [mesh.n_vertices] * 2
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize("size", [1e-160, 1e200])
+@pytest.mark.parametrize("exact", [True, False])
+def test_sizes_beyond_double_precision_are_refused(size, exact):
+    sphere = make_sphere(1)
+    with pytest.raises(MeshError, match="across; give coordinates in a unit"):
+        geodesic_solver(Mesh(sphere.vertices * size, sphere.faces), exact=exact)(0)
+
+
+def test_heat_that_is_not_finite_is_an_error(monkeypatch):
+    import potpourri3d
+
+    class Broken:
+        def __init__(self, *args, **options):
+            pass
+
+        def compute_distance(self, source):
+            return np.array([0.0, np.nan])
+
+    monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", Broken)
+    with pytest.raises(SolverError, match="not finite"):
+        geodesic_solver(make_sphere(1), exact=False)(0)

@@ -62,3 +62,16 @@ def test_what_stands_still_is_refused():
             2,
             tol=1e-6,
         )
+
+
+@pytest.mark.parametrize("spread", [1e-9, 0.0, np.nan])
+def test_vectors_that_fall_together_are_refused(spread):
+    """Their inner products are then no Gram matrix, but for rounding."""
+    chance = np.random.default_rng(0)
+    start = chance.standard_normal((30, 4))
+
+    def solves(block, guesses, tol):
+        return [block[:, :1] + spread * chance.standard_normal(block.shape)]
+
+    with pytest.raises(SolverError, match=r"too far apart|NaN"):
+        subspace_iteration(solves, start, 2, tol=1e-14)

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from unbend import Mesh, laplacian
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, SolverError
+from unbend.spectral import _laplacian
 
 
 def face_areas(mesh):
@@ -126,3 +127,40 @@ def test_unknown_names_are_refused(blob):
         laplacian(blob, area_kind="full")
     with pytest.raises(MeshError, match="point cloud"):
         laplacian(blob.vertices, laplacian="cotangent")
+
+
+@pytest.mark.parametrize("kind", ["cotangent", "robust"])
+@pytest.mark.parametrize("size", [1e-160, 1e120, 1e200])
+def test_sizes_beyond_double_precision_are_refused(kind, size):
+    """An operator of zeros, or of NaN, is what they would give."""
+    ball = make_sphere(1)
+    with pytest.raises(MeshError):
+        laplacian((ball.vertices * size, ball.faces), laplacian=kind)
+    with pytest.raises(MeshError, match="across; give coordinates"):
+        laplacian(ball.vertices * size, laplacian="robust")
+
+
+def test_area_that_is_lost_is_an_error(blob, monkeypatch):
+    monkeypatch.setattr(
+        _laplacian, "_mixed_voronoi", lambda squared, cotangents, areas: areas[:, None] / [4, 4, 4]
+    )
+    with pytest.raises(SolverError, match=r"share out an area of .*, but its faces have"):
+        laplacian(blob)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda w, m: (w.multiply(1 + 1e-6 * (np.arange(42) == 3)), m), "rows of its Laplacian"),
+        (lambda w, m: (w * np.nan, m), "rows of its Laplacian sum to as much as nan"),
+        (lambda w, m: (w, m.multiply(np.where(np.arange(42) == 3, -1, 1))), "vertex area of -"),
+        (lambda w, m: (w, m * np.nan), "vertex area of nan"),
+    ],
+)
+def test_a_robust_laplacian_that_is_none_is_an_error(monkeypatch, spoil, message):
+    import robust_laplacian
+
+    right = robust_laplacian.mesh_laplacian
+    monkeypatch.setattr(robust_laplacian, "mesh_laplacian", lambda *mesh: spoil(*right(*mesh)))
+    with pytest.raises(SolverError, match=message):
+        laplacian(make_sphere(1), laplacian="robust")

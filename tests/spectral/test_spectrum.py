@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import scipy.spatial.transform
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,9 +8,9 @@ from hypothesis import strategies as st
 from dense import eigenpairs as dense_eigenpairs
 from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.spectral import Laplacian
+from unbend.spectral import Laplacian, _spectrum
 from unbend.spectral._laplacian import _stiffness
 from unbend.spectral._spectrum import whole_eigenpairs
 
@@ -217,3 +218,56 @@ def test_residuals_are_as_small_as_asked(tol):
 def test_spectrum_itself_warns_of_nothing(blob, recwarn):
     spectrum(blob, 3)
     assert not [warning for warning in recwarn if warning.category is UnbendWarning]
+
+
+def gram(found):
+    return found.eigenfunctions.T @ (found.areas[:, None] * found.eigenfunctions)
+
+
+def needled(count, share):
+    """An egg of 162 vertices, some of whose edges have shrunk to this share."""
+    ball = make_sphere(2)
+    points = ball.vertices * [1, 0.5, 0.3] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2
+    rows = np.random.default_rng(0).permutation(ball.n_faces)[:count]
+    here, there = ball.faces[rows, 0], ball.faces[rows, 1]
+    points[there] = points[here] + share * (points[there] - points[here])
+    return Mesh(points, ball.faces)
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e-6, 3e-8])
+@pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
+def test_needles_do_not_spoil_the_eigenpairs_of_small_meshes(share):
+    """Against ARPACK, on the factorised pencil: dense solvers drown in the largest entries."""
+    mesh = needled(40, share)
+    operator = laplacian(mesh)
+    mass = sp.diags_array(operator.areas / operator.areas.sum()).tocsc()
+    expected = sp.linalg.eigsh(sp.csc_matrix(operator.stiffness), 9, M=mass, sigma=1.0)[0]
+    found = spectrum(mesh, 9, cache=False)
+    values = found.eigenvalues * operator.areas.sum()
+    np.testing.assert_allclose(values[1:], expected[1:], rtol=1e-7)
+    np.testing.assert_allclose(gram(found), np.eye(9), atol=1e-8)
+
+
+@pytest.mark.parametrize("longer", [1e4, 1e6])
+def test_values_near_zero_do_not_spoil_the_orthonormality(blob, longer):
+    found = spectrum((blob.vertices * [1, longer, 1], blob.faces), 10, cache=False)
+    np.testing.assert_allclose(gram(found), np.eye(10), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda values, functions: (values * (1 + 1e-4), functions), "residual is about"),
+        (lambda values, functions: (values, functions * (1 + 1e-5)), "orthonormal but for"),
+        (lambda values, functions: (values, functions[:, [0, 1, 1, *range(3, 11)]]), "orthonormal"),
+        (lambda values, functions: (values, functions + 1e-4 * functions[::-1]), "orthonormal"),
+        (lambda values, functions: (values, functions * np.nan), "orthonormal"),
+    ],
+)
+def test_wrong_eigenpairs_are_an_error_with_the_figure(blob, monkeypatch, spoil, message):
+    right = _spectrum.smallest_eigenpairs
+    monkeypatch.setattr(
+        _spectrum, "smallest_eigenpairs", lambda *args, **options: spoil(*right(*args, **options))
+    )
+    with pytest.raises(SolverError, match=message):
+        spectrum(blob, 9, cache=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 from unbend.linalg.signs import fix_signs
 
 # More axes than this would make more than 256 starts; the later axes then keep their sign.
@@ -108,7 +109,8 @@ def procrustes(
         raise InputError(f"weights must be {len(source)} finite non-negative numbers, not all 0")
     mass = mass / mass.sum()
     source_center, target_center = mass @ source, mass @ target
-    cross = ((source - source_center) * mass[:, None]).T @ (target - target_center)
+    left, right = source - source_center, target - target_center
+    cross = (left / _unit(left) * mass[:, None]).T @ (right / _unit(right))
     rotation = nearest_rotation(cross.T, reflect=reflect)
     return rotation, target_center - rotation @ source_center
 
@@ -180,6 +182,11 @@ def align(
     InputError
         If the dimensions differ, a set is empty, or something is not finite.
 
+    Warns
+    -----
+    UnbendWarning
+        If `max_iterations` end the search while the residual still falls.
+
     References
     ----------
     Besl & McKay, "A method for registration of 3-D shapes", IEEE TPAMI 14(2), 1992. The residual
@@ -200,6 +207,8 @@ def align(
         )
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
+    unit = _unit(right)
+    left, right = left / unit, right / unit
     few = _subset(left), _subset(right)
     choices = np.array(_axis_choices(left, right, reflect))
     tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
@@ -226,11 +235,19 @@ def align(
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
     rotation, translation, residuals = min(found, key=misfit)
+    fall = 1 - residuals[-1] / (residuals[-2] or 1.0) if len(residuals) > max_iterations > 0 else 0
+    if fall > tolerance:
+        warnings.warn(
+            f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
+            f"{max_iterations} iterations; allow more with max_iterations",
+            UnbendWarning,
+            stacklevel=2,
+        )
     forward, backward, _ = closest_points(left @ rotation.T + translation, right)
     return Alignment(
         rotation=rotation,
-        translation=translation + centers[1] - rotation @ centers[0],
-        residuals=residuals,
+        translation=translation * unit + centers[1] - rotation @ centers[0],
+        residuals=residuals * unit,
         source_to_target=forward,
         target_to_source=backward,
     )
@@ -244,6 +261,12 @@ def _points(points: Any, name: str) -> FloatArray:
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise InputError(f"{name} point {row} is not finite; leave such points out")
     return array
+
+
+def _unit(points: FloatArray) -> float:
+    """Power of two near the size of centred points: dividing by it rounds nothing."""
+    size = float(np.abs(points).max())
+    return float(2.0 ** np.floor(np.log2(size))) if 0 < size < np.inf else 1.0
 
 
 def _subset(points: FloatArray) -> FloatArray:

@@ -14,13 +14,16 @@ from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
 from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
 # Stress is taken over all pairs of this many random vertices; of a quarter with n_coarse.
 _STRESS_VERTICES = 32
 _FEWEST_COARSE = 100  # fewer do not know the shape
+# By how much columns may miss their lengths, right angles and the middle, as a share of the largest
+# eigenvalue.
+_SKEW = 1e-6
 # Of the sampled method, unless others are asked for.
 _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
@@ -155,7 +158,7 @@ def canonical_form(
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
     SolverError
-        If an eigenpair does not reach its accuracy.
+        If an eigenpair does not reach its accuracy, or the form is not centred on its axes.
 
     Warns
     -----
@@ -219,6 +222,8 @@ def canonical_form(
     large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
     points, eigenvalues, metric, residual = route(surface, options, steps)
+    weights = surface.operator.areas if weighting == "area" else np.ones(len(points))
+    _check_axes(points, eigenvalues, weights, surface.mesh.name)
     with steps("stress"):
         stress = _stress(points, metric, random_state)
     laid = None
@@ -282,6 +287,22 @@ def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -
         most = min(most, n_eigenpairs - 1)
     if not is_whole(d) or not 1 <= d <= most:
         raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
+
+
+def _check_axes(
+    points: FloatArray, eigenvalues: FloatArray, weights: FloatArray, name: str
+) -> None:
+    """Refuse a form that is not what classical scaling gives: centred, its columns its axes."""
+    weighted = points * weights[:, None]
+    apart = points.T @ weighted - np.diag(np.maximum(eigenvalues, 0))
+    largest = float(eigenvalues.max())
+    middle = weighted.sum(axis=0) / np.sqrt(max(largest, 0.0) * weights.sum() or 1.0)
+    skew = max(float(np.abs(apart).max()) / (abs(largest) or 1.0), float(np.abs(middle).max()))
+    if not skew <= _SKEW:
+        raise SolverError(
+            f"{name}: the form's columns miss their eigenvalues, each other's right angles or the "
+            f"middle by {skew:.1e} of the largest eigenvalue"
+        )
 
 
 def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:

@@ -26,6 +26,8 @@ from unbend.spectral import Spectrum
 
 # Eq. 14 is solved until its residual is this small, relative to its right-hand side.
 _TOLERANCE = 1e-12
+# A constant is as smooth as can be and fits itself: it comes back but for so much.
+_CONSTANT = 1e-6
 # A pivot below this share of its diagonal entry is what rounding left of it, or nearly.
 _SINGULAR = 1e-12
 _UNDETERMINED = (
@@ -47,10 +49,19 @@ def interpolation_operator(spectrum: Spectrum, samples: IntArray, mu: float) -> 
     ------
     InputError
         If `mu` is not positive.
+    SolverError
+        If the samples do not determine it, or a constant is not reproduced.
     """
     at_samples, gram = _at_samples(spectrum, samples, mu)
     system = mu * gram + np.diag(spectrum.eigenvalues)
     operator: FloatArray = mu * scipy.linalg.cho_solve(_factor(system), at_samples.T)
+    ones = np.ones(len(samples))
+    missed = float(np.abs(at_samples @ (operator @ ones) - ones).max())
+    if not missed <= _CONSTANT:
+        raise SolverError(
+            f"interpolation misses a constant by {missed:.1e}: these are not the eigenpairs of a "
+            "surface, or the samples do not determine it"
+        )
     return operator
 
 
@@ -79,6 +90,8 @@ def interpolate(
     InputError
         If `mu` is not positive, a sample is not a vertex in use, or there is not one row of finite
         numbers for each.
+    SolverError
+        If the samples do not determine the functions, or a constant is not reproduced.
 
     Examples
     --------

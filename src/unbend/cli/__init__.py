@@ -13,7 +13,9 @@ import errno
 import io
 import os
 import sys
+import threading
 import warnings
+from _thread import interrupt_main
 from typing import Annotated, Any
 
 import typer
@@ -51,6 +53,7 @@ COMMANDS = (
 )
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
+_AGAIN_SECONDS = 0.05  # after which a Ctrl-C that was ignored comes again
 _EXIT_BROKEN_PIPE = 141  # ... and when the reader of a pipe went away
 # What writing to a file that others opened for us fails with; our own files are named.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -70,6 +73,13 @@ class _Group(TyperGroup):
                 return result
         except UnbendError as error:
             say("error", str(error))
+            raise typer.Exit(EXIT_REFUSED) from None
+        except MemoryError as error:
+            what = f": {error}" if str(error) else ""
+            say(
+                "error",
+                f"there is too little memory{what}; reduce the mesh to fewer vertices first",
+            )
             raise typer.Exit(EXIT_REFUSED) from None
         except KeyboardInterrupt:
             say("interrupted", "no file was left half-written")
@@ -129,13 +139,24 @@ def _options(
     """Take the options that come before a command."""
 
 
+def _interrupt_again(ignored: Any) -> None:
+    """Repeat a Ctrl-C that came where Python ignores errors: the command would go on after it."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        threading.Timer(_AGAIN_SECONDS, interrupt_main).start()
+    else:
+        sys.__unraisablehook__(ignored)
+
+
 def main() -> None:
     """Run the command line; the ``unbend`` script calls this."""
     # A pipe on Windows, or a name that is no text, has characters that cannot be written as they
     # are: better escaped than an end halfway through.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    before, sys.unraisablehook = sys.unraisablehook, _interrupt_again
     try:
         app()
     except KeyboardInterrupt:  # before a command began
         raise SystemExit(_EXIT_INTERRUPTED) from None
+    finally:
+        sys.unraisablehook = before

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from unbend._memory import check_memory
 from unbend._types import FloatArray
 from unbend.collection._whole import whole_surface
+from unbend.errors import SolverError
 from unbend.io import MeshLike, as_mesh
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.mesh import Mesh
@@ -36,6 +37,8 @@ _ENERGIES = np.linspace(np.log(4 * np.pi * 0.8), np.log(4 * np.pi * 80), 12)
 _WIDTH = 0.7
 # Shares of the area at whose middles quantiles are taken.
 _LEVELS = (np.arange(16) + 0.5) / 16
+# By how much a signature's mean over the surface, known beforehand, may be missed.
+_LOST = 1e-4
 # Signatures and variances below these are noise, and have no logarithm to speak of.
 _LEAST_SIGNATURE, _LEAST_VARIANCE = 1e-6, 1e-3
 
@@ -60,6 +63,8 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     ------
     MeshError
         If the mesh has no area, or its computation does not fit into the memory that is free.
+    SolverError
+        If its eigenpairs do not reach their accuracy, or heat or waves are lost.
 
     Notes
     -----
@@ -109,8 +114,15 @@ def make_basis(mesh: Mesh) -> Basis:
 
 def describe(basis: Basis) -> npt.NDArray[np.float32]:
     """Descriptor of a shape whose eigenpairs are known; see :func:`descriptor`."""
-    heat = np.log(np.maximum(heat_kernel(basis, _TIMES), _LEAST_SIGNATURE))
-    waves = np.log(wave_kernel(basis, _ENERGIES, _WIDTH) + _LEAST_SIGNATURE)
+    heat = heat_kernel(basis, _TIMES)
+    waves = wave_kernel(basis, _ENERGIES, _WIDTH)
+    # Over the surface, heat sums to its trace, and waves to one.
+    traces = np.exp(-np.outer(basis.values, _TIMES)).sum(axis=0)
+    lost = max(np.abs(basis.areas @ heat / traces - 1).max(), np.abs(basis.areas @ waves - 1).max())
+    if not lost <= _LOST:
+        raise SolverError(f"the shape's heat and waves are off by {lost:.1e} over its surface")
+    heat = np.log(np.maximum(heat, _LEAST_SIGNATURE))
+    waves = np.log(waves + _LEAST_SIGNATURE)
     blocks = quantiles(heat, basis.areas, _LEVELS).ravel(), log_covariance(waves, basis.areas)
     return np.concatenate([block / np.sqrt(block.size) for block in blocks]).astype(np.float32)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import logging
 import os
@@ -184,7 +185,7 @@ def _plan(client: Any) -> tuple[int, int]:
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     try:
         import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
     except ImportError:
         raise MissingExtraError("dask", "collection") from None
     if scheduler is not None:
@@ -212,7 +213,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     with (
         dask.config.set(settings),
         _setting(share),
-        LocalCluster(
+        _local_cluster(
             n_workers=count,
             threads_per_worker=1,
             memory_limit=memory,
@@ -225,6 +226,18 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ):
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
+
+
+def _local_cluster(**options: Any) -> Any:
+    from distributed import LocalCluster
+    from distributed.deploy import spec
+
+    try:
+        return LocalCluster(**options)
+    except KeyboardInterrupt:
+        # At exit Dask would complain of a cluster half made, whose processes end with this one.
+        atexit.unregister(spec.close_clusters)
+        raise
 
 
 def dask_setup(worker: Any) -> None:

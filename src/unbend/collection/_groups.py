@@ -8,6 +8,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 
 _MOST_TRIED = 50
+_ROUNDING = 1e-9  # share of the largest distance by which a table may not be symmetric
 
 
 def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
@@ -28,7 +29,7 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     Raises
     ------
     InputError
-        If there are fewer than `n_groups`.
+        If there are fewer than `n_groups`, or the table is not one of distances.
 
     References
     ----------
@@ -49,6 +50,12 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     n = len(distances)
     if n_groups is not None and not 1 <= n_groups <= n:
         raise InputError(f"{n} shapes make 1 to {n} groups, not {n_groups}")
+    distances = np.asarray(distances, dtype=np.float64)
+    if distances.shape != (n, n) or not (np.isfinite(distances) & (distances >= 0)).all():
+        raise InputError("distances must be a square table of finite numbers, none negative")
+    skew = np.abs(distances - distances.T).max(initial=0) + distances.diagonal().max(initial=0)
+    if skew > _ROUNDING * distances.max(initial=0):
+        raise InputError(f"distances must be symmetric and 0 on the diagonal, not off by {skew:g}")
     if n < 3:
         return np.arange(n) % (n_groups or 1)
     tree = linkage(squareform(distances, checks=False), "average")

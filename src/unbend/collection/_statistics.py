@@ -7,6 +7,7 @@ scaled where sizes do not matter, to fit their mean, and the mean is taken anew.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,11 @@ import numpy.typing as npt
 from unbend._arrays import is_whole
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 
 _ROUNDS = 100
 _SETTLED = 1e-9
+_LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 # A component with less of the mean's own extent, squared, is rounding.
 _NOTHING = 1e-12
 
@@ -95,6 +97,11 @@ def shape_statistics(
     InputError
         If there are fewer than 2 shapes, or something does not fit or is not finite.
 
+    Warns
+    -----
+    UnbendWarning
+        If the shapes do not settle on a mean.
+
     References
     ----------
     Gower, "Generalized Procrustes analysis", Psychometrika 40(1), 1975; Dryden & Mardia,
@@ -132,9 +139,16 @@ def shape_statistics(
     mass /= mass.sum()
 
     points -= (mass @ points)[:, None]
-    sizes = np.sqrt(np.einsum("v,svk,svk->s", mass, points, points))
+    with np.errstate(over="ignore"):
+        sizes = np.sqrt(np.einsum("v,svk,svk->s", mass, points, points))
     if not (sizes > 0).all():
         raise InputError(f"shape {int(sizes.argmin())} is a single point")
+    wrong = ~((sizes > _LEAST_SIZE) & (sizes < _MOST_SIZE))
+    if wrong.any():
+        raise InputError(
+            f"shape {int(wrong.argmax())} has a size of {sizes[wrong.argmax()]:.0e}; give "
+            f"coordinates in a unit in which that is between {_LEAST_SIZE:g} and {_MOST_SIZE:g}"
+        )
     if scale:
         points *= (sizes.mean() / sizes)[:, None, None]
     mean = _fit_together(points, mass)
@@ -170,6 +184,13 @@ def _fit_together(points: FloatArray, mass: FloatArray) -> FloatArray:
             turn, _ = procrustes(shape, mean, weights=mass, reflect=False)
             points[i] = shape @ turn.T
         before, mean = mean, points.mean(axis=0)
-        if ((mean - before) ** 2).sum() <= _SETTLED**2 * (mean**2).sum():
-            break
+        moved = float(np.sqrt(((mean - before) ** 2).sum() / (mean**2).sum()))
+        if moved <= _SETTLED:
+            return mean
+    warnings.warn(
+        f"the mean still moves by {moved:.1e} of its size after {_ROUNDS} rounds: the shapes may "
+        "be too unlike each other to have one",
+        UnbendWarning,
+        stacklevel=3,
+    )
     return mean

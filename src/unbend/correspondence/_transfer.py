@@ -16,6 +16,7 @@ from unbend.matching import Match, closest_faces
 from unbend.mesh import Mesh
 
 _GREY = 128
+_ROUNDING = 1e-6  # by which barycentric coordinates may miss a sum of one
 
 
 def transfer(
@@ -125,7 +126,8 @@ def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArra
     Raises
     ------
     InputError
-        If the map names a vertex or face that the target lacks.
+        If the map names a vertex or face that the target lacks, or its barycentric coordinates do
+        not sum to one.
     """
     images = as_point_map(match)
     if images.max(initial=-1) >= target.n_vertices:
@@ -140,8 +142,16 @@ def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArra
         if match.faces.max(initial=-1) >= target.n_faces:
             raise InputError(f"the match names faces that {target.name} does not have")
         there = match.faces >= 0
+        weights = match.weights[there]
+        wrong = ~(np.abs(weights.sum(axis=1) - 1) <= _ROUNDING)
+        if wrong.any():
+            row = int(np.flatnonzero(there)[wrong.argmax()])
+            raise InputError(
+                f"the match's weights in row {row} sum to {match.weights[row].sum():g}: give "
+                "barycentric coordinates, which sum to one"
+            )
         corners = target.vertices[target.faces[match.faces[there]]]
-        positions[there] = np.einsum("ij,ijk->ik", match.weights[there], corners)
+        positions[there] = np.einsum("ij,ijk->ik", weights, corners)
     return positions
 
 

@@ -16,7 +16,7 @@ from unbend._parallel import by_columns, one_blas_thread
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
 from unbend.distances._metric import Metric
-from unbend.errors import InputError
+from unbend.errors import InputError, SolverError
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.linalg.tall import inner
 from unbend.spectral import Spectrum, Surface, eigenpairs
@@ -25,6 +25,9 @@ SPECTRAL = ("biharmonic", "commute-time", "diffusion")
 
 # exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
 _NEGLIGIBLE = 1e-16
+# What two ways to one number may differ by, and squared distances may fall below zero, as shares of
+# the largest entry on the kernel's diagonal; where a solver is given that ends sooner, more.
+_ROUNDING, _ROUGH = 1e-8, 1e-3
 # Columns solved for at once: a chunk for each of a few threads, and little memory.
 _AT_ONCE = 32
 # Eigenpairs beyond which a diffusion time is called too short to be computed.
@@ -73,6 +76,7 @@ def gram_metric(
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
     areas = surface.operator.areas
+    rounding = _ROUNDING if green is None else _ROUGH
     if green is None:
         check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
         green = green_operator(surface.operator.stiffness, areas)
@@ -98,7 +102,7 @@ def gram_metric(
             column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]
         with one_blas_thread():
             kernel = inner(column, column) if biharmonic else column
-        return _distances(kernel, kernel.diagonal(), kernel.diagonal())
+        return _distances(kernel, kernel.diagonal(), kernel.diagonal(), rounding)
 
     @functools.cache
     def diagonal() -> FloatArray:
@@ -106,14 +110,31 @@ def gram_metric(
 
     def from_sources(sources: IntArray) -> FloatArray:
         kernel = gram(_indicators(sources, len(areas))).T
-        every = diagonal()
-        return _distances(kernel, every[sources], every)
+        every, own = diagonal(), np.arange(len(sources))
+        # Of the biharmonic kernel two solves give the one, and the square of one the other.
+        apart = float(np.abs(kernel[own, sources] - every[sources]).max() / every.max())
+        if not apart <= rounding:
+            raise SolverError(
+                f"{surface.mesh.name}: two ways to the {kind} kernel differ by {apart:.1e} of its "
+                "largest entry"
+            )
+        distances = _distances(kernel, every[sources], every, rounding)
+        distances[own, sources] = 0.0  # but for rounding
+        return distances
 
     return Metric(from_sources, between, gram)
 
 
-def _distances(kernel: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
+def _distances(
+    kernel: FloatArray, rows: FloatArray, columns: FloatArray, rounding: float
+) -> FloatArray:
     squared = rows[:, None] + columns[None, :] - 2 * kernel
+    least, largest = float(squared.min()), float(columns.max())
+    if not least >= -rounding * largest:
+        raise SolverError(
+            f"a squared distance came out at {least / largest:.1e} of the kernel's largest entry: "
+            "the kernel is not positive semi-definite"
+        )
     distances: FloatArray = np.sqrt(np.maximum(squared, 0.0))
     return distances
 

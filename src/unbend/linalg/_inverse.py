@@ -21,7 +21,7 @@ _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shi
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
 _POLISHINGS = 3  # corrections before another try; one is the rule
-_ROUNDING = 20 * np.finfo(np.float64).eps
+ROUNDING = 20 * float(np.finfo(np.float64).eps)  # relative, of a product with the matrix
 
 
 def inverse_lanczos(
@@ -63,7 +63,7 @@ def inverse_lanczos(
     shift, factor = _first_shift(matrix, k)
     below = factor.n_negative
     block_size = 4 if k <= 20 else 8
-    size = abs(matrix).max()
+    diagonal = matrix.diagonal()
     wanted = max(k, below)
     usual = 1.6 * wanted + 75  # columns that surfaces need, measured
     rng = np.random.default_rng(random_state)
@@ -83,8 +83,7 @@ def inverse_lanczos(
         values, coordinates, residuals = _near_pairs(basis, shift, below)
         if len(values) < wanted:
             continue
-        # What counts for values near 0: the mean distance, or next to nothing where all are 0.
-        floor = values[k - 1] / k if values[k - 1] > 1e-12 * size else 1e-6 * size
+        floor = least_that_counts(values[:k], diagonal)
         converged = residuals <= goal * np.maximum(values, floor)
         if not converged[:wanted].all():
             continue
@@ -116,6 +115,17 @@ def inverse_lanczos(
         f"no {k} eigenpairs to a relative residual of {tol:g}; {reached:.1e} was reached, or the "
         f"pairs could not be counted: is the stiffness matrix positive semi-definite?"
     )
+
+
+def least_that_counts(values: FloatArray, diagonal: FloatArray) -> float:
+    """Say what eigenvalues near 0 count as: their mean distance, or next to nothing if all are 0.
+
+    Nothing is 1e-12 of what is usual on the matrix's diagonal, not of the largest entry: beside a
+    needle that may be of any size.
+    """
+    usual = float(np.median(diagonal[diagonal > 0])) if (diagonal > 0).any() else 1.0
+    last = float(values[-1])
+    return last / len(values) if last > 1e-12 * usual else 1e-6 * usual
 
 
 def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
@@ -257,14 +267,14 @@ def _polish(
         sparse_product(rows, vectors, image)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
         rotate(vectors, rotation)
-        rotate(image, rotation)
+        sparse_product(rows, vectors, image)  # turned instead, it would not show what turning lost
         scale_and_add(image, 1.0, -values, vectors)
         lengths = column_lengths(image[:, :k])
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
         if (lengths <= tol * ranks).all():
             break
     else:
-        lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * _ROUNDING
+        lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * ROUNDING
     return values[:k], best, float(np.maximum(lengths / ranks, 0).max())
 
 

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
-from unbend.linalg._inverse import inverse_lanczos
+from unbend.linalg._inverse import ROUNDING, inverse_lanczos, least_that_counts
 from unbend.linalg._krylov import KrylovBasis, Operator
 
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
@@ -43,8 +43,8 @@ def smallest_eigenpairs(
     tol : float
         Largest relative residual: |W x - value A x| / |value A x| in the norm of A^-1. Values
         close to 0 count as if they were the mean distance between the first k (if all k are 0: as
-        1e-6 of the largest entry of A^-1/2 W A^-1/2). What rounding in the product W x makes
-        unavoidable comes on top.
+        1e-6 of the median of the diagonal of A^-1/2 W A^-1/2). What rounding in the product W x
+        makes unavoidable comes on top.
     random_state : int
         Seed of the starting vectors. The same input gives the same output.
     progress : callable, optional
@@ -94,13 +94,66 @@ def smallest_eigenpairs(
     if not np.isfinite(scaled.data).all():
         raise InputError("the stiffness matrix holds NaN or infinite values")
     with one_blas_thread():
-        if _dense_is_faster(n, k):
+        small = _dense_is_faster(n, k)
+        if small:
             values, vectors = scipy.linalg.eigh(scaled.toarray(), subset_by_index=(0, k - 1))
-        else:
+            # Its errors are those of the largest entries, and sliver triangles have huge ones.
+            clipped = np.maximum(values, 0)
+            _, residual = measure_eigenpairs(scaled, np.ones(n), clipped, vectors, tol)
+        if not small or not residual <= tol:
             values, vectors = inverse_lanczos(scaled, k, tol, random_state, progress)
     if progress is not None:
         progress(1.0)
     return np.maximum(values, 0) / total, vectors / (weights * np.sqrt(total))[:, None]
+
+
+def measure_eigenpairs(
+    stiffness: SparseMatrix,
+    areas: FloatArray,
+    values: FloatArray,
+    vectors: FloatArray,
+    tol: float,
+) -> tuple[float, float]:
+    """Measure what eigenpairs lack, from one random combination of them.
+
+    Pairs that are off by some share make a combination that is off by about as much, so one product
+    with the matrix tells of all pairs at once.
+
+    Parameters
+    ----------
+    stiffness, areas, tol
+        As :func:`smallest_eigenpairs` had them.
+    values : (k,) array of float64
+    vectors : (n, k) array of float64
+
+    Returns
+    -------
+    skew : float
+        About the size of ``vectors.T @ (areas[:, None] * vectors) - I``.
+    residual : float
+        And that of the residuals, relative as in :func:`smallest_eigenpairs`. Of what is above
+        `tol`, that which rounding makes unavoidable is taken away.
+
+    Examples
+    --------
+    >>> import numpy as np, scipy.sparse as sp
+    >>> from unbend.linalg.lanczos import measure_eigenpairs
+    >>> diagonal = sp.diags_array([1.0, 2.0]).tocsr()
+    >>> measure_eigenpairs(diagonal, np.ones(2), np.array([1.0, 2.0]), np.eye(2), 1e-8)
+    (0.0, 0.0)
+    """
+    floor = least_that_counts(values, stiffness.diagonal() / areas)
+    shares = np.random.default_rng(0).standard_normal((len(values), 2))
+    shares[:, 1] /= np.maximum(values, floor)
+    weights = np.sqrt(areas)
+    plain, scaled = (vectors @ shares).T
+    skew = float(np.linalg.norm(vectors.T @ (areas * plain) - shares[:, 0]))
+    image = stiffness @ scaled - areas * (vectors @ (values * shares[:, 1]))
+    residual = float(np.linalg.norm(image / weights))
+    if residual > tol:
+        sizes = abs(stiffness) @ (np.abs(vectors) @ np.abs(shares[:, 1]))
+        residual = max(residual - ROUNDING * float(np.linalg.norm(sizes / weights)), 0.0)
+    return skew, residual
 
 
 def largest_eigenpairs(

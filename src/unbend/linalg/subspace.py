@@ -51,7 +51,7 @@ def subspace_iteration(
     Raises
     ------
     SolverError
-        If it is not reached.
+        If it is not reached, or the vectors cannot be told apart.
 
     Examples
     --------
@@ -69,6 +69,8 @@ def subspace_iteration(
         for _ in range(_MOST_STEPS):
             images = solves(vectors, guesses, max(_SHARE * residual, 1e-2 * tol))
             projection = inner(vectors, images[-1])
+            if not np.isfinite(projection).all():
+                raise SolverError("the solves returned NaN or infinite values")
             values, rotation = scipy.linalg.eigh((projection + projection.T) / 2)
             values, rotation = values[::-1][:k], rotation[:, ::-1]
             found = combine(None, vectors, rotation[:, :k])
@@ -87,6 +89,14 @@ def subspace_iteration(
 
 def _orthonormalising(gram: FloatArray) -> FloatArray:
     """Coordinates of orthonormal combinations of vectors with these inner products."""
-    lengths = np.sqrt(gram.diagonal())
-    root = np.linalg.cholesky(gram / np.multiply.outer(lengths, lengths))
+    lengths = np.sqrt(np.maximum(gram.diagonal(), 0))
+    try:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = np.linalg.cholesky(gram / np.multiply.outer(lengths, lengths))
+        if not np.isfinite(root).all():
+            raise np.linalg.LinAlgError
+    except np.linalg.LinAlgError:
+        raise SolverError(
+            "the form's eigenvalues are too far apart for n_coarse; leave it out"
+        ) from None
     return np.asarray(scipy.linalg.solve_triangular(root, np.diag(1 / lengths), lower=True).T)

@@ -1,11 +1,18 @@
 """What is wrong with a mesh, and the part of it that computations run on."""
 
 from unbend.preparation._diagnosis import Diagnosis, diagnose
-from unbend.preparation._prepare import Prepared, only_component, prepare, restrict
+from unbend.preparation._prepare import (
+    Prepared,
+    check_size,
+    only_component,
+    prepare,
+    restrict,
+)
 
 __all__ = [
     "Diagnosis",
     "Prepared",
+    "check_size",
     "diagnose",
     "only_component",
     "prepare",

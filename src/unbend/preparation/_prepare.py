@@ -163,7 +163,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     degenerate, _ = measure_faces(working.vertices, working.faces)
     if degenerate.all():
         raise _no_area(mesh.name)
-    _check_size(working)
+    check_size(working)
     problems = _problems(working, int(degenerate.sum()))
     twice = has_earlier_twin(working.faces) if problems else np.zeros(0, dtype=bool)
     if twice.any():  # faces at an edge are more than two then, or fans at a vertex more than one
@@ -229,14 +229,21 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
             f"{plural(mesh.n_vertices - repeats, 'different position')}; a shape needs at least "
             f"{_LEAST_VERTICES}"
         )
-    _check_size(mesh)
+    check_size(mesh)
     verb = "point repeats" if repeats == 1 else "points repeat"
     notes = (f"{repeats} {verb} the position of another",) if repeats else ()
     kept = np.arange(mesh.n_vertices, dtype=np.int64)
     return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, notes)
 
 
-def _check_size(mesh: Mesh) -> None:
+def check_size(mesh: Mesh) -> None:
+    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the fourth power.
+
+    Raises
+    ------
+    MeshError
+        If it is less than 1e-60 or more than 1e60 across.
+    """
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
     if not _LEAST_SIZE <= size <= _MOST_SIZE:

@@ -11,10 +11,13 @@ import scipy.sparse as sp
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError
+from unbend.errors import InputError, MeshError, SolverError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh
-from unbend.preparation import Prepared, prepare
+from unbend.preparation import Prepared, check_size, prepare
+
+# Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
+_SUMS, _LOST = 1e-9, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,9 @@ def laplacian(
         If `laplacian` or `area_kind` is not one of the names above.
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
-        mesh with a degenerate face.
+        mesh with a degenerate face. If the mesh is too small or too large for double precision.
+    SolverError
+        If the rows do not sum to zero, an area is negative, or some of the area is lost.
 
     Notes
     -----
@@ -88,9 +93,9 @@ def laplacian(
         if len(prepared.kept_faces) < mesh.n_faces:
             mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
     if laplacian == "robust":
-        return _robust(mesh)
+        return _checked(_robust(mesh), mesh.name)
     if laplacian == "cotangent":
-        return _cotangent(mesh, area_kind)
+        return _checked(_cotangent(mesh, area_kind), mesh.name)
     raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
 
 
@@ -102,39 +107,64 @@ def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:
     return "robust" if robust else "cotangent"
 
 
+def _checked(operator: Laplacian, name: str) -> Laplacian:
+    """Refuse an operator that does not vanish on constants, or has negative areas."""
+    stiffness, areas = operator.stiffness, operator.areas
+    sums = np.abs(stiffness @ np.ones(len(areas)))
+    if not sums.max() <= _SUMS * np.abs(stiffness.data).max(initial=0.0):
+        raise SolverError(
+            f"{name}: the rows of its Laplacian sum to as much as {sums.max():.1e}, not to zero"
+        )
+    if not areas.min() >= 0:
+        raise SolverError(f"{name}: its Laplacian has a vertex area of {areas.min():.1e}")
+    return operator
+
+
 def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
     if mesh.is_point_cloud:
         raise MeshError(f'{mesh.name}: a point cloud has no cotangent Laplacian; use "robust"')
     faces, n = mesh.faces, mesh.n_vertices
     cotangents, corner_areas = np.empty(faces.shape), np.empty(faces.shape)
 
-    def measure(start: int) -> None:
+    def measure(start: int) -> float:
         part = slice(start, start + FACES_AT_ONCE)
-        cotangents[part], corner_areas[part] = _measure_corners(mesh, part, area_kind)
+        with np.errstate(over="ignore", invalid="ignore"):
+            cotangents[part], corner_areas[part], area = _measure_corners(mesh, part, area_kind)
+        return area
 
-    run_all(partial(measure, start) for start in range(0, len(faces), FACES_AT_ONCE))
+    area = sum(run_all(partial(measure, start) for start in range(0, len(faces), FACES_AT_ONCE)))
+    if not 0 < area < np.inf:
+        raise MeshError(f"{mesh.name}: its area is {area:g}; give coordinates in a sensible unit")
     vertex_areas: FloatArray = np.bincount(faces.ravel(), corner_areas.ravel(), n).astype(float)
+    if not abs(vertex_areas.sum() - area) <= _LOST * area:
+        raise SolverError(
+            f"{mesh.name}: its vertices share out an area of {vertex_areas.sum():g}, but its faces "
+            f"have {area:g}"
+        )
     cotangents /= 2
     return Laplacian(_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
 
 
-def _measure_corners(mesh: Mesh, part: slice, area_kind: AreaKind) -> tuple[FloatArray, FloatArray]:
-    """Cotangents of the corners of some faces, and the area that belongs to each corner."""
+def _measure_corners(
+    mesh: Mesh, part: slice, area_kind: AreaKind
+) -> tuple[FloatArray, FloatArray, float]:
+    """Cotangents of the corners of some faces, the area of each corner, and that of all faces."""
     corners = mesh.vertices[mesh.faces[part]]  # (m, 3 corners, 3 coordinates)
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge facing corner
     squared = np.einsum("mij,mij->mi", opposite, opposite)
     double_area = np.linalg.norm(np.cross(opposite[:, 1], opposite[:, 2]), axis=1)
     flat = double_area <= np.finfo(float).eps * squared.max(axis=1)
-    if flat.any():
+    if flat.any() and np.isfinite(squared).all():
         raise MeshError(
             f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its cotangents "
             'do not exist; use the "robust" Laplacian'
         )
     # cot of a corner: (b^2 + c^2 - a^2) / (4 area), a being the edge that faces it
     cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
+    area = float(double_area.sum() / 2)
     if area_kind == "voronoi":
-        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2)
-    return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1)
+        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2), area
+    return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1), area
 
 
 def _stiffness(faces: IntArray, weights: FloatArray, n: int) -> SparseMatrix:
@@ -167,8 +197,8 @@ def _mixed_voronoi(
 def _robust(mesh: Mesh) -> Laplacian:
     import robust_laplacian
 
-    used = np.ones(mesh.n_vertices, dtype=bool)
     if mesh.is_point_cloud:
+        check_size(mesh)
         neighbours = min(30, mesh.n_vertices - 1)
         stiffness, mass = robust_laplacian.point_cloud_laplacian(
             mesh.vertices, n_neighbors=neighbours
@@ -177,6 +207,7 @@ def _robust(mesh: Mesh) -> Laplacian:
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces] = True
     if used.all():
+        check_size(mesh)
         stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
         return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
     kept = np.flatnonzero(used)
