@@ -46,12 +46,12 @@ def main() -> int:
     parser.add_argument("--tests", nargs="*", help="instead of the modules' and their folders'")
     parser.add_argument("--share", type=float, default=1.0, help="of the changes, drawn at random")
     parser.add_argument("--seconds", type=float, default=20.0, help="of tests for one change")
-    asked = parser.parse_args()
+    asked, more = parser.parse_known_args()  # the rest is pytest's
     paths = [SOURCE / one for one in asked.modules]
     tests = asked.tests or sorted({f"tests/{Path(one).parts[0]}" for one in asked.modules})
     kind = ["-m", "kernels"] if UNCOMPILED else []
     runner = Runner(paths, asked.share, asked.seconds)
-    arguments = ["-q", "--tb=native", "-p", "no:cacheprovider", *kind, *tests, *map(str, paths)]
+    arguments = ["-q", "--tb=native", "-p", "no:cacheprovider", *kind, *more, *tests, *map(str, paths)]
     pytest.main(arguments, plugins=[runner])
     kernels = any(any(True for _ in changes(one.read_text("utf-8"), True)) for one in paths)
     if kernels and not UNCOMPILED:
@@ -157,7 +157,8 @@ def _follow(
 ) -> tuple[dict[Path, dict[int, list[str]]], dict[str, float]]:
     """Find which tests run each line, every test on its own, and how long they take."""
     watch = coverage.Coverage(data_file=None, include=list(map(str, paths)), config_file=False)
-    caches = [one for one in gc.get_objects() if isinstance(one, functools._lru_cache_wrapper)]
+    kept = [one for one in gc.get_objects() if isinstance(one, functools._lru_cache_wrapper)]
+    caches = [one for one in kept if one.__module__.startswith(("unbend", "test", "corpus"))]
     times = {}
     watch.start()
     for item in items:

@@ -15,6 +15,7 @@ from unbend import Mesh
 from unbend.errors import FileError, MeshError, UnbendError
 from unbend.io import read_mesh, write_mesh
 from unbend.io._meshes import READ_SUFFIXES
+from unbend.io.formats import ply
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]], dtype=np.float64)
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -108,6 +109,92 @@ for _order in "<>":
         for _ragged in (False, True):
             _name = f"{'big' if _order == '>' else 'little'}_{_kind}_{_ragged}.ply"
             SAME_SQUARE[_name] = binary_square(_order, _kind, _ragged)
+
+
+WIDTHS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+          "float": "f4", "double": "f8"}  # fmt: skip
+
+
+class AnyPly:
+    """A PLY file of any layout that the format allows, and what is in it."""
+
+    def __init__(self, seed: int, encoding: str) -> None:
+        self.draw = np.random.default_rng(seed)
+        self.order = "" if encoding == "ascii" else "<" if "little" in encoding else ">"
+        self.vertices = self.draw.integers(-50, 50, (self.draw.integers(3, 9), 3))
+        self.n_corners = 0 if self.draw.random() < 0.3 else self.draw.integers(2, 5)
+        self.faces: list[list[int]] = []
+        self.rows: list[bytes] = []
+        elements = ["vertex", "face", "camera", "nothing"]
+        order = [elements[i] for i in self.draw.permutation(4)]
+        lists = order.index("vertex"), order.index("face")
+        if lists[0] > lists[1] and self.draw.random() < 0.8:
+            order[lists[0]], order[lists[1]] = "face", "vertex"
+        header = "".join(self.element(name) for name in order)
+        self.header = f"ply\nformat {encoding} 1.0\n{header}end_header\n".encode()
+        self.data = self.header + b"".join(self.rows)
+
+    def element(self, name: str) -> str:
+        counts = {"vertex": len(self.vertices), "nothing": 2}
+        count = counts.get(name, int(self.draw.integers(0, 4)))
+        extra = ["a", "b", "l"][: 0 if name == "nothing" else self.draw.integers(0, 4)]
+        own = {"vertex": ["x", "y", "z"], "face": ["vertex_indices"]}.get(name, [])
+        names = [[*own, *extra][i] for i in self.draw.permutation(len(own) + len(extra))]
+        sizes = {one: self.kind("uchar char ushort short int uint") for one in names}
+        kinds = {one: self.kind("float double" if one in "xyz" else "uint int") for one in names}
+        length = self.draw.integers(0, 3) if name == "vertex" or self.draw.random() < 0.5 else None
+        for row in range(count):
+            for one in names:
+                if one in "xyz":
+                    self.put([self.vertices[row]["xyz".index(one)]], kinds[one])
+                elif one == "vertex_indices":
+                    size = self.n_corners or self.draw.integers(0, 6)
+                    self.faces.append(self.draw.integers(0, len(self.vertices), size).tolist())
+                    self.put([size], sizes[one])
+                    self.put(self.faces[-1], kinds[one])
+                elif one == "l":
+                    size = self.draw.integers(0, 4) if length is None else length
+                    self.put([size], sizes[one])
+                    self.put(self.draw.integers(0, 99, size), kinds[one])
+                else:
+                    self.put([7], kinds[one])
+            if not self.order:
+                self.rows.append(b"\n")
+        if not self.order and not names:
+            self.rows.append(b"\n" * count)
+        text = f"element {name} {count}\n"
+        for one in names:
+            listed = f"list {sizes[one]} " if one in ("l", "vertex_indices") else ""
+            text += f"property {listed}{kinds[one]} {one}\n"
+        return text
+
+    def kind(self, names: str) -> str:
+        return str(self.draw.choice(names.split()))
+
+    def put(self, values: object, kind: str) -> None:
+        if self.order:
+            self.rows.append(np.array(values, self.order + WIDTHS[kind]).tobytes())
+        else:
+            self.rows.append("".join(f" {value}" for value in values).encode())
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply_of_any_layout(encoding: str) -> None:
+    for seed in range(60):
+        made = AnyPly(seed, encoding)
+        found = ply.read(made.data)
+        np.testing.assert_array_equal(found.vertices, made.vertices)
+        fans = [[f[0], f[i], f[i + 1]] for f in made.faces for i in range(1, len(f) - 1)]
+        np.testing.assert_array_equal(found.faces, np.reshape(fans, (-1, 3)), str(seed))
+        rows = b"".join(made.rows)
+        if encoding == "ascii":
+            ends = [i for i in range(len(rows)) if rows[i : i + 1] == b"\n" and rows[:i].strip()]
+            needed = len(rows.rstrip()) if rows.strip() else 0
+        else:
+            ends, needed = list(range(0, len(rows), 3)), len(rows)
+        for end in [end for end in ends if end < needed]:
+            with pytest.raises(FileError, match="truncated|fewer"):
+                ply.read(made.header + rows[:end])
 
 
 class TestTrickyFiles:
