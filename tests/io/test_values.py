@@ -54,6 +54,14 @@ def test_what_is_no_table(tmp_path: Path, text: str, sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+def test_words_have_an_end(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"part\n{'a' * 1000}\n")
+    assert read_values(tmp_path / "a.csv").tolist() == ["a" * 1000]
+    (tmp_path / "a.csv").write_text(f"part\nb\n{'a' * 1001}\n")
+    with pytest.raises(FileError, match="row 1 holds a word of more than 1000 letters"):
+        read_values(tmp_path / "a.csv")
+
+
 def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> None:
     bytes_of = {}
     for name, values, kind in (
@@ -88,6 +96,8 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=sentence):
             write_values(tmp_path / name, values, blob)
+    with pytest.raises(FileError, match="unknown suffix"):
+        write_values(tmp_path / "a.stl", np.zeros(642), blob)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -19,7 +19,7 @@ SWAPPED = {
 _PAIRS = "min max,minimum maximum,argmin argmax,any all,floor ceil,zeros ones"
 RENAMED = {a: b for pair in _PAIRS.split(",") for a, b in (pair.split(), pair.split()[::-1])}
 # Arguments that only make something faster, or say where a warning comes from.
-IDLE = {"assume_unique", "check_finite", "copy", "overwrite_a", "overwrite_b", "stacklevel"}
+IDLE = {"assume_unique", "check_finite", "copy", "overwrite_a", "overwrite_b", "stacklevel", "strict"}
 KERNELS = ("compiled", "kernel", "generated")
 
 
@@ -77,6 +77,8 @@ def _is_idle(parent: ast.AST, node: ast.AST) -> bool:
         return ast.unparse(node.test) == "TYPE_CHECKING"
     if isinstance(parent, ast.ClassDef):
         return not isinstance(node, ast.FunctionDef)
+    if isinstance(parent, ast.Call) and ast.unparse(parent.func).endswith("reshape"):
+        return isinstance(node, ast.UnaryOp)  # to NumPy, -2 is -1 there
     return isinstance(node, ast.keyword) and node.arg in IDLE
 
 
@@ -108,7 +110,8 @@ def _instead(node: ast.AST, name: str) -> Iterator[ast.AST]:
             new.attr = RENAMED[name]
             yield new
         case ast.Call(args=args, keywords=keywords):
-            if len(args) > 1 and not any(isinstance(one, ast.Starred) for one in args[:2]):
+            called = ast.unparse(new.func).split(".")[-1]
+            if len(args) > 1 and called not in RENAMED and not any(isinstance(one, ast.Starred) for one in args[:2]):
                 yield ast.Call(new.func, [args[1], args[0], *args[2:]], keywords)
             for i, one in enumerate(keywords):
                 if one.arg not in IDLE:
