@@ -101,7 +101,7 @@ def _instead(node: ast.AST, name: str) -> Iterator[ast.AST]:
             yield ast.Constant(value + 1)
         case ast.Constant(value=float(value)):
             yield ast.Constant(value * 2 or 1.0)
-        case ast.Return(value=value) if value is not None and ast.unparse(value) != "None":
+        case ast.Return(value=value) if value and ast.unparse(value) not in ("None", "False"):
             yield ast.Return(None)
         case ast.Name(id=name) if name in RENAMED:
             new.id = RENAMED[name]
