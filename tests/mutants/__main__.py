@@ -51,7 +51,18 @@ def main() -> int:
     tests = asked.tests or sorted({f"tests/{Path(one).parts[0]}" for one in asked.modules})
     kind = ["-m", "kernels"] if UNCOMPILED else []
     runner = Runner(paths, asked.share, asked.seconds)
-    arguments = ["-q", "--tb=native", "-p", "no:cacheprovider", *kind, *more, *tests, *map(str, paths)]
+    arguments = [
+        "-q",
+        "--tb=native",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:faulthandler",
+        *kind,
+        *more,
+        *tests,
+        *map(str, paths),
+    ]
     pytest.main(arguments, plugins=[runner])
     kernels = any(any(True for _ in changes(one.read_text("utf-8"), True)) for one in paths)
     if kernels and not UNCOMPILED:
@@ -80,7 +91,9 @@ class Runner:
         for path in self.paths:
             tests = [one for one in session.items if one.nodeid in times]
             own = [one for one in functions if one.__code__.co_filename == str(path)]
-            self._change(path, own, sorted(tests, key=lambda one: times[one.nodeid]), reached, times)
+            self._change(
+                path, own, sorted(tests, key=lambda one: times[one.nodeid]), reached, times
+            )
         return True
 
     def _change(

@@ -19,7 +19,15 @@ SWAPPED = {
 _PAIRS = "min max,minimum maximum,argmin argmax,any all,floor ceil,zeros ones"
 RENAMED = {a: b for pair in _PAIRS.split(",") for a, b in (pair.split(), pair.split()[::-1])}
 # Arguments that only make something faster, or say where a warning comes from.
-IDLE = {"assume_unique", "check_finite", "copy", "overwrite_a", "overwrite_b", "stacklevel", "strict"}
+IDLE = {
+    "assume_unique",
+    "check_finite",
+    "copy",
+    "overwrite_a",
+    "overwrite_b",
+    "stacklevel",
+    "strict",
+}
 KERNELS = ("compiled", "kernel", "generated")
 
 
@@ -111,7 +119,11 @@ def _instead(node: ast.AST, name: str) -> Iterator[ast.AST]:
             yield new
         case ast.Call(args=args, keywords=keywords):
             called = ast.unparse(new.func).split(".")[-1]
-            if len(args) > 1 and called not in RENAMED and not any(isinstance(one, ast.Starred) for one in args[:2]):
+            if (
+                len(args) > 1
+                and called not in RENAMED
+                and not any(isinstance(one, ast.Starred) for one in args[:2])
+            ):
                 yield ast.Call(new.func, [args[1], args[0], *args[2:]], keywords)
             for i, one in enumerate(keywords):
                 if one.arg not in IDLE:
@@ -169,4 +181,6 @@ def _difference(before: str, after: str) -> str:
     while end and before[len(before) - end] not in " )],:":
         end -= 1
     cut = len(before) - end, len(after) - end
-    return f"{before[:start]}{{{before[start : cut[0]]} => {after[start : cut[1]]}}}{before[cut[0]:]}"
+    return (
+        f"{before[:start]}{{{before[start : cut[0]]} => {after[start : cut[1]]}}}{before[cut[0] :]}"
+    )
