@@ -173,14 +173,12 @@ def _body(statement: ast.AST) -> list[ast.stmt]:
 
 
 def _difference(before: str, after: str) -> str:
-    """Both in one: ``n {< => <=} 3``."""
+    """Both in one, and what is around: ``n {< => <=} 3``."""
     start = len(os.path.commonprefix([before, after]))
     end = len(os.path.commonprefix([before[start:][::-1], after[start:][::-1]]))
     while start and before[start - 1] not in " ([":
         start -= 1
     while end and before[len(before) - end] not in " )],:":
         end -= 1
-    cut = len(before) - end, len(after) - end
-    return (
-        f"{before[:start]}{{{before[start : cut[0]]} => {after[start : cut[1]]}}}{before[cut[0] :]}"
-    )
+    old, new = (text[start : len(text) - end] for text in (before, after))
+    return f"{before[max(0, start - 50) : start]}{{{old} => {new}}}{before[len(before) - end :][:30]}"
