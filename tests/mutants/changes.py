@@ -181,4 +181,6 @@ def _difference(before: str, after: str) -> str:
     while end and before[len(before) - end] not in " )],:":
         end -= 1
     old, new = (text[start : len(text) - end] for text in (before, after))
-    return f"{before[max(0, start - 50) : start]}{{{old} => {new}}}{before[len(before) - end :][:30]}"
+    return (
+        f"{before[max(0, start - 50) : start]}{{{old} => {new}}}{before[len(before) - end :][:30]}"
+    )
