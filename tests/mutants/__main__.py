@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import faulthandler
 import functools
 import gc
 import importlib
@@ -191,6 +192,7 @@ def _follow(
 
 def _test(make: Any, items: list[pytest.Item], limit: int) -> str:
     """Make a change and run tests until one fails."""
+    faulthandler.disable()  # a change may well end in the middle of a library
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(limit)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
