@@ -52,19 +52,8 @@ def main() -> int:
     tests = asked.tests or sorted({f"tests/{Path(one).parts[0]}" for one in asked.modules})
     kind = ["-m", "kernels"] if UNCOMPILED else []
     runner = Runner(paths, asked.share, asked.seconds)
-    arguments = [
-        "-q",
-        "--tb=native",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:faulthandler",
-        *kind,
-        *more,
-        *tests,
-        *map(str, paths),
-    ]
-    pytest.main(arguments, plugins=[runner])
+    arguments = ["-q", "--tb=native", "-p", "no:cacheprovider", *kind, *more]
+    pytest.main([*arguments, *tests, *map(str, paths)], plugins=[runner])
     kernels = any(any(True for _ in changes(one.read_text("utf-8"), True)) for one in paths)
     if kernels and not UNCOMPILED:
         again = [sys.executable, "-m", "tests.mutants", *sys.argv[1:]]
