@@ -167,7 +167,6 @@ def _mixed_voronoi(
 def _robust(mesh: Mesh) -> Laplacian:
     import robust_laplacian
 
-    used = np.ones(mesh.n_vertices, dtype=bool)
     if mesh.is_point_cloud:
         neighbours = min(30, mesh.n_vertices - 1)
         stiffness, mass = robust_laplacian.point_cloud_laplacian(
