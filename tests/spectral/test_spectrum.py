@@ -200,6 +200,7 @@ def test_sign_rule_does_not_depend_on_the_sign_given():
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
     with pytest.raises(InputError, match="has 1 to 642"):
         spectrum(blob, k)
+    assert spectrum(blob, 1).eigenvalues.tolist() == [0]
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-9])
@@ -212,6 +213,11 @@ def test_residuals_are_as_small_as_asked(tol):
     residual -= areas * found.eigenfunctions * found.eigenvalues
     size = np.sqrt((residual**2 / areas).sum(axis=0))
     assert (size[1:] <= tol * found.eigenvalues[1:] + 1e-13 * found.eigenvalues[-1]).all()
+
+
+def test_the_laplacian_is_the_one_asked_for(blob):
+    for kind in ("cotangent", "robust"):
+        assert spectrum(blob, 1, laplacian=kind).laplacian == kind
 
 
 def test_spectrum_itself_warns_of_nothing(blob, recwarn):
