@@ -88,6 +88,9 @@ def test_a_pyvista_surface_is_a_mesh_its_polygons_split():
     split = as_mesh(polydata(triangles=False))
     assert same(split)
     assert split.notes == ("polygons split into triangles",)
+    quad = polydata(triangles=False)
+    quad.n_cells = 1
+    assert same(as_mesh(quad))
 
 
 def test_says_what_it_is():
@@ -120,7 +123,17 @@ def test_a_vertex_that_no_face_uses_may_be_nan():
     assert Mesh(extended, FACES).n_vertices == 5
 
 
-@pytest.mark.parametrize("thing", [5, None, {"vertices": 1}, (1, 2, 3)])
+@pytest.mark.parametrize(
+    "thing",
+    [
+        5,
+        None,
+        {"vertices": 1},
+        (1, 2, 3),
+        SimpleNamespace(vertices=VERTICES),
+        SimpleNamespace(points=VERTICES, n_cells=0),
+    ],
+)
 def test_anything_else_is_refused(thing):
     with pytest.raises(InputError, match="is not a mesh"):
         as_mesh(thing)

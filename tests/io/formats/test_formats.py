@@ -277,6 +277,14 @@ class TestTrickyFiles:
             write_mesh(tmp_path / f"m{suffix}", (vertices, TRIANGLES))
             np.testing.assert_array_equal(read_mesh(tmp_path / f"m{suffix}").vertices, vertices)
 
+    @pytest.mark.parametrize("entries", [b"\0", b"\2\7\7"])
+    def test_a_list_may_end_the_file(self, entries: bytes) -> None:
+        header = (
+            ply_header(1).split("element face")[0] + "property list uchar uchar l\nend_header\n"
+        )
+        point = np.array([1, 2, 3], "<f4").tobytes()
+        assert ply.read(header.encode() + point + entries).vertices.tolist() == [[1, 2, 3]]
+
     def test_nan_of_every_kind(self) -> None:
         signalling = np.array([0x7F800001, 0, 0], "<u4").tobytes()
         header = ply_header(1).split("element face")[0] + "end_header\n"
