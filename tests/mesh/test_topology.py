@@ -74,8 +74,7 @@ def test_vertices_of_several_fans(monkeypatch, longest):
     for faces, n in soups():
         by_definition = sum(fans_at(vertex, faces) > 1 for vertex in range(n))
         edges = topology.find_edges(faces, n)
-        if (edges.n_faces < 3).all():  # else three at an edge there are one fan by definition
-            assert topology.count_non_manifold_vertices(faces, edges) == by_definition
+        assert topology.count_non_manifold_vertices(faces, edges) == by_definition
 
 
 def test_components_largest_first():
@@ -97,6 +96,13 @@ def test_components_largest_first():
         sizes = sorted(one[:3] for one in used)
         assert found.n_vertices.tolist() == [-size for size, _, _ in sizes]
         assert found.n_faces.tolist() == [-count for _, count, _ in sizes]
+
+
+def test_of_components_of_as_many_vertices_that_of_more_faces_comes_first():
+    faces = np.array([[0, 1, 2], [1, 3, 2], [4, 5, 6], [4, 6, 7], [4, 7, 5], [5, 7, 6]])
+    found = topology.find_components(faces, 8)
+    assert found.of_vertex.tolist() == [1] * 4 + [0] * 4
+    assert found.n_faces.tolist() == [4, 2]
 
 
 def test_rows_that_share_groups_share_labels():

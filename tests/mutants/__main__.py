@@ -199,7 +199,7 @@ def _make(path: Path, place: Place, tree: ast.Module, functions: list[FunctionTy
     new = dict(_codes(code))
     for one in functions:
         one.__code__ = new.get((one.__qualname__, one.__code__.co_firstlineno), one.__code__)
-    if place.function and not place.text.startswith("def "):
+    if not place.at_import:
         return
     loaded = next(one for one in sys.modules.values() if getattr(one, "__file__", "") == str(path))
     again = ModuleType(loaded.__name__)

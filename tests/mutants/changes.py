@@ -39,6 +39,7 @@ class Place:
     first: int
     last: int
     text: str
+    at_import: bool  # whether it runs then: a constant, or what an argument is by default
 
 
 def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
@@ -50,8 +51,9 @@ def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
             _put(holder, name, index, new)
             removed = node is statement
             text = f"{{{before} => {ast.unparse(new)}}}" if removed else ""
-            place = Place(function, *lines, text or _difference(before, _header(statement)))
-            yield place, ast.fix_missing_locations(tree)
+            text = text or _difference(before, _header(statement))
+            at_import = not function or isinstance(statement, ast.FunctionDef)
+            yield Place(function, *lines, text, at_import), ast.fix_missing_locations(tree)
             _put(holder, name, index, node)
 
 
