@@ -6,7 +6,9 @@ import pytest
 from unbend import Mesh, distance
 from unbend.datasets import make_sphere
 from unbend.distances import geodesic_solver
+from unbend.distances._geodesic import geodesic_metric
 from unbend.errors import InputError, MeshError, MissingExtraError, UnbendWarning
+from unbend.spectral import make_surface
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +134,21 @@ def test_no_exact_geodesics_where_sheets_meet():
     for shape, what in ((fin, "1 non-manifold edge"), (twins, "1 non-manifold vertex")):
         with pytest.raises(MeshError, match=what):
             geodesic_solver(Mesh(*shape), exact=True)(1)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_distances_between_samples_are_the_mean_of_both_ways(arcs, exact):
+    surface = make_surface(arcs[0])
+    metric = geodesic_metric(surface, exact=exact)
+    samples = np.array([0, 100, 2000])
+    rows = metric.from_sources(samples)[:, samples]
+    np.testing.assert_allclose(metric.between(samples), (rows + rows.T) / 2)
+    np.testing.assert_allclose(rows[0] * np.sqrt(surface.area), arcs[1][samples], atol=0.03 * np.pi)
+
+
+def test_a_vertex_off_the_surface_is_near_itself_alone():
+    sphere = make_sphere(1)
+    mesh = Mesh(np.vstack([sphere.vertices, [[5, 5, 5]]]), sphere.faces)
+    found = geodesic_solver(mesh, exact=False)(42)
+    assert found[42] == 0
+    assert np.isinf(found[:42]).all()

@@ -96,7 +96,7 @@ def test_choosing_the_only_component_changes_nothing() -> None:
 @pytest.mark.parametrize("faces", [None, FACES])
 def test_sizes_have_limits(faces: np.ndarray | None) -> None:
     shifted = VERTICES - [0, 0, 1]  # what counts is how far it reaches, not where it lies
-    for vertices in (VERTICES, shifted):
+    for vertices in (VERTICES, shifted, VERTICES - 1):
         for size in (1e-60, 1.0, 1e60):
             assert prepare(Mesh(vertices * size, faces)).mesh.n_vertices == 4
         for size in (0.99e-60, 1.01e60):
