@@ -68,7 +68,9 @@ def _sites(node: ast.AST, function: str, statement: ast.AST | None, kernels: boo
             inside, of = function, child if own else statement
             if isinstance(child, ast.FunctionDef | ast.ClassDef):
                 inside = f"{function}.{child.name}".lstrip(".")
-                marks = {ast.unparse(one).split("(")[0] for one in child.decorator_list}
+                functions = [one for one in ast.walk(child) if isinstance(one, ast.FunctionDef)]
+                decorators = [one for of in functions for one in of.decorator_list]
+                marks = {ast.unparse(one).split("(")[0] for one in decorators}
                 is_kernel = bool(marks & set(KERNELS))
                 if "generated" in marks or (not function and is_kernel != kernels):
                     continue

@@ -196,6 +196,17 @@ def test_sign_rule_does_not_depend_on_the_sign_given():
     np.testing.assert_array_equal(fix_signs(odd, np.ones(50)), fix_signs(-odd, np.ones(50)))
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_the_first_peak_decides_where_the_third_moment_vanishes_in_any_unit(unit):
+    for seed in range(10):
+        chance = np.random.default_rng(seed)
+        half = chance.standard_normal(300)
+        half[0] = 9.0
+        odd = np.concatenate([half, -chance.permutation(half)])[:, None] * unit
+        for given in (odd, -odd):  # what rounding leaves of the moment says nothing
+            assert fix_signs(given, np.ones(600))[0] == 9 * unit
+
+
 @pytest.mark.parametrize("k", [0, 643, 2.5, True])
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
     with pytest.raises(InputError, match="has 1 to 642"):
