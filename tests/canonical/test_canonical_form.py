@@ -245,3 +245,24 @@ def test_n_coarse_that_suffice_change_nothing():
             canonical_form(mesh, n_coarse=300, **options)
     with pytest.raises(InputError, match="at least 100, not 5"):
         canonical_form(mesh, n_coarse=5)
+
+
+@pytest.mark.parametrize("method", ["exact", "sampled"])
+def test_every_stage_is_begun_and_ended(blob, method):
+    told = {}
+    canonical_form(
+        blob, method=method, progress=lambda stage, share: told.setdefault(stage, []).append(share)
+    )
+    assert len(told) > 1
+    for shares in told.values():
+        assert (shares[0], shares[-1]) == (0, 1)
+        assert shares == sorted(shares)
+
+
+@pytest.mark.parametrize("method", ["exact", "sampled"])
+def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, method):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    canonical_form(blob, distance="diffusion", method=method, cache=False)
+    assert list(tmp_path.rglob("*.*")) == []
+    canonical_form(blob, distance="diffusion", method=method)
+    assert list(tmp_path.rglob("*.*"))
