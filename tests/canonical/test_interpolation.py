@@ -7,7 +7,7 @@ from unbend import farthest_point_sampling, interpolate, spectrum
 from unbend.canonical import distance_coefficients
 from unbend.canonical._interpolation import interpolation_operator
 from unbend.distances import make_metric
-from unbend.errors import InputError, SolverError
+from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.spectral import eigenpairs, make_surface
 
 MU = 1e4
@@ -124,3 +124,11 @@ def test_too_few_samples_are_reported(sampled, interpolation):
 def test_samples_and_values_that_cannot_be_used_are_refused(blob, values, samples, message):
     with pytest.raises(InputError, match=message):
         interpolate(values, samples, spectrum(blob, 3))
+
+
+def test_a_sample_off_the_surface_is_refused(blob):
+    extended = np.vstack([blob.vertices, [[9.0, 9, 9]]]), blob.faces
+    with pytest.warns(UnbendWarning, match="1 unreferenced"):
+        known = spectrum(extended, 3)
+    with pytest.raises(InputError, match="a sample is a vertex that no face uses"):
+        interpolate([1.0, 2, 3, 4], [0, 50, 100, 642], known)
