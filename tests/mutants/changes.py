@@ -47,13 +47,15 @@ def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
     tree = ast.parse(source)
     for function, statement, holder, name, index, node in list(_sites(tree, "", None, kernels)):
         before, lines = _header(statement), _lines(statement)
+        at_import = not function or isinstance(statement, ast.FunctionDef)
         for new in _instead(node, name):
             _put(holder, name, index, new)
             removed = node is statement
-            text = f"{{{before} => {ast.unparse(new)}}}" if removed else ""
-            text = text or _difference(before, _header(statement))
-            at_import = not function or isinstance(statement, ast.FunctionDef)
-            yield Place(function, *lines, text, at_import), ast.fix_missing_locations(tree)
+            after = ast.unparse(new) if removed else _header(statement)
+            text = f"{{{before} => {after}}}" if removed else _difference(before, after)
+            if after != before:
+                place = Place(function, *lines, text, at_import)
+                yield place, ast.fix_missing_locations(tree)
             _put(holder, name, index, node)
 
 
