@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import copy
-import os.path
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -28,7 +27,7 @@ IDLE = {
     "stacklevel",
     "strict",
 }
-KERNELS = ("compiled", "kernel", "generated")
+KERNELS = {"compiled", "kernel"}
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,10 @@ def _sites(node: ast.AST, function: str, statement: ast.AST | None, kernels: boo
                 functions = [one for one in ast.walk(child) if isinstance(one, ast.FunctionDef)]
                 decorators = [one for of in functions for one in of.decorator_list]
                 marks = {ast.unparse(one).split("(")[0] for one in decorators}
-                is_kernel = bool(marks & set(KERNELS))
-                if "generated" in marks or (not function and is_kernel != kernels):
+                is_kernel = bool(marks & KERNELS)
+                if "generated" in ast.dump(ast.List(child.decorator_list)) or (
+                    not function and is_kernel != kernels
+                ):
                     continue
             elif isinstance(node, ast.Module) and (kernels or not isinstance(child, ast.Assign)):
                 continue
@@ -180,8 +181,8 @@ def _body(statement: ast.AST) -> list[ast.stmt]:
 
 def _difference(before: str, after: str) -> str:
     """Both in one, and what is around: ``n {< => <=} 3``."""
-    start = len(os.path.commonprefix([before, after]))
-    end = len(os.path.commonprefix([before[start:][::-1], after[start:][::-1]]))
+    start = _shared(before, after)
+    end = _shared(before[start:][::-1], after[start:][::-1])
     while start and before[start - 1] not in " ([":
         start -= 1
     while end and before[len(before) - end] not in " )],:":
@@ -190,3 +191,9 @@ def _difference(before: str, after: str) -> str:
     return (
         f"{before[max(0, start - 50) : start]}{{{old} => {new}}}{before[len(before) - end :][:30]}"
     )
+
+
+def _shared(one: str, other: str) -> int:
+    """How many letters are the same from the start."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
