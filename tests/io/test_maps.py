@@ -87,7 +87,7 @@ def test_numbers_that_floats_skip(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", [0.0, 2.0**53 - 1])
     assert read_map(tmp_path / "a.npy").tolist() == [0, 2**53 - 1]
     np.save(tmp_path / "a.npy", [0.0, 2.0**53])
-    with pytest.raises(FileError, match="row 1 is 9007199254740992.0, which is not a vertex"):
+    with pytest.raises(FileError, match=r"row 1 is 9007199254740992\.0, which is not a vertex"):
         read_map(tmp_path / "a.npy")
 
 

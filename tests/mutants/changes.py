@@ -27,7 +27,7 @@ IDLE = {
     "stacklevel",
     "strict",
 }
-KERNELS = {"compiled", "kernel"}
+CHANGED = ast.FunctionDef | ast.ClassDef | ast.Assign  # at the top of a module
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,15 @@ class Place:
 
 
 def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
-    """Yield every change of a module with the changed tree, which is good until the next."""
+    """Yield every change of a module with the changed tree, which is good until the next.
+
+    Of what Numba compiles, or of the rest.
+    """
     tree = ast.parse(source)
-    for function, statement, holder, name, index, node in list(_sites(tree, "", None, kernels)):
+    wanted = [one for one in tree.body if _compiled(one, tree) == kernels]
+    if not kernels:
+        wanted = [one for one in wanted if isinstance(one, CHANGED)]
+    for function, statement, holder, name, index, node in list(_sites(tree, "", None, wanted)):
         before, lines = _header(statement), _lines(statement)
         at_import = not function or isinstance(statement, ast.FunctionDef)
         for new in _instead(node, name):
@@ -58,38 +64,39 @@ def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
             _put(holder, name, index, node)
 
 
-def _sites(node: ast.AST, function: str, statement: ast.AST | None, kernels: bool) -> Iterator:
+def _compiled(statement: ast.stmt, tree: ast.Module) -> bool | None:
+    """Whether Numba compiles a function, or one inside it; None if it makes code itself."""
+    imports = [one for one in tree.body if isinstance(one, ast.ImportFrom)]
+    known = {a.name for one in imports if one.module == "unbend._compiled" for a in one.names}
+    used = {one.id for one in ast.walk(statement) if isinstance(one, ast.Name)} & known
+    is_function = isinstance(statement, ast.FunctionDef)
+    return None if "generated" in used else is_function and bool(used & {"compiled", "kernel"})
+
+
+def _sites(
+    node: ast.AST, function: str, statement: ast.AST | None, wanted: list[ast.stmt]
+) -> Iterator[tuple[str, ast.AST, ast.AST, str, int | None, ast.AST]]:
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "type_comment"):
             continue
         for index, child in enumerate(value) if isinstance(value, list) else [(None, value)]:
-            if not isinstance(child, ast.AST):
+            if not isinstance(child, ast.AST) or _is_idle(node, child):
+                continue
+            if isinstance(node, ast.Module) and child not in wanted:
                 continue
             own = isinstance(child, ast.stmt | ast.match_case | ast.excepthandler)
-            inside, of = function, child if own else statement
+            of, inside = child if own else statement, function
             if isinstance(child, ast.FunctionDef | ast.ClassDef):
                 inside = f"{function}.{child.name}".lstrip(".")
-                functions = [one for one in ast.walk(child) if isinstance(one, ast.FunctionDef)]
-                decorators = [one for of in functions for one in of.decorator_list]
-                marks = {ast.unparse(one).split("(")[0] for one in decorators}
-                is_kernel = bool(marks & KERNELS)
-                if "generated" in ast.dump(ast.List(child.decorator_list)) or (
-                    not function and is_kernel != kernels
-                ):
-                    continue
-            elif isinstance(node, ast.Module) and (kernels or not isinstance(child, ast.Assign)):
-                continue
-            if isinstance(child, ast.JoinedStr | ast.Assert) or _is_idle(node, child):
-                continue
             yield inside, of, node, name, index, child
             if not isinstance(child, ast.Raise):
-                yield from _sites(child, inside, of, kernels)
+                yield from _sites(child, inside, of, wanted)
 
 
 def _is_idle(parent: ast.AST, node: ast.AST) -> bool:
     """Whether no run of the program could tell: types, fields of records, what is only for show."""
-    if isinstance(node, ast.If):
-        return ast.unparse(node.test) == "TYPE_CHECKING"
+    if isinstance(node, ast.JoinedStr | ast.Assert):
+        return True
     if isinstance(parent, ast.ClassDef):
         return not isinstance(node, ast.FunctionDef)
     if isinstance(parent, ast.Call) and ast.unparse(parent.func).endswith("reshape"):

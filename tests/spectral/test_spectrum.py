@@ -203,8 +203,8 @@ def test_the_first_peak_decides_where_the_third_moment_vanishes_in_any_unit(unit
         half = chance.standard_normal(300)
         half[0] = 9.0
         odd = np.concatenate([half, -chance.permutation(half)])[:, None] * unit
-        for given in (odd, -odd):  # what rounding leaves of the moment says nothing
-            assert fix_signs(given, np.ones(600))[0] == 9 * unit
+        for signed in (odd, -odd):  # what rounding leaves of the moment says nothing
+            assert fix_signs(signed, np.ones(600))[0] == 9 * unit
 
 
 @pytest.mark.parametrize("k", [0, 643, 2.5, True])

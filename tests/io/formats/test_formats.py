@@ -199,7 +199,7 @@ def test_ply_of_any_layout(encoding: str) -> None:
         else:
             ends, needed = list(range(0, len(rows), 3)), len(rows)
         for end in [end for end in ends if end < needed]:
-            with pytest.raises(FileError, match="truncated|fewer"):
+            with pytest.raises(FileError, match=r"truncated|fewer"):
                 ply.read(made.header + rows[:end])
 
 
