@@ -5,7 +5,7 @@ import dense
 from unbend import canonical_form, laplacian
 from unbend.canonical import sampled_scaling
 from unbend.canonical._mds import area_scaling
-from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets import make_biped, make_quadruped, make_sphere
 
 FILTERS = {
     "biharmonic": lambda values: values**-2,
@@ -106,6 +106,24 @@ def test_third_moments_are_positive(blob, weighting):
     weights = laplacian(blob).areas if weighting == "area" else np.ones(blob.n_vertices)
     points = canonical_form(blob, weighting=weighting).points
     assert (weights @ points**3 > 0).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"n_coarse": 200}])
+def test_third_moments_are_positive_where_the_farthest_point_is_not(options):
+    points = canonical_form(make_biped("standing", n_vertices=800).mesh, **options).points
+    farthest = points[np.abs(points).argmax(axis=0), range(3)]
+    assert (farthest < 0).any()
+    assert ((points**3).sum(axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("time", [0.05, 0.3])
+def test_a_diffusion_time_is_that_of_both_methods(time):
+    dog = make_quadruped("galloping", n_vertices=800).mesh
+    exact, sampled = (
+        canonical_form(dog, distance="diffusion", time=time, method=method).eigenvalues
+        for method in ("exact", "sampled")
+    )
+    np.testing.assert_allclose(sampled, exact, rtol=0.05)
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
