@@ -1,6 +1,7 @@
 """Tips of limbs: found where they are, and told apart by the ways between them."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -150,3 +151,12 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
     root = _whitening(5, rows, columns, limb)
     np.testing.assert_allclose(root @ covariance @ root, np.eye(10), atol=1e-10)
     np.testing.assert_allclose(root, root.T, atol=1e-12)
+
+
+def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
+    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True, None)[1]
+    ends = find_tips(shape).vertices
+    for landmark in ends:
+        found = find_tips(replace(shape, landmarks=np.array([landmark]))).vertices
+        assert found[0] == landmark
+        assert sorted(found) == sorted(ends)
