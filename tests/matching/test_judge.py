@@ -161,3 +161,18 @@ def test_what_is_left_out_does_not_turn_a_surface() -> None:
     left_out = identity.source._replace(within=np.arange(len(shape.vertices)) % 2 == 0)
     found = judge(shape, shape, identity._replace(source=left_out, target=left_out))
     assert found.orientation == pytest.approx(judge(shape, shape, identity).orientation, abs=0.01)
+
+
+def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
+    shape = _person()
+    identity = _identity(shape)
+    n = len(shape.vertices)
+    within = np.arange(n) % 2 == 0
+    elsewhere = np.where(within, np.arange(n), np.random.default_rng(0).permutation(n))
+    partial = Registered(
+        elsewhere, np.arange(n), identity.source._replace(within=within), identity.target
+    )
+    one, other = (replace(_judged(0.1), registered=found) for found in (identity, partial))
+    assert distinct([one, other], shape, shape.areas) == [one]
+    every = replace(other, registered=partial._replace(source=identity.source))
+    assert distinct([one, every], shape, shape.areas) == [one, every]
