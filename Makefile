@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable test-matrix fuzz lint format bench docs clean
+.PHONY: demo test test-browser browser test-portable test-matrix fuzz mutants lint format bench docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -52,6 +52,9 @@ FUZZ_SECONDS ?= 600
 fuzz: .venv/test.stamp .venv/fuzz.stamp ## each family of inputs for FUZZ_SECONDS; what is found is kept in fuzz-finds
 	for family in meshes maps values archives shapes; do \
 	PYTHONPATH=tests $(BIN)/python -m fuzz $$family --seconds $(FUZZ_SECONDS) || exit 1; done
+
+mutants: .venv/test.stamp ## small errors put into MUTANTS, files below src/unbend: which does no test see?
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutants $(MUTANTS)
 
 lint: .venv/test.stamp ## ruff and mypy, changing nothing
 	$(BIN)/ruff check .

@@ -27,6 +27,13 @@ def test_of_what_only_rounding_tells_apart_the_first_is_the_largest() -> None:
     values = np.array([[0.1, -np.inf, 0.0], [0.3, 2.0, 0.0], [0.1 + 0.2, 2.0 + 1e-9, 0.0]])
     assert first_largest(values).tolist() == [1, 1, 0]
     assert first_largest(np.array([1.0, 1.0001])) == 1
+    assert first_largest(np.array([1 - 1.5e-6, 1.0])) == 1
+    assert first_largest(np.array([1 - 0.5e-6, 1.0])) == 0
+    assert first_largest(np.array([-1.0, 0.0])) == 1
+
+
+def test_rows_that_differ_by_little_differ() -> None:
+    assert first_equal_row(np.array([[1e-20], [0.0], [-0.0]])).tolist() == [0, 1, 1]
 
 
 def test_what_should_be_equal_is_equal_on_the_grid_and_what_is_infinite_stays() -> None:
@@ -34,6 +41,10 @@ def test_what_should_be_equal_is_equal_on_the_grid_and_what_is_infinite_stays() 
     found = snap(values)
     assert found[0] == found[1] == -found[5]
     np.testing.assert_allclose(found, values, rtol=1e-7)
+    assert snap(np.array([1.0, 0.6 * 2**-26, 0.4 * 2**-26])).tolist() == [1, 2**-26, 0]
+    for unit in (2.0**-40, 2.0**40):
+        np.testing.assert_array_equal(snap(values[:3] * unit), found[:3] * unit)
+    assert np.isnan(snap(np.array([np.nan]))).all()
     assert snap(np.zeros(3)).tolist() == [0, 0, 0]
     assert snap(np.array([1e-310])) == 0  # too small for a grid
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.alignment import align, nearest_rotation, procrustes
+from unbend.alignment._alignment import _principal_axes, closest_points
 from unbend.errors import InputError, UnbendWarning
 
 
@@ -151,3 +152,36 @@ def test_a_search_that_is_ended_early_says_so() -> None:
     left, right = (np.random.default_rng(seed).normal(size=(300, 3)) for seed in (0, 1))
     with pytest.warns(UnbendWarning, match="in the last of 3 iterations; allow more"):
         align(left, right, max_iterations=3)
+
+
+def test_the_residual_counts_both_directions_alike() -> None:
+    source, target = _cloud(30, 3), _cloud(80, 3, 1)
+    ways = np.linalg.norm(source[:, None] - target, axis=2)
+    forward, backward, residual = closest_points(source, target)
+    np.testing.assert_array_equal(forward, ways.argmin(axis=1))
+    np.testing.assert_array_equal(backward, ways.argmin(axis=0))
+    squared = (ways.min(axis=1) ** 2).mean() / 2 + (ways.min(axis=0) ** 2).mean() / 2
+    assert residual == pytest.approx(np.sqrt(squared))
+
+
+@pytest.mark.parametrize("limit", [0, 1, 3])
+def test_no_more_iterations_than_allowed(limit: int) -> None:
+    found = align(_cloud(60, 3), _cloud(70, 3, 1), max_iterations=limit, tolerance=0)
+    assert len(found.residuals) <= limit + 1
+    assert (np.diff(found.residuals) <= 0).all()
+
+
+def test_every_iteration_is_a_motion_of_the_kind_allowed() -> None:
+    for seed in range(5):
+        source, target = _cloud(40, 3, seed), _cloud(40, 3, seed + 50)
+        found = align(source, target, reflect=False)
+        assert np.linalg.det(found.rotation) == pytest.approx(1)
+
+
+def test_principal_axes_are_orthonormal_and_follow_the_points() -> None:
+    for seed in range(8):
+        points = _cloud(50, 3, seed)
+        axes = _principal_axes(points)
+        np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+        turn = _orthogonal(3, seed, -1)
+        np.testing.assert_allclose(_principal_axes(points @ turn.T), turn @ axes, atol=1e-9)

@@ -276,3 +276,24 @@ def test_a_shape_too_long_for_two_levels_is_refused_in_a_sentence():
     ball = make_sphere(4)
     with pytest.raises(SolverError):
         canonical_form((ball.vertices * [1, 1e6, 1], ball.faces), n_coarse=200)
+
+
+@pytest.mark.parametrize("method", ["exact", "sampled"])
+def test_every_stage_is_begun_and_ended(blob, method):
+    told = {}
+    canonical_form(
+        blob, method=method, progress=lambda stage, share: told.setdefault(stage, []).append(share)
+    )
+    assert len(told) > 1
+    for shares in told.values():
+        assert (shares[0], shares[-1]) == (0, 1)
+        assert shares == sorted(shares)
+
+
+@pytest.mark.parametrize("method", ["exact", "sampled"])
+def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, method):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    canonical_form(blob, distance="diffusion", method=method, cache=False)
+    assert list(tmp_path.rglob("*.*")) == []
+    canonical_form(blob, distance="diffusion", method=method)
+    assert list(tmp_path.rglob("*.*"))

@@ -5,9 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unbend import Mesh, canonical_form, procrustes
+from unbend.canonical._detail import lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
 from unbend.mesh import edge_ends, vertex_areas
+from unbend.spectral import make_surface
 
 
 def apart(points, others, reflect=False):
@@ -76,6 +78,17 @@ def test_motions_and_units_change_nothing_and_mirrors_mirror(blob):
     mirrored = laid(Mesh(blob.vertices * [1, 1, -1], blob.faces))
     assert apart(mirrored * [1, 1, -1], plain) < 1e-6
     assert apart(mirrored, plain) > 0.01
+
+
+def test_where_the_form_lies_and_its_unit_change_nothing(blob):
+    surface = make_surface(blob)
+    form = canonical_form(blob).points
+
+    def laid_into(form):
+        parts = blob.vertices / np.sqrt(surface.area), blob.faces, surface.operator.areas
+        return lay_into_pose(*parts, form, lambda stage, share: None)
+
+    assert apart(laid_into(3 * form + [5, -7, 9]), laid_into(form)) < 1e-6
 
 
 def test_what_is_no_part_of_the_surface_is_nan(blob):

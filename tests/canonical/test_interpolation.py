@@ -8,7 +8,7 @@ from unbend import farthest_point_sampling, interpolate, spectrum
 from unbend.canonical import distance_coefficients
 from unbend.canonical._interpolation import interpolation_operator
 from unbend.distances import make_metric
-from unbend.errors import InputError, SolverError
+from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.spectral import eigenpairs, make_surface
 
 MU = 1e4
@@ -135,3 +135,11 @@ def test_what_does_not_keep_constants_is_no_interpolation(blob):
     )
     with pytest.raises(SolverError, match="misses a constant by"):
         interpolate(np.ones(40), np.arange(0, 640, 16), rest)
+
+
+def test_a_sample_off_the_surface_is_refused(blob):
+    extended = np.vstack([blob.vertices, [[9.0, 9, 9]]]), blob.faces
+    with pytest.warns(UnbendWarning, match="1 unreferenced"):
+        known = spectrum(extended, 3)
+    with pytest.raises(InputError, match="a sample is a vertex that no face uses"):
+        interpolate([1.0, 2, 3, 4], [0, 50, 100, 642], known)

@@ -4,6 +4,7 @@ import pytest
 import dense
 from unbend import canonical_form, laplacian
 from unbend.canonical import sampled_scaling
+from unbend.canonical._mds import area_scaling
 from unbend.datasets import make_quadruped, make_sphere
 
 FILTERS = {
@@ -98,3 +99,46 @@ def test_a_sphere_has_one_form(n_components):
         for seed in (0, 1)
     )
     np.testing.assert_allclose(other.points, one.points, atol=1e-6)
+
+
+@pytest.mark.parametrize("weighting", ["uniform", "area"])
+def test_third_moments_are_positive(blob, weighting):
+    weights = laplacian(blob).areas if weighting == "area" else np.ones(blob.n_vertices)
+    points = canonical_form(blob, weighting=weighting).points
+    assert (weights @ points**3 > 0).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"n_coarse": 200}])
+def test_third_moments_are_positive_where_the_farthest_point_is_not(options):
+    sphere, chance = make_sphere(3), np.random.default_rng(7)
+    points = sphere.vertices.copy()
+    for _ in range(6):
+        limb = chance.standard_normal(3)
+        limb /= np.linalg.norm(limb)
+        near = np.exp(-chance.uniform(4, 40) * (1 - sphere.vertices @ limb))
+        points += chance.uniform(0.2, 2.5) * near[:, None] * limb
+    form = canonical_form((points, sphere.faces), **options).points
+    farthest = form[np.abs(form).argmax(axis=0), range(3)]
+    assert (farthest < -0.05).any()
+    assert ((form**3).sum(axis=0) > 0.02 * (np.abs(form) ** 3).sum(axis=0)).all()
+
+
+@pytest.mark.parametrize("time", [0.05, 0.3])
+def test_a_diffusion_time_is_that_of_both_methods(time):
+    dog = make_quadruped("galloping", n_vertices=800).mesh
+    exact, sampled = (
+        canonical_form(dog, distance="diffusion", time=time, method=method).eigenvalues
+        for method in ("exact", "sampled")
+    )
+    np.testing.assert_allclose(sampled, exact, rtol=0.05)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_what_is_equal_is_so_in_any_unit(unit):
+    chance = np.random.default_rng(0)
+    frame = np.linalg.qr(chance.standard_normal((50, 4)))[0]
+    turn = np.eye(4)
+    turn[1:, 1:] = np.linalg.qr(chance.standard_normal((3, 3)))[0]
+    values = np.array([0, 1, 1 - 1e-11, 1 - 2e-11]) * unit
+    one, other = (area_scaling(values, x, np.ones(50))[0] for x in (frame, frame @ turn))
+    np.testing.assert_allclose(other, one, atol=1e-9 * np.sqrt(unit))

@@ -15,6 +15,10 @@ def test_each_sample_is_the_farthest_from_those_before(blob, kind):
         assert nearest[samples[i]] == pytest.approx(nearest.max(), rel=1e-6)
 
 
+def test_one_sample_is_where_it_starts(blob):
+    assert farthest_point_sampling(blob, 1, start=7).tolist() == [7]
+
+
 def test_every_vertex_can_be_sampled_once(blob):
     samples = farthest_point_sampling(blob, blob.n_vertices)
     np.testing.assert_array_equal(np.sort(samples), np.arange(blob.n_vertices))

@@ -6,6 +6,7 @@ import pytest
 from unbend import Mesh, distance
 from unbend.datasets import make_biped, make_sphere
 from unbend.distances import geodesic_solver
+from unbend.distances._geodesic import geodesic_metric
 from unbend.errors import (
     InputError,
     MeshError,
@@ -13,6 +14,7 @@ from unbend.errors import (
     SolverError,
     UnbendWarning,
 )
+from unbend.spectral import make_surface
 
 
 @pytest.fixture(scope="module")
@@ -191,3 +193,21 @@ def test_heat_that_is_not_finite_is_an_error(monkeypatch):
     monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", Broken)
     with pytest.raises(SolverError, match="not finite"):
         geodesic_solver(make_sphere(1), exact=False)(0)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_distances_between_samples_are_the_mean_of_both_ways(arcs, exact):
+    surface = make_surface(arcs[0])
+    metric = geodesic_metric(surface, exact=exact)
+    samples = np.array([0, 100, 2000])
+    rows = metric.from_sources(samples)[:, samples]
+    np.testing.assert_allclose(metric.between(samples), (rows + rows.T) / 2)
+    np.testing.assert_allclose(rows[0] * np.sqrt(surface.area), arcs[1][samples], atol=0.03 * np.pi)
+
+
+def test_a_vertex_off_the_surface_is_near_itself_alone():
+    sphere = make_sphere(1)
+    mesh = Mesh(np.vstack([sphere.vertices, [[5, 5, 5]]]), sphere.faces)
+    found = geodesic_solver(mesh, exact=False)(42)
+    assert found[42] == 0
+    assert np.isinf(found[:42]).all()

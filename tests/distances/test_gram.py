@@ -3,6 +3,7 @@ import pytest
 
 import dense
 from unbend import Mesh, distance, laplacian, spectrum
+from unbend.datasets import make_sphere
 from unbend.distances import gram_metric
 from unbend.errors import InputError, SolverError
 from unbend.linalg.pseudoinverse import green_operator
@@ -114,3 +115,16 @@ def test_a_kernel_that_is_none_is_an_error_with_the_figure(blob, monkeypatch, ki
     monkeypatch.setattr("unbend.distances._gram.green_operator", wrong)
     with pytest.raises(SolverError, match=message):
         distance(blob, [0, 9], distance=kind)
+
+
+@pytest.mark.parametrize("length", [1, 30])
+@pytest.mark.parametrize("time", [0.1, 0.02, 0.005])
+def test_as_many_eigenpairs_as_a_diffusion_time_needs(length, time):
+    """A long surface has far more low eigenvalues than its area alone says."""
+    sphere = make_sphere(2)
+    mesh = Mesh(sphere.vertices * [1, 1, length], sphere.faces)
+    mesh = Mesh(mesh.vertices / np.sqrt(laplacian(mesh).areas.sum()), mesh.faces)
+    kernel = dense.kernel(laplacian(mesh), lambda values: np.exp(-2 * time * values))
+    expected = dense.distances(kernel)
+    found = distance(mesh, [0, 50], distance="diffusion", time=time)
+    np.testing.assert_allclose(found, expected[[0, 50]], atol=1e-10 * expected.max())

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from unbend.errors import FileError
-from unbend.io import atomic_write, check_writable
+from unbend.io import _files, atomic_write, check_writable
+from unbend.io._files import check_suffix, read_bytes
 
 
 def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:
@@ -101,3 +102,36 @@ def test_a_read_only_file_is_refused_where_it_cannot_be_replaced(
     monkeypatch.setattr(sys, "platform", "win32")
     with pytest.raises(FileError, match="it is read-only; allow writing or remove it"):
         check_writable(path, [])
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders")
+def test_what_is_no_file_is_neither_read_nor_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    os.mkfifo(path)
+    with pytest.raises(FileError, match="not a regular file"), atomic_write(path):
+        pass
+    assert path.is_fifo()
+    with pytest.raises(FileError, match="not a regular file"):
+        read_bytes(path, ())
+
+
+@pytest.mark.parametrize("free", [None, 4, 3])
+def test_a_file_larger_than_memory_is_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int | None
+) -> None:
+    (tmp_path / "a.txt").write_bytes(b"four")
+    monkeypatch.setattr(_files, "available_memory", lambda: free)
+    if free == 3:
+        with pytest.raises(FileError, match="of memory are free"):
+            read_bytes(tmp_path / "a.txt", ())
+    else:
+        assert read_bytes(tmp_path / "a.txt", ()) == b"four"
+
+
+def test_a_name_that_is_too_long_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot write"):
+        check_writable(tmp_path / ("a" * 300 + ".txt"), ())
+
+
+def test_suffixes_are_told_apart_by_their_letters_alone() -> None:
+    assert check_suffix(Path("a.PLY"), (".off", ".ply"), "read") == ".ply"

@@ -83,8 +83,18 @@ def test_arrays_that_are_no_maps(tmp_path: Path, array: np.ndarray) -> None:
         read_map(tmp_path / "a.npy")
 
 
+def test_numbers_that_floats_skip(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", [0.0, 2.0**53 - 1])
+    assert read_map(tmp_path / "a.npy").tolist() == [0, 2**53 - 1]
+    np.save(tmp_path / "a.npy", [0.0, 2.0**53])
+    with pytest.raises(FileError, match=r"row 1 is 9007199254740992\.0, which is not a vertex"):
+        read_map(tmp_path / "a.npy")
+
+
 def test_only_maps_are_written(tmp_path: Path) -> None:
-    for wrong in ([], [[1]], [1.0], [-2], ["a"]):
+    with pytest.raises(FileError, match="unknown suffix"):
+        write_map(tmp_path / "map.obj", [1])
+    for wrong in ([], [[1]], [1.0], [-2, 3], ["a"]):
         with pytest.raises(InputError, match="list of whole numbers"):
             write_map(tmp_path / "map.txt", wrong)
     with pytest.raises(InputError, match="base must be 0 or 1"):
@@ -133,8 +143,14 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
     assert invert_map([5, -1], apart).tolist() == [0] * blob.n_vertices + [-1]
     with pytest.raises(InputError, match="names target vertex 642"):
         invert_map([642], blob)
-    with pytest.raises(InputError, match="list of vertex numbers"):
-        invert_map([0.5], blob)
+    for wrong in ([0.5], [-2, 0], [[0]]):
+        with pytest.raises(InputError, match="list of vertex numbers"):
+            invert_map(wrong, blob)
+    assert invert_map(np.empty(0, int), apart).tolist() == [-1] * apart.n_vertices
+    cloud = Mesh([[0.0, 0, 0]])
+    assert invert_map([-1, 0], cloud).tolist() == [1]
+    with pytest.raises(InputError, match="names target vertex 1, but there are 1"):
+        invert_map([1], cloud)
 
 
 @pytest.mark.parametrize("text", ["3,4\n5,6\n", "a,b\n3,4\n5,6\n", "3;4\r\n\n5 6\n"])
@@ -150,6 +166,8 @@ def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
         ("a,b\n", "holds no landmarks"),
         ("1,2\n3\n", "row 1 holds '3'; a landmark is two vertex numbers"),
         ("1,-2\n", "row 0 holds '1 -2'"),
+        ("12,4o\n7,3\n", "row 0 holds '12 4o'"),  # a slip, no names of columns
+        (f"0,{10**19 - 1}\n", "row 0 holds '0 99999"),
         ("1,2,3\n", "row 0 holds '1 2 3'"),
     ],
 )

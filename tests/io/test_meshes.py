@@ -171,8 +171,11 @@ class TestWriting:
         rows = [line[1:] for line in lines if line[0] == "vt"]
         np.testing.assert_array_equal(np.array(rows, float), uvs)
         assert ["f", *(f"{i + 1}/{i + 1}" for i in TRIANGLES[0])] in lines
-        header = (tmp_path / "m.ply").read_bytes().split(b"end_header")[0]
+        header, body = (tmp_path / "m.ply").read_bytes().split(b"end_header\n")
         assert b"property double s\nproperty double t\n" in header
+        rows = np.frombuffer(body, [("xyz", "<f8", 3), ("st", "<f8", 2), ("rgb", "u1", 3)], 4)
+        np.testing.assert_array_equal(rows["st"], uvs)
+        np.testing.assert_array_equal(rows["rgb"], colors)
 
     @pytest.mark.parametrize("suffix", [s for s in WRITE_SUFFIXES if s != ".ply"])
     def test_other_formats_refuse_them(self, tmp_path: Path, suffix: str) -> None:
@@ -192,7 +195,10 @@ class TestWriting:
             ({"scalars": {"d": np.zeros(3)}}, "'d' have shape"),
             ({"colors": np.zeros((4, 3))}, "colors must be whole numbers"),
             ({"colors": np.full((4, 3), 256)}, "between 0 and 255"),
+            ({"colors": np.diag([-1, 9, 9, 9])[:, :3]}, "between 0 and 255"),
+            ({"colors": np.diag([256, 9, 9, 9])[:, :3]}, "between 0 and 255"),
             ({"uvs": np.full((4, 2), np.nan)}, "uvs must be finite"),
+            ({"uvs": np.diag([np.nan, 1, 1, 1])[:, :2]}, "uvs must be finite"),
         ],
     )
     def test_bad_values(self, tmp_path: Path, keywords: dict[str, object], sentence: str) -> None:

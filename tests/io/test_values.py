@@ -54,6 +54,33 @@ def test_what_is_no_table(tmp_path: Path, text: str, sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+def test_whole_numbers_only_where_all_are(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("1 -2\n+3 2.5\n")
+    assert read_values(tmp_path / "a.txt").tolist() == [[1, -2], [3, 2.5]]
+    (tmp_path / "a.txt").write_text("1 -2\n+3 2\n")
+    assert read_values(tmp_path / "a.txt").dtype == np.int64
+    (tmp_path / "a.txt").write_text("1 2\n3 4_0\n")
+    with pytest.raises(FileError, match="row 1 holds '3 4_0', not numbers"):
+        read_values(tmp_path / "a.txt")
+    (tmp_path / "a.txt").write_text(f"1 {10**17}\n1 {10**19 - 1}\n")
+    with pytest.raises(FileError, match="row 1 holds '1 9999999999999999999', more than 64 bits"):
+        read_values(tmp_path / "a.txt")
+
+
+def test_words_have_an_end(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"part\n{'a' * 1000}\n")
+    assert read_values(tmp_path / "a.csv").tolist() == ["a" * 1000]
+    (tmp_path / "a.csv").write_text(f"part\nb\n{'a' * 1001}\n")
+    with pytest.raises(FileError, match="row 1 holds a word of more than 1000 letters"):
+        read_values(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text(f"1,{'2' * 1001}\n")
+    with pytest.raises(FileError, match="row 0 holds a word of more than 1000 letters"):
+        read_values(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("a" * 200_000)
+    with pytest.raises(FileError, match="not a table in CSV: field larger than"):
+        read_values(tmp_path / "a.csv")
+
+
 def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> None:
     bytes_of = {}
     for name, values, kind in (
@@ -62,12 +89,15 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
         ("colors.ply", np.zeros((642, 4), np.uint8), "color"),
         ("colors.obj", np.zeros((642, 3), np.uint8), "color"),
         ("uv.ply", np.zeros((642, 2)), "uv"),
+        ("value.obj", np.arange(642), "scalar"),
+        ("column.obj", np.arange(642)[:, None], "scalar"),
         ("uv.obj", np.full((642, 2), np.nan), "uv"),
         ("label.obj", np.repeat(["head", "", "tail"], 214), "label"),
     ):
         write_values(tmp_path / name, values, blob, kind=kind)
         np.testing.assert_array_equal(read_mesh(tmp_path / name).vertices, blob.vertices)
         bytes_of[name] = (tmp_path / name).read_bytes()
+    assert bytes_of["value.obj"] == bytes_of["column.obj"]
     assert b"double value_0\nproperty double value_1" in bytes_of["weights.ply"]
     assert b"double label\nproperty uchar red" in bytes_of["label.ply"]
     assert b"uchar red" in bytes_of["weights.ply"]
@@ -88,6 +118,8 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=sentence):
             write_values(tmp_path / name, values, blob)
+    with pytest.raises(FileError, match="unknown suffix"):
+        write_values(tmp_path / "a.stl", np.zeros(642), blob)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -150,6 +150,11 @@ def test_zero_pivots_are_refined_away():
     assert factor.n_negative == 1
 
 
+def test_large_values_are_finite_though_their_sum_is_not():
+    assert factorization._all_finite(np.array([1e308, 1e308]))
+    assert not factorization._all_finite(np.array([np.inf, -np.inf]))
+
+
 def test_bad_input():
     with pytest.raises(InputError, match="square"):
         factorize(sp.csc_array((2, 3)))

@@ -157,6 +157,18 @@ def test_the_basis_grows_as_long_as_it_must(monkeypatch):
     assert sizes[-1] > sizes[0] + 16
 
 
+def test_pairs_are_counted_until_none_is_missed(monkeypatch):
+    answers = []
+
+    def none_missed(matrix, values, residuals, k):
+        answers.append(len(answers) == 1)
+        return answers[-1]
+
+    monkeypatch.setattr(_inverse, "_none_missed", none_missed)
+    check(*laplacian(*scattered(600, 4)), 40)
+    assert answers == [False, True]
+
+
 def test_a_missed_pair_is_noticed():
     stiffness, areas = laplacian(*scattered(300, 6))
     weights = sp.diags_array(areas**-0.5)

@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from tests.linalg.problems import laplacian, scattered
-from unbend.linalg.multifrontal import factor, solve
+from unbend.linalg import multifrontal
+from unbend.linalg.multifrontal import _stack_updates, factor, solve
 
 pytestmark = pytest.mark.kernels
 
@@ -34,6 +35,12 @@ def test_a_mesh_is_solved_and_its_negative_eigenvalues_are_counted():
     assert (found.pivots < 0).sum() == (np.linalg.eigvalsh(matrix.toarray()) < 0).sum()
 
 
+def test_tall_supernodes_are_worked_on_piece_by_piece(monkeypatch):
+    """Uncompiled, small ones are tall enough; compiled, this is the test before once more."""
+    monkeypatch.setattr(multifrontal, "_ROWS", 3)
+    test_a_mesh_is_solved_and_its_negative_eigenvalues_are_counted()
+
+
 def test_what_cannot_be_factorised_is_refused():
     with pytest.raises(ArithmeticError, match="pivot"):
         factor(sp.csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]])))
@@ -51,3 +58,26 @@ def test_entries_without_a_mirror_image_are_refused_or_left_alone():
         else:
             assert np.isfinite(solve(found, np.ones((80, 3)))).all()
     assert refused > 0
+
+
+@pytest.mark.parametrize("room", [0, 7])
+def test_update_matrices_never_lie_on_one_another(room: int) -> None:
+    """Each lives from its own supernode's turn to its parent's."""
+    for seed in range(30):
+        draw = np.random.default_rng(seed)
+        n = int(draw.integers(1, 40))
+        children, roots = np.full((n, 2), -1), [0]
+        for i in range(1, n):  # in postorder: each takes up to two of those without a parent
+            for c in range(min(int(draw.integers(0, 3)), len(roots))):
+                children[i, c] = roots.pop()
+            roots.append(i)
+        heights = draw.integers(0, 5, n)
+        offsets = np.empty(n, np.int64)
+        end = _stack_updates(children, heights, np.zeros(n, np.int64), offsets, 0, n, room)
+        alive: set[int] = set()
+        for i in range(n):
+            alive.add(i)
+            taken = [x for j in alive for x in range(offsets[j], offsets[j] + heights[j] ** 2)]
+            assert len(set(taken)) == len(taken)
+            assert not taken or room <= min(taken) <= max(taken) < end
+            alive -= set(children[i].tolist())

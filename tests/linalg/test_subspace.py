@@ -75,3 +75,19 @@ def test_vectors_that_fall_together_are_refused(spread):
 
     with pytest.raises(SolverError, match=r"too far apart|NaN"):
         subspace_iteration(solves, start, 2, tol=1e-14)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_units_change_no_step(unit):
+    """A residual counts in units of the largest value."""
+    chance = np.random.default_rng(0)
+    frame = np.linalg.qr(chance.standard_normal((40, 40)))[0]
+    values = 0.8 ** np.arange(40)
+    start = chance.standard_normal((40, 6))
+
+    def found(unit):
+        operator = (frame * values * unit) @ frame.T
+        return subspace_iteration(lambda block, *_: [operator @ block], start, 2, tol=1e-6)
+
+    np.testing.assert_allclose(found(unit)[0], unit * found(1.0)[0])
+    np.testing.assert_allclose(found(unit)[0], unit * values[:2], rtol=1e-6)

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.datasets import make_quadruped
 from unbend.errors import SolverError
 from unbend.linalg import two_level
+from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.linalg.two_level import two_levels
+from unbend.mesh import aggregate_vertices
 from unbend.spectral import make_surface
 
 
@@ -31,6 +34,29 @@ def test_any_aggregates_give_the_factorised_answer(operator, seed, n_coarse):
     guess = chance.standard_normal((n, 3)) * np.abs(wanted).max()
     assert np.abs(green(load, guess) - wanted).max() < 1e-7 * np.abs(wanted).max()
     assert np.abs(green(load, wanted, 1e-6) - wanted).max() < 1e-12 * np.abs(wanted).max()
+
+
+def test_a_column_that_is_solved_does_not_end_the_others(operator):
+    n = len(operator.areas)
+    load = np.random.default_rng(0).standard_normal((n, 3))
+    load[:, 1] = 0
+    wanted = green_operator(operator.stiffness, operator.areas)(load)
+    green, _ = two_levels(operator.stiffness, operator.areas, np.arange(n) // 40)
+    assert np.abs(green(load) - wanted).max() < 1e-7 * np.abs(wanted).max()
+
+
+def test_rough_eigenfunctions_are_nearly_those_of_the_lowest_values(operator):
+    n = len(operator.areas)
+    near = aggregate_vertices(make_quadruped(n_vertices=800).mesh, 250)
+    _, rough = two_levels(operator.stiffness, operator.areas, near)
+    found = rough(4)
+    assert found.shape == (n, 4)
+    energies = found.T @ (operator.stiffness @ found)
+    masses = found.T @ (operator.areas[:, None] * found)
+    lowest = smallest_eigenpairs(operator.stiffness, operator.areas, 5)[0][1:]
+    reached = scipy.linalg.eigh(energies, masses, eigvals_only=True)
+    assert (reached >= lowest * (1 - 1e-9)).all()
+    assert (reached < 2 * lowest).all()
 
 
 def test_rounding_errors_in_the_sum_of_a_residual_do_no_harm(operator):

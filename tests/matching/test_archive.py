@@ -76,6 +76,9 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         read_match(path)
     with pytest.raises(FileError, match="unknown suffix"):
         read_match(tmp_path / "match.npy")
+    with pytest.raises(FileError, match="unknown suffix"):
+        write_match(tmp_path / "match.npy", RIGHT)
+    assert not (tmp_path / "match.npy").exists()
 
 
 @pytest.mark.parametrize(
@@ -98,6 +101,9 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("confidence", np.array("high")),
         ("orientation", np.array(np.nan)),
         ("orientation", np.array(-1.5)),
+        ("hypotheses", np.array([[-2.0, 0.7], [-1.0, -1.5]])),
+        ("hypotheses", np.array([[-2.0, 0.7], [-1.0, 1.5]])),
+        ("weights", np.array([[-1.0, 1, 1], [0, 1, 0], [np.nan] * 3])),
         ("residual", np.array(-0.1)),
         ("residual", np.array(np.inf)),
         ("hypotheses", np.zeros(3)),

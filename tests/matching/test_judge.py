@@ -1,6 +1,7 @@
 """The judge: truths about its energy."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,16 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, _unexplained, confidences, distinct, judge, ranked
+from unbend.matching._judge import (
+    Candidate,
+    _missed,
+    _unexplained,
+    confidences,
+    distinct,
+    judge,
+    ranked,
+    rough_cost,
+)
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 
@@ -118,3 +128,51 @@ def test_maps_of_one_energy_share_the_probability() -> None:
     ahead = [_trust([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
     assert ahead == sorted(ahead)
     assert ahead[-1] > 0.98
+
+
+def test_what_is_mostly_right_side_out_goes_before_what_is_not() -> None:
+    half, inside_out = _judged(0.3, orientation=0.4), _judged(0.1, orientation=-0.4)
+    assert ranked([inside_out, half]) == [half]
+
+
+def test_a_landmark_is_missed_where_either_map_leads_elsewhere() -> None:
+    shape = replace(_person(), landmarks=np.array([5, 400, 700]))
+    n = len(shape.vertices)
+    far = int(np.linalg.norm(shape.vertices - shape.vertices[400], axis=1).argmax())
+    right, wrong = np.arange(n), np.arange(n)
+    wrong[400] = far
+    assert _missed(shape, shape, right, right).tolist() == [False, False, False]
+    assert _missed(shape, shape, wrong, right).tolist() == [False, True, False]
+    assert _missed(shape, shape, right, wrong).tolist() == [False, True, False]
+
+
+def test_a_rough_cost_is_the_mean_of_both_ways() -> None:
+    shape = _person()
+    n = len(shape.vertices)
+    right, chance = np.arange(n), np.random.default_rng(0).permutation(n)
+    one = rough_cost(shape, shape, right, chance)
+    assert one == pytest.approx(rough_cost(shape, shape, chance, right))
+    assert one == pytest.approx(_loss(shape, shape.vertices[chance]) / 2)
+
+
+def test_what_is_left_out_does_not_turn_a_surface() -> None:
+    shape = _person()
+    identity = _identity(shape)
+    left_out = identity.source._replace(within=np.arange(len(shape.vertices)) % 2 == 0)
+    found = judge(shape, shape, identity._replace(source=left_out, target=left_out))
+    assert found.orientation == pytest.approx(judge(shape, shape, identity).orientation, abs=0.01)
+
+
+def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
+    shape = _person()
+    identity = _identity(shape)
+    n = len(shape.vertices)
+    within = np.arange(n) % 2 == 0
+    elsewhere = np.where(within, np.arange(n), np.random.default_rng(0).permutation(n))
+    partial = Registered(
+        elsewhere, np.arange(n), identity.source._replace(within=within), identity.target
+    )
+    one, other = (replace(_judged(0.1), registered=found) for found in (identity, partial))
+    assert distinct([one, other], shape, shape.areas) == [one]
+    every = replace(other, registered=partial._replace(source=identity.source))
+    assert distinct([one, every], shape, shape.areas) == [one, every]

@@ -7,6 +7,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.matching import _search
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._search import _distinct, search
 from unbend.matching._shape import Shape
@@ -83,3 +84,21 @@ def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
         noise = 1e-7 * np.random.default_rng(seed).standard_normal(shape.basis.shape)
         again = search(shape, replace(shape, basis=shape.basis + noise))[:4]
         np.testing.assert_allclose(again, maps, atol=1e-3)
+
+
+def test_maps_go_on_with_every_choice_of_signs() -> None:
+    maps = np.array([np.linalg.qr(np.random.default_rng(i).normal(size=(2, 2)))[0] for i in (0, 1)])
+    found = _search._extended(maps, 4)
+    assert found.shape == (8, 4, 4)
+    np.testing.assert_allclose(
+        found @ found.transpose(0, 2, 1), np.broadcast_to(np.eye(4), (8, 4, 4)), atol=1e-12
+    )
+    np.testing.assert_array_equal(found[:, :2, :2], np.repeat(maps, 4, axis=0))
+    assert {tuple(one.diagonal()[2:]) for one in found} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
+
+
+def test_descriptors_are_compared_by_squared_distance() -> None:
+    rng = np.random.default_rng(0)
+    source, target = rng.normal(size=(7, 4)), rng.normal(size=(5, 4))
+    squares = ((source[:, None] - target) ** 2).sum(axis=2) * _search._DESCRIPTOR_WEIGHT**2
+    np.testing.assert_allclose(_search._descriptor_distances(source, target), squares, rtol=1e-5)

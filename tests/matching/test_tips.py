@@ -1,6 +1,7 @@
 """Tips of limbs: found where they are, and told apart by the ways between them."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import limb_maps
-from unbend.matching._tips import Tips, _of_trunks, find_tips, guess_limbs
+from unbend.matching._tips import Tips, _of_trunks, _whitening, find_tips, guess_limbs
 
 
 def test_a_person_has_five_tips() -> None:
@@ -140,3 +141,22 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
     smooth = find_tips(prepare_shape(blob, 60, True, None)[1])
     assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3
+
+
+@pytest.mark.parametrize("limb", [0.5, 1.0, 100.0])
+def test_whitened_ways_vary_alike(limb: float) -> None:
+    rows, columns = np.triu_indices(5, 1)
+    ends = (rows[:, None] == np.arange(5)) | (columns[:, None] == np.arange(5))
+    covariance = np.eye(10) + limb * (ends @ ends.T.astype(float))
+    root = _whitening(5, rows, columns, limb)
+    np.testing.assert_allclose(root @ covariance @ root, np.eye(10), atol=1e-10)
+    np.testing.assert_allclose(root, root.T, atol=1e-12)
+
+
+def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
+    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True, None)[1]
+    ends = find_tips(shape).vertices
+    for landmark in ends:
+        found = find_tips(replace(shape, landmarks=np.array([landmark]))).vertices
+        assert found[0] == landmark
+        assert sorted(found) == sorted(ends)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from unbend.alignment import Pairs
-from unbend.matching._zoomout import orthogonal_maps, spectral_weights
+from unbend.matching._zoomout import grow, orthogonal_maps, spectral_weights
 
 
 def test_weights_are_of_unit_size_and_of_neither_shape_first() -> None:
@@ -31,3 +31,16 @@ def test_the_map_behind_pairs_is_found(determinant: int) -> None:
     maps = orthogonal_maps(source, target, both)
     np.testing.assert_allclose(maps[0], truth, atol=1e-9)
     np.testing.assert_allclose(maps[1] @ maps[1].T, np.eye(5), atol=1e-9)
+
+
+def test_a_map_grows_from_its_beginning() -> None:
+    rng = np.random.default_rng(0)
+    values = np.linspace(1, 3, 6)
+    source = np.linalg.qr(rng.normal(size=(60, 6)))[0]
+    signs = rng.choice([-1.0, 1.0], 6)
+    target = (source * signs)[rng.permutation(60)]
+    found = grow((values, source), (values, target), np.diag(signs[:3]), [3, 4, 6])
+    np.testing.assert_allclose(found, np.diag(signs), atol=1e-9)
+    np.testing.assert_array_equal(
+        grow((values, source), (values, target), np.diag(signs), []), np.diag(signs)
+    )

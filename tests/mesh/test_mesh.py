@@ -7,7 +7,7 @@ import pytest
 from unbend import Mesh, as_mesh, write_mesh
 from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError, MeshError
-from unbend.mesh import vertex_areas, vertex_normals
+from unbend.mesh import vertex_areas, vertex_ids, vertex_normals
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -28,6 +28,29 @@ def test_is_frozen_and_keeps_its_own_copy():
         mesh.vertices[0, 0] = 1
     with pytest.raises(dataclasses.FrozenInstanceError):
         mesh.name = "other"
+
+
+def test_faces_are_frozen_and_rows_lie_in_order():
+    mesh = Mesh(np.asfortranarray(VERTICES), np.asfortranarray(FACES))
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.faces[0, 0] = 1
+    assert mesh.vertices.flags.c_contiguous
+    assert mesh.faces.flags.c_contiguous
+    none = Mesh(VERTICES, []).faces
+    assert (none.shape, none.dtype) == ((0, 3), np.int64)
+    assert len(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.array([[0, 1, 2]])).faces) == 1
+    with pytest.raises(MeshError, match=r"shape \(m, 3\)"):
+        Mesh(VERTICES, [[0]])
+
+
+def test_vertex_numbers():
+    assert vertex_ids([0, 3], 4, "a.ply").tolist() == [0, 3]
+    for wrong in ([1.0], [[1]], "a", [True]):
+        with pytest.raises(InputError, match=r"a\.ply: vertex ids must be a list of whole"):
+            vertex_ids(wrong, 4, "a.ply")
+    for wrong in (-1, 4):
+        with pytest.raises(InputError, match=f"no vertex {wrong}; vertices are numbered 0 to 3"):
+            vertex_ids([0, wrong, 3], 4, "a.ply")
 
 
 def test_a_mesh_a_path_a_pair_and_an_array_are_meshes(tmp_path):
@@ -65,6 +88,9 @@ def test_a_pyvista_surface_is_a_mesh_its_polygons_split():
     split = as_mesh(polydata(triangles=False))
     assert same(split)
     assert split.notes == ("polygons split into triangles",)
+    quad = polydata(triangles=False)
+    quad.n_cells = 1
+    assert same(as_mesh(quad))
 
 
 def test_says_what_it_is():
@@ -97,7 +123,17 @@ def test_a_vertex_that_no_face_uses_may_be_nan():
     assert Mesh(extended, FACES).n_vertices == 5
 
 
-@pytest.mark.parametrize("thing", [5, None, {"vertices": 1}, (1, 2, 3)])
+@pytest.mark.parametrize(
+    "thing",
+    [
+        5,
+        None,
+        {"vertices": 1},
+        (1, 2, 3),
+        SimpleNamespace(vertices=VERTICES),
+        SimpleNamespace(points=VERTICES, n_cells=0),
+    ],
+)
 def test_anything_else_is_refused(thing):
     with pytest.raises(InputError, match="is not a mesh"):
         as_mesh(thing)
@@ -110,6 +146,18 @@ def test_a_missing_file_is_refused():
 
 def test_points_have_equal_areas():
     assert vertex_areas(Mesh(np.zeros((5, 3)))).tolist() == [1] * 5
+
+
+def test_each_vertex_has_a_third_of_the_faces_around_it(blob):
+    extended = Mesh(np.vstack([blob.vertices, [[9.0, 9, 9]]]), blob.faces)
+    areas = np.zeros(643)
+    for a, b, c in blob.faces:
+        sides = [
+            np.linalg.norm(blob.vertices[i] - blob.vertices[j]) for i, j in ((a, b), (b, c), (c, a))
+        ]
+        half = sum(sides) / 2  # Heron's formula
+        areas[[a, b, c]] += np.sqrt(half * np.prod([half - side for side in sides])) / 3
+    np.testing.assert_allclose(vertex_areas(extended), areas)
 
 
 def test_normals_of_a_sphere_point_outwards():

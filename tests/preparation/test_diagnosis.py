@@ -254,3 +254,10 @@ def test_takes_whatever_is_a_mesh(tmp_path: Path) -> None:
     write_mesh(path, cube)
     for shape in (path, str(path), (CUBE_VERTICES, CUBE_FACES)):
         assert diagnose(shape) == diagnose(cube)
+
+
+def test_faces_that_are_none_close_nothing() -> None:
+    points = np.eye(3)
+    assert not diagnose(Mesh(points, [[0, 0, 1]])).closed
+    assert not diagnose(Mesh(points)).closed
+    assert diagnose(Mesh(points, [[0, 1, 2], [0, 2, 1]])).closed

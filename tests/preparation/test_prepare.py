@@ -7,7 +7,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.errors import InputError, MeshError
-from unbend.preparation import prepare
+from unbend.preparation import only_component, prepare
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -86,24 +86,59 @@ def test_a_component_that_is_no_number(component: object) -> None:
 
 
 def test_choosing_the_only_component_changes_nothing() -> None:
-    assert prepare(TETRAHEDRON, component="largest").mesh is TETRAHEDRON
+    prepared = prepare(TETRAHEDRON, component="largest")
+    assert prepared.mesh is TETRAHEDRON
+    assert prepared.notes == ()
+    with pytest.raises(InputError, match="numbered 0 to 0"):
+        prepare(Mesh(VERTICES), component=1)
+
+
+@pytest.mark.parametrize("faces", [None, FACES])
+def test_sizes_have_limits(faces: np.ndarray | None) -> None:
+    shifted = VERTICES - [0, 0, 1]  # what counts is how far it reaches, not where it lies
+    for vertices in (VERTICES, shifted, VERTICES - 1):
+        for size in (1e-60, 1.0, 1e60):
+            assert prepare(Mesh(vertices * size, faces)).mesh.n_vertices == 4
+        for size in (0.99e-60, 1.01e60):
+            with pytest.raises(MeshError, match="across; give coordinates in a unit"):
+                prepare(Mesh(vertices * size, faces))
+
+
+def test_one_component_keeps_its_faces_and_what_is_said_of_the_mesh() -> None:
+    assert only_component(TWO, None) is TWO
+    noted = Mesh(TWO.vertices, np.vstack([TWO.faces, [[3, 3, 0]]]), name="a", notes=("b",))
+    kept = only_component(noted, 0)
+    np.testing.assert_array_equal(kept.faces, TWO.faces[1:])
+    np.testing.assert_array_equal(kept.vertices, TWO.vertices)
+    assert (kept.name, kept.notes) == ("a", ("b",))
+    part = prepare(noted, component=0).mesh
+    assert (part.name, part.notes) == ("a", ("b",))
 
 
 def test_many_components_are_summarised() -> None:
     faces = np.arange(24).reshape(8, 3)
-    with pytest.raises(MeshError, match="8 separate components"):
-        prepare(Mesh(np.random.default_rng(0).normal(size=(24, 3)), faces))
+    vertices = np.random.default_rng(0).normal(size=(24, 3))
+    for count, sizes in (
+        (5, "3, 3, 3, 3 and 3"),
+        (6, r"3, 3, 3, 3, 3 and \(1 more\) fewer"),
+        (8, r"3, 3, 3, 3, 3 and \(3 more\) fewer"),
+    ):
+        with pytest.raises(MeshError, match=rf"{count} separate components \(with {sizes} v"):
+            prepare(Mesh(vertices, faces[:count]))
 
 
 def test_faces_without_area_are_refused() -> None:
     line = np.arange(5)[:, None] * np.ones(3)
     with pytest.raises(MeshError, match="every face is degenerate"):
         prepare(Mesh(line, [[0, 1, 2], [1, 2, 3], [2, 3, 4]]))
+    with pytest.raises(MeshError, match="every face is degenerate"):
+        prepare(Mesh(line, [[0, 0, 1]]))
 
 
 def test_doubled_faces_and_those_that_name_a_vertex_twice_are_left_out() -> None:
-    mesh = Mesh(VERTICES, np.vstack([[[1, 1, 1]], FACES[:, ::-1], FACES[:1], [[0, 0, 3]]]))
-    prepared = prepare(mesh)
+    faces = np.vstack([[[1, 1, 1]], FACES[:, ::-1], FACES[:1], [[0, 0, 3]]])
+    prepared = prepare(Mesh(VERTICES, faces, name="a", notes=("b",)))
+    assert (prepared.mesh.name, prepared.mesh.notes) == ("a", ("b",))
     np.testing.assert_array_equal(prepared.mesh.faces, FACES[:, ::-1])
     np.testing.assert_array_equal(prepared.kept_faces, [1, 2, 3, 4])
     assert not prepared.robust_needed
@@ -128,6 +163,10 @@ def test_degenerate_faces_stay_and_call_for_the_robust_laplacian() -> None:
     assert prepared.mesh is mesh
     assert prepared.robust_needed
     assert prepared.notes == ("1 degenerate face call for the robust Laplacian",)
+    doubled = prepare(Mesh(mesh.vertices, np.vstack([faces, faces[:1, ::-1]])))
+    np.testing.assert_array_equal(doubled.mesh.faces, faces)
+    assert doubled.robust_needed
+    assert doubled.notes[1:] == prepared.notes
 
 
 def test_points() -> None:
@@ -136,6 +175,10 @@ def test_points() -> None:
     assert prepared.mesh is cloud
     assert prepared.notes == ("1 point repeats the position of another",)
     assert not prepared.robust_needed
+    assert len(prepared.kept_faces) == 0
+    assert prepare(Mesh(VERTICES)).notes == ()
+    with pytest.raises(MeshError, match="only 3 different positions"):
+        prepare(Mesh(VERTICES[[0, 1, 2, 2, 2]]))
     with pytest.raises(MeshError, match="only 3 points; a shape needs at least 4"):
         prepare(Mesh(VERTICES[:3]))
 

@@ -104,20 +104,46 @@ def test_point_cloud_has_areas_close_to_the_surface():
 
 
 def test_unreferenced_vertices_have_no_area(blob):
-    extended = Mesh(np.vstack([[[9, 9, 9]], blob.vertices]), blob.faces + 1)
+    away = [[9.0, 9, 9]]
+    extended = Mesh(np.vstack([away, blob.vertices, away]), blob.faces + 1)
     for kind in ("cotangent", "robust"):
         found = laplacian(extended, laplacian=kind)
-        assert found.areas[0] == 0
-        assert found.stiffness[[0]].count_nonzero() == 0
-        np.testing.assert_allclose(
-            found.areas[1:], laplacian(blob, laplacian=kind).areas, rtol=1e-9
-        )
+        assert found.areas[[0, -1]].tolist() == [0, 0]
+        assert found.stiffness[[0, -1]].count_nonzero() == 0
+        alone = laplacian(blob, laplacian=kind)
+        np.testing.assert_allclose(found.areas[1:-1], alone.areas, rtol=1e-9)
+        assert abs(found.stiffness[1:-1, 1:-1] - alone.stiffness).max() < 1e-9
 
 
 def test_cotangent_of_a_degenerate_face_is_refused_by_number(blob):
     faces = np.vstack([blob.faces, [[0, 0, 1]]])
     with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
         laplacian(Mesh(blob.vertices, faces), laplacian="cotangent")
+    point = np.vstack([blob.vertices, np.ones((3, 3))])
+    faces = np.vstack([blob.faces, [[642, 643, 644]]])
+    with pytest.raises(MeshError, match=f"face {len(blob.faces)} has no area"):
+        laplacian(Mesh(point, faces), laplacian="cotangent")
+
+
+def test_a_face_is_flat_in_units_of_its_own_longest_edge():
+    corner = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    small = laplacian(Mesh(np.vstack([corner, corner * 1e-9]), faces), laplacian="cotangent")
+    assert small.areas[3:].sum() == pytest.approx(0.5e-18)
+    needle = [[0, 0, 0], [1, 0, 0], [1e-3, 1e-17, 0]]
+    with pytest.raises(MeshError, match="face 1 has no area"):
+        laplacian(Mesh(np.vstack([corner, needle]), faces), laplacian="cotangent")
+
+
+def test_components_do_not_know_of_each_other(blob):
+    sphere = make_sphere(2)
+    both = np.vstack([sphere.vertices + 9, blob.vertices])
+    found = laplacian(Mesh(both, np.vstack([sphere.faces, blob.faces + 162])))
+    for part, alone in ((slice(162), sphere), (slice(162, None), blob)):
+        one = laplacian(alone)
+        assert abs(found.stiffness[part, part] - one.stiffness).max() < 1e-9
+        np.testing.assert_allclose(found.areas[part], one.areas)
+    assert found.stiffness[:162, 162:].nnz == 0
 
 
 def test_unknown_names_are_refused(blob):

@@ -197,10 +197,22 @@ def test_sign_rule_does_not_depend_on_the_sign_given():
     np.testing.assert_array_equal(fix_signs(odd, np.ones(50)), fix_signs(-odd, np.ones(50)))
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_the_first_peak_decides_where_the_third_moment_vanishes_in_any_unit(unit):
+    for seed in range(10):
+        chance = np.random.default_rng(seed)
+        half = chance.standard_normal(300)
+        half[0] = 9.0
+        odd = np.concatenate([half, -chance.permutation(half)])[:, None] * unit
+        for signed in (odd, -odd):  # what rounding leaves of the moment says nothing
+            assert fix_signs(signed, np.ones(600))[0] == 9 * unit
+
+
 @pytest.mark.parametrize("k", [0, 643, 2.5, True])
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
     with pytest.raises(InputError, match="has 1 to 642"):
         spectrum(blob, k)
+    assert spectrum(blob, 1).eigenvalues.tolist() == [0]
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-9])
@@ -213,6 +225,11 @@ def test_residuals_are_as_small_as_asked(tol):
     residual -= areas * found.eigenfunctions * found.eigenvalues
     size = np.sqrt((residual**2 / areas).sum(axis=0))
     assert (size[1:] <= tol * found.eigenvalues[1:] + 1e-13 * found.eigenvalues[-1]).all()
+
+
+def test_the_laplacian_is_the_one_asked_for(blob):
+    for kind in ("cotangent", "robust"):
+        assert spectrum(blob, 1, laplacian=kind).laplacian == kind
 
 
 def test_spectrum_itself_warns_of_nothing(blob, recwarn):

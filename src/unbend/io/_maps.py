@@ -192,7 +192,7 @@ def read_landmarks(
 def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> IntArray:
     lines = data_lines(data, suffix[1:])
     rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
-    if rows and suffix == ".csv" and not all(map(_is_number, rows[0])):
+    if rows and suffix == ".csv" and not any(map(_is_number, rows[0])):
         rows = rows[1:]
     if not rows:
         raise FileError("holds no landmarks")

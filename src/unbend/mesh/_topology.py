@@ -171,7 +171,7 @@ def find_components(faces: IntArray, n_vertices: int) -> Components:
     used[faces] = True
     labels, first, number = np.unique(label[used], return_index=True, return_inverse=True)
     vertex_count = np.bincount(number, minlength=len(labels))
-    compact = np.full(n_vertices, -1, dtype=np.int64)
+    compact = np.empty(n_vertices, dtype=np.int64)
     compact[used] = number
     face_count = np.bincount(compact[faces[:, 0]], minlength=len(labels))
     # Most vertices first, then most faces, then the earliest vertex: never up to chance.

@@ -162,7 +162,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         duplicate_vertices=count_repeats(vertices),
         duplicate_faces=count_repeats(np.sort(faces, axis=1)),
         area=area,
-        closed=len(faces) > 0 and len(boundary) == 0,
+        closed=len(proper) > 0 and len(boundary) == 0,
         euler_characteristic=None if mesh.is_point_cloud else euler,
         genus=(2 - euler - loops) // 2 if surface else None,
         edge_min=float(lengths.min()) if len(lengths) else np.nan,

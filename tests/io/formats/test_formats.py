@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from unbend import Mesh
-from unbend.errors import FileError, MeshError, UnbendError
+from unbend.errors import FileError, InputError, MeshError, UnbendError
 from unbend.io import read_mesh, write_mesh
 from unbend.io._meshes import READ_SUFFIXES
+from unbend.io.formats import ply, stl
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]], dtype=np.float64)
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -51,6 +52,7 @@ SAME_SQUARE = {
     "face_colours.off": f"OFF\n4 2 0\n{POINTS}" + TWO.replace("\n", " 10 20 30\n"),
     "quad.off": f"OFF\n4 1 0\n{POINTS}4 0 1 2 3\n",
     "plain.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n",
+    "blank.obj": "# square\n\nv 0 0 0\nv 1 0 0\n\n \nv 1 1 0\nv 0 1 0\nf 1 2 3\n\nf 1 3 4\n",
     "textured.obj": (
         "mtllib a.mtl\no square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
         "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5\nvn 0 0 1\nvn 0 0 -1\ns off\nusemtl red\n"
@@ -110,6 +112,97 @@ for _order in "<>":
             SAME_SQUARE[_name] = binary_square(_order, _kind, _ragged)
 
 
+WIDTHS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+          "float": "f4", "double": "f8"}  # fmt: skip
+
+
+LONG = np.finfo(np.longdouble).max > np.finfo(np.float64).max
+
+
+class AnyPly:
+    """A PLY file of any layout that the format allows, and what is in it."""
+
+    def __init__(self, seed: int, encoding: str) -> None:
+        self.draw = np.random.default_rng(seed)
+        self.order = "" if encoding == "ascii" else "<" if "little" in encoding else ">"
+        self.vertices = self.draw.integers(-50, 50, (self.draw.integers(1, 9), 3))
+        self.n_corners = 0 if self.draw.random() < 0.3 else self.draw.integers(2, 5)
+        self.faces: list[list[int]] = []
+        self.rows: list[bytes] = []
+        elements = ["vertex", "face", "camera", "nothing"]
+        order = [elements[i] for i in self.draw.permutation(4)]
+        lists = order.index("vertex"), order.index("face")
+        if lists[0] > lists[1] and self.draw.random() < 0.8:
+            order[lists[0]], order[lists[1]] = "face", "vertex"
+        header = "".join(self.element(name) for name in order)
+        self.header = f"ply\nformat {encoding} 1.0\n{header}end_header\n".encode()
+        self.data = self.header + b"".join(self.rows)
+
+    def element(self, name: str) -> str:
+        counts = {"vertex": len(self.vertices), "nothing": 2}
+        count = counts.get(name, int(self.draw.integers(0, 4)))
+        extra = ["a", "b", "l"][: 0 if name == "nothing" else self.draw.integers(0, 4)]
+        own = {"vertex": ["x", "y", "z"], "face": ["vertex_indices"]}.get(name, [])
+        names = [[*own, *extra][i] for i in self.draw.permutation(len(own) + len(extra))]
+        sizes = {one: self.kind("uchar char ushort short int uint") for one in names}
+        kinds = {one: self.kind("float double" if one in "xyz" else "uint int") for one in names}
+        length = self.draw.integers(0, 3) if name == "vertex" or self.draw.random() < 0.5 else None
+        for row in range(count):
+            for one in names:
+                if one in "xyz":
+                    self.put([self.vertices[row]["xyz".index(one)]], kinds[one])
+                elif one == "vertex_indices":
+                    size = self.n_corners or self.draw.integers(0, 6)
+                    if row == 1 and not self.n_corners and sizes[one][0] == "u":
+                        size = 200  # more than a signed byte counts
+                    self.faces.append(self.draw.integers(0, len(self.vertices), size).tolist())
+                    self.put([size], sizes[one])
+                    self.put(self.faces[-1], kinds[one])
+                elif one == "l":
+                    size = self.draw.integers(0, 4) if length is None else length
+                    self.put([size], sizes[one])
+                    self.put(self.draw.integers(0, 99, size), kinds[one])
+                else:
+                    self.put([7], kinds[one])
+            if not self.order:
+                self.rows.append(b"\n")
+        if not self.order and not names:
+            self.rows.append(b"\n" * count)
+        text = f"element {name} {count}\n"
+        for one in names:
+            listed = f"list {sizes[one]} " if one in ("l", "vertex_indices") else ""
+            text += f"property {listed}{kinds[one]} {one}\n"
+        return text
+
+    def kind(self, names: str) -> str:
+        return str(self.draw.choice(names.split()))
+
+    def put(self, values: object, kind: str) -> None:
+        if self.order:
+            self.rows.append(np.array(values, self.order + WIDTHS[kind]).tobytes())
+        else:
+            self.rows.append("".join(f" {value}" for value in values).encode())
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply_of_any_layout(encoding: str) -> None:
+    for seed in range(60):
+        made = AnyPly(seed, encoding)
+        found = ply.read(made.data)
+        np.testing.assert_array_equal(found.vertices, made.vertices)
+        fans = [[f[0], f[i], f[i + 1]] for f in made.faces for i in range(1, len(f) - 1)]
+        np.testing.assert_array_equal(found.faces, np.reshape(fans, (-1, 3)), str(seed))
+        rows = b"".join(made.rows)
+        if encoding == "ascii":
+            ends = [i for i in range(len(rows)) if rows[i : i + 1] == b"\n" and rows[:i].strip()]
+            needed = len(rows.rstrip()) if rows.strip() else 0
+        else:
+            ends, needed = list(range(0, len(rows), 3)), len(rows)
+        for end in [end for end in ends if end < needed]:
+            with pytest.raises(FileError, match=r"truncated|fewer"):
+                ply.read(made.header + rows[:end])
+
+
 class TestTrickyFiles:
     @pytest.mark.parametrize("name", SAME_SQUARE)
     def test_order_survives(self, tmp_path: Path, name: str) -> None:
@@ -129,6 +222,11 @@ class TestTrickyFiles:
         np.testing.assert_array_equal(mesh.faces, TRIANGLES)
         assert mesh.notes == ("1 face with fewer than 3 vertices left out",)
 
+    def test_lines_after_the_last_face_are_noted(self, tmp_path: Path) -> None:
+        mesh = read_mesh(put(tmp_path, "m.off", f"OFF\n4 2 0\n{POINTS}{TWO}3 1 2 3\n"))
+        np.testing.assert_array_equal(mesh.faces, TRIANGLES)
+        assert mesh.notes == ("1 line after the last face left out",)
+
     def test_unknown_obj_lines_are_noted(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nw 1 0 0\nv 1 1 0\n"))
         assert mesh.n_vertices == 2
@@ -146,16 +244,53 @@ class TestTrickyFiles:
         mesh = read_mesh(put(tmp_path, "m.stl", b"solid facet " + data[12:]))
         assert mesh.n_faces == 2
 
+    def test_binary_stl_of_the_largest_positions(self, tmp_path: Path) -> None:
+        far = SQUARE * np.finfo(np.float32).max
+        write_mesh(tmp_path / "m.stl", (far[:3], TRIANGLES[:1]))
+        data = (tmp_path / "m.stl").read_bytes()
+        assert data[84:96] == bytes(12)  # no normal, so that programs compute it
+        assert data[132:] == bytes(2)
+        for more in (b"", b"more"):
+            mesh = read_mesh(put(tmp_path, "m.stl", data + more))
+            np.testing.assert_array_equal(mesh.vertices, far[:3])
+        with pytest.raises(InputError, match="single-precision"):
+            write_mesh(tmp_path / "m.stl", (far[:3] * 1.01, TRIANGLES[:1]))
+
     def test_xyz_with_commas_and_normals(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.xyz", "# x,y,z\n0,0,0\n1, 2, 3\n4 5 6 0 0 1\n"))
         np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 2, 3], [4, 5, 6]])
         assert mesh.notes == ("columns after the third left out",)
+        assert read_mesh(put(tmp_path, "m.xyz", "0 0 0\n1 2 3\n")).notes == ()
+        assert read_mesh(put(tmp_path, "m.xyz", "0 0 0 7\n1 2 3 8\n")).notes == mesh.notes
+
+    def test_npy_of_numbers_that_float64_has_not(self, tmp_path: Path) -> None:
+        np.save(tmp_path / "p.npy", np.full((2, 3), np.finfo(np.longdouble).max))
+        with pytest.raises(MeshError, match="vertex 0 is at") if LONG else nullcontext():
+            read_mesh(tmp_path / "p.npy")
+        np.save(tmp_path / "p.npy", np.full((2, 3), 0x7F800001, "<u4").view("<f4"))
+        with pytest.raises(MeshError, match="vertex 0 is at"):
+            read_mesh(tmp_path / "p.npy")
 
     def test_nan_rows_that_no_face_uses(self, tmp_path: Path) -> None:
         vertices = np.vstack([SQUARE, [[np.nan] * 3]])
         for suffix in (".off", ".obj", ".ply"):
             write_mesh(tmp_path / f"m{suffix}", (vertices, TRIANGLES))
             np.testing.assert_array_equal(read_mesh(tmp_path / f"m{suffix}").vertices, vertices)
+
+    @pytest.mark.parametrize("entries", [b"\0", b"\2\7\7"])
+    def test_a_list_may_end_the_file(self, entries: bytes) -> None:
+        header = (
+            ply_header(1).split("element face")[0] + "property list uchar uchar l\nend_header\n"
+        )
+        point = np.array([1, 2, 3], "<f4").tobytes()
+        assert ply.read(header.encode() + point + entries).vertices.tolist() == [[1, 2, 3]]
+
+    def test_nan_of_every_kind(self) -> None:
+        signalling = np.array([0x7F800001, 0, 0], "<u4").tobytes()
+        header = ply_header(1).split("element face")[0] + "end_header\n"
+        assert np.isnan(ply.read(header.encode() + signalling).vertices[0, 0])
+        facet = bytes(12) + 3 * signalling + bytes(2)
+        assert np.isnan(stl.read(bytes(80) + struct.pack("<I", 1) + facet).vertices[0, 0])
 
 
 def ply_header(vertices: object, faces: object = 0, encoding: str = "binary_little_endian") -> str:
@@ -186,6 +321,13 @@ BAD_FILES = {
     "word.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2 x\n", "face 1 holds 'x', not a vertex"),
     "word_quad.off": (f"OFF\n4 2 0\n{POINTS}4 0 1 2 3\n3 0 2 1.5\n", "face 1 holds '1.5'"),
     "size.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\nx 0 2 3\n", "face 1 holds 'x', not a number of"),
+    "python_count.off": (b"OFF\n1_0 0 0\n", "'1_0' is not a number of vertices"),
+    "python.off": (b"OFF\n1 0 0\n0 1_0 0\n", "vertex 0 holds '1_0', not a number"),
+    "python_index.off": (f"OFF\n4 1 0\n{POINTS}3 0 0_1 2\n", "face 0 holds '0_1', not a vertex"),
+    "python_quad.off": (f"OFF\n4 1 0\n{POINTS}4 0 0_1 2 3\n", "face 0 holds '0_1', not a vertex"),
+    "python.obj": (b"v 0 0 0\nf 1 0_1 1\n", "face 0 holds '1 0_1 1', not vertex indices"),
+    "second.off": (f"OFF\n4 2 0\n{POINTS}4 0 1 2 {'9' * 18}\n3 0 2 x\n", "face 1 holds 'x'"),
+    "64_bits.off": (f"OFF\n4 1 0\n{POINTS}4 0 1 2 {'9' * 19}\n", "face 0 holds '99999"),
     "flat.off": (b"OFF\n2 0 0\n0 0 0\n1 2\n", "vertex 1 has 2 numbers"),
     "none.off": (b"OFF\n0 0 0\n", "holds no vertices"),
     "huge_index.off": (f"OFF\n4 1 0\n{POINTS}3 0 1 {'9' * 30}\n", "face 0 holds '99999"),
@@ -204,14 +346,31 @@ BAD_FILES = {
                  "without the properties x, y and z"),
     "no_list.ply": (ply_header(1, 1).replace("vertex_indices", "corners"), "vertex_indices"),
     "float_list.ply": (ply_header(1, 1).replace("uchar int", "uchar float"), "whole numbers"),
-    "strips.ply": (ply_header(1).replace("element face", "element tristrips"), "strips"),
+    "strips.ply": (ply_header(1, 1).replace("element face", "element tristrips"), "strips"),
+    "faces_and_strips.ply": (
+        ply_header(1, 1).replace(
+            "end_", "element tristrips 1\nproperty list int int vertex_indices\nend_"),
+        "strips"),
+    "list.ply": (ply_header(1).replace("float y", "list uchar float y"), "without the properties"),
+    "two_lists.ply": (
+        ply_header(1, 1).replace("end_", "property list uchar int vertex_index\nend_"),
+        "faces with both vertex_indices and vertex_index"),
+    "no_strips.ply": (ply_header(0).replace("element face", "element tristrips"), "no vertices"),
+    "camera_twice.ply": (ply_header(1).replace("end_", "element face 3\nend_"), "face twice"),
     "vertexless.ply": (ply_header(0), "holds no vertices"),
     "cut_rows.ply": (binary_square("<", "f", True)[:-3], "truncated or damaged"),
+    "minus.ply": (  # after a triangle, a polygon of -1 corners and many bytes
+        ply_header(1, 2).replace("uchar int", "char uchar").encode()
+        + bytes(12) + b"\3\0\0\0\xff" + bytes(300), "truncated or damaged"),
+    "ragged_vertices.ply": (
+        ply_header(2).replace("element face", "property list uchar uchar l\nelement face").encode()
+        + bytes(12) + b"\0" + bytes(12) + b"\1\0", "vertices with lists of different lengths"),
     "row.ply": (f"{ASCII}element vertex 1\nproperty int a\nproperty int x\nproperty int y\n"
                 "property int z\nend_header\n1 2 3\n", "vertex 0 has fewer numbers"),
     "cut.stl": (b" " * 80 + struct.pack("<I", 9) + b"x" * 60, "promises 9 triangles, 534 bytes"),
     "cut_text.stl": (b"solid\nfacet normal 0 0 0\nvertex 0 0 0\n", "last line is not endsolid"),
     "corners.stl": (b"solid\nfacet\nvertex 0 0 0\nendfacet\nendsolid", "1 facet but 1 corners"),
+    "facets.stl": (b"vertex 0 0 0\nendfacet\nendsolid" + bytes(80), "not an STL file"),
     "nothing.stl": (b"solid\nendsolid", "no triangles"),
     "cut.npy": (b"", "is empty"),
 }  # fmt: skip
@@ -232,9 +391,13 @@ class TestBadFiles:
         [
             ("a.off", f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2 4\n", "face 1 names vertex 4"),
             ("a.off", f"OFF\n4 2 0\n{POINTS}4 0 1 2 3\n3 0 2 -1\n", "face 1 names vertex -1"),
+            ("a.off", f"OFF\n4 2 0\n{POINTS}4 0 1 2 3\n3 4 0 1\n", "face 1 names vertex 4"),
             ("a.off", f"OFF\n4 1 0\n{POINTS.replace('1 1', 'nan 1')}3 0 1 2\n", "vertex 2 is at"),
             ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 0\n", "face 0 names vertex 0"),
             ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 2\nf 1 2 3\n", "face 1 names vertex 3"),
+            ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 2\nf 3 1 1\n", "face 1 names vertex 3"),
+            ("a.obj", f"v 0 0 0\nf 1 1 {2**63}\n", f"face 0 names vertex {2**63}"),
+            ("a.obj", f"v 0 0 0\nf 1 1 {2**64}\n", f"face 0 names vertex {2**64}"),
             ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 -3\n", "face 0 names vertex -3"),
             ("a.xyz", "0 0 0\ninf 0 0\n", "vertex 1 is at (inf, 0, 0)"),
         ],

@@ -60,6 +60,13 @@ def test_what_the_specification_asks_for(blob: Mesh, tmp_path: Path, points: boo
     assert np.isfinite(stored).all()
     np.testing.assert_array_equal(stored.min(axis=0), place["min"])
     np.testing.assert_array_equal(stored.max(axis=0), place["max"])
+    (root,) = document["scenes"][document["scene"]]["nodes"]
+    assert document["nodes"][root] == {"mesh": 0}
+    material = document["materials"][primitive["material"]]
+    assert material["doubleSided"]  # winding may be mixed
+    assert material["pbrMetallicRoughness"] == {"metallicFactor": 0, "roughnessFactor": 0.8}
+    for i, view in enumerate(document["bufferViews"]):
+        assert view["target"] == (34963 if i == primitive.get("indices") else 34962)
     sizes = {5126: 4, 5125: 4}
     for accessor, view in zip(document["accessors"], document["bufferViews"], strict=True):
         assert view["byteOffset"] % 4 == 0

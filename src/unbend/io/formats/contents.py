@@ -7,7 +7,7 @@ They raise FileError and MeshError without the file's name; :mod:`unbend.io` put
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -58,9 +58,14 @@ def count(token: str, what: str) -> int:
         value = int(token)
     except ValueError:
         value = -1
-    if value < 0:
+    if value < 0 or "_" in token:
         raise FileError(f"{token[:40]!r} is not a number of {what}; correct the header")
     return value
+
+
+def pythonic(words: Iterable[str]) -> bool:
+    """Whether any of some numbers is one to Python alone, like 1_000."""
+    return "_" in "".join(words)
 
 
 def positions(rows: Sequence[Sequence[str]], what: str = "vertex") -> FloatArray:
@@ -74,7 +79,7 @@ def _numbers(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) ->
         return np.empty((0, 3), dtype=dtype)
     try:
         array = np.array(rows, dtype=dtype)
-        if array.shape == (len(rows), 3):
+        if array.shape == (len(rows), 3) and not pythonic(chain.from_iterable(rows)):
             return array
     except (ValueError, OverflowError):
         pass
@@ -84,8 +89,11 @@ def _numbers(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) ->
         for word in row:
             try:
                 np.array([word], dtype=dtype)
+                good = not pythonic([word])
             except (ValueError, OverflowError):
-                raise FileError(f"{what} {index} holds {word[:40]!r}, not a {kind}") from None
+                good = False
+            if not good:
+                raise FileError(f"{what} {index} holds {word[:40]!r}, not a {kind}")
     raise FileError(f"{what} rows do not form a table of numbers")  # pragma: no cover
 
 
@@ -103,6 +111,8 @@ def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArr
         sizes.append(size)
     words = [row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)]
     try:
+        if pythonic(chain.from_iterable(words)):
+            raise ValueError
         flat = np.array([int(word) for word in chain.from_iterable(words)], dtype=np.int64)
     except (ValueError, OverflowError):
         for index, row in enumerate(words):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
-from unbend.io.formats.contents import Contents, positions, text_lines, triangulate
+from unbend.io.formats.contents import Contents, positions, pythonic, text_lines, triangulate
 from unbend.io.formats.contents import table as write_table
 
 # What an OBJ file may hold besides vertices and faces. Anything else is reported in the notes.
@@ -64,13 +64,15 @@ def _logical_lines(data: bytes) -> list[str]:
 def _corners(words: list[str], n_so_far: int, face: int) -> list[int]:
     """0-based vertex indices of one face; negative ones count back from the latest vertex."""
     try:
+        if pythonic(words):
+            raise ValueError
         indices = [int(word.partition("/")[0]) for word in words]
     except ValueError:
         raise FileError(f"face {face} holds {' '.join(words)[:60]!r}, not vertex indices") from None
-    result = [index - 1 if index > 0 else index + n_so_far for index in indices]
+    result = [index - 1 if index >= 0 else index + n_so_far for index in indices]
     for index, word in zip(result, words, strict=True):
         # An index of 0 names no vertex; a far too negative one would wrap to a wrong vertex.
-        if index < 0 or word.partition("/")[0].strip("+-0") == "" or index >= 2**62:
+        if index < 0 or index >= 2**62:
             raise MeshError(
                 f"face {face} names vertex {word.partition('/')[0]}, but {n_so_far} vertices "
                 "precede it; correct or remove that face"

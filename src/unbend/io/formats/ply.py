@@ -63,7 +63,7 @@ def read(data: bytes) -> Contents:
     vertex, face = by_name.get("vertex"), by_name.get("face")
     if vertex is None or vertex.count == 0:
         raise FileError("holds no vertices")
-    if (face is None or face.count == 0) and "tristrips" in by_name:
+    if "tristrips" in by_name and by_name["tristrips"].count:
         raise FileError("holds triangle strips, which unbend cannot read; save it as triangles")
     columns = [vertex.index(axis) for axis in "xyz"]
     if min(columns) < 0 or any(vertex.properties[i].size_dtype for i in columns):
@@ -140,7 +140,7 @@ def _read_text(body: bytes, elements: list[_Element], order: str) -> Contents:
         at += element.count
         if element.name == "vertex":
             axes = [element.index(axis) for axis in "xyz"]
-            if axes != [0, 1, 2] or any(p.size_dtype for p in element.properties):
+            if axes != [0, 1, 2]:
                 rows = [_pick(element, row, axes, i) for i, row in enumerate(rows)]
             vertices = positions(rows)
         elif element.name == "face":

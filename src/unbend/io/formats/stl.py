@@ -38,7 +38,7 @@ def _binary(data: bytes) -> FloatArray | None:
     """Corners of a binary file, or None if it is a text file."""
     n_triangles = int.from_bytes(data[80:_HEADER], "little")
     n_bytes = _HEADER + n_triangles * _TRIANGLE.itemsize
-    if len(data) < _HEADER or n_bytes > len(data) or n_triangles == 0:
+    if n_bytes > len(data) or n_triangles == 0:
         if data.lstrip()[:5].lower() == b"solid" and (b"facet" in data or b"endsolid" in data):
             return None
         raise FileError(
