@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from unbend._arrays import is_whole
 from unbend._options import refuse_given
+from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
@@ -284,6 +285,7 @@ def _match_by_icp(ours: Input, theirs: Input) -> Match:
     )
 
 
+@one_blas_thread()  # so that the functional map is the same for any number
 def _result(
     ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
 ) -> Match:
