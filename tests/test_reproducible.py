@@ -11,7 +11,7 @@ import pytest
 from reproducible import ENGINES, KERNELS, TOLERANCES, compute, differences, elsewhere, with_engine
 
 # What BLAS may spread over threads of its own; in all else it is held to one.
-NOT_PINNED = {"functional map", "form, sampled", "alignment"}
+NOT_PINNED = {"form, sampled", "alignment"}
 PAGE = Path(__file__).parents[1] / "docs" / "numerical-honesty.md"
 
 
