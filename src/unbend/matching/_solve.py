@@ -94,7 +94,8 @@ def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     sides = Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
     for pair in (sides.proxies, sides.rough):
-        pulls = bearable(*pair, (*LOOSEST, *LOOSE, *PULLS[1:]))
+        loosest = LOOSEST if any(one.partial for one in pair) else ()
+        pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(_make_ready, one, pulls) for one in pair)
     return sides
 
