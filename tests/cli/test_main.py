@@ -229,6 +229,7 @@ def test_an_interruption_that_python_has_to_ignore_comes_again() -> None:
     """In the callback of a weak reference, say, of which matplotlib has many."""
     code = """
 import signal, time, weakref
+signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
 from unbend import cli
 
 class Held:
