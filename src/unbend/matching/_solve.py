@@ -84,6 +84,11 @@ class Sides(NamedTuple):
         """And the rougher ones."""
         return self.source.rough.shape, self.target.rough.shape
 
+    @property
+    def partial(self) -> bool:
+        """Whether either may be a part."""
+        return self.source.shape.partial or self.target.shape.partial
+
     def reflected(self) -> Sides:
         """Take the target as its mirror image."""
         return Sides(self.source, self.target.reflected(), not self.turned)
@@ -94,7 +99,7 @@ def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     sides = Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
     for pair in (sides.proxies, sides.rough):
-        loosest = LOOSEST if any(one.partial for one in pair) else ()
+        loosest = LOOSEST if sides.partial else ()
         pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(_make_ready, one, pulls) for one in pair)
     return sides
@@ -123,11 +128,11 @@ def candidates(
     if not clear:
         ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
         others = spectral[:_SPECTRAL]
-        if any(one.partial for one in sides.proxies):
+        if sides.partial:
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
     best = distinct_on(sides.proxies, found)[: 1 if clear else _REGROWN]
-    if any(one.partial for one in sides.proxies):
+    if sides.partial:
         tasks = [functools.partial(loosened, sides, one) for one in best]
     else:
         tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
@@ -149,13 +154,13 @@ def distinct_on(shapes: tuple[Shape, Shape], ranks: list[Candidate]) -> list[Can
     return distinct(ranks, shapes[1], shapes[0].areas)
 
 
-def follow_all(sides: Sides, ways: list[Candidate], spectral: list[Candidate]) -> list[Candidate]:
+def follow_all(sides: Sides, ways: list[Candidate], besides: list[Candidate]) -> list[Candidate]:
     """Go on with candidates on the finer proxies, and rank them.
 
     Some of the spectra's are among them even if tips lead the same way and seem better: poses of
-    one body end up closer to each other from there.
+    one body end up closer to each other from there. Of parts some from points are, too.
     """
-    left_out = [one for one in spectral if not any(one is other for other in ways)]
+    left_out = [one for one in besides if not any(one is other for other in ways)]
     return ranked(run_all(functools.partial(followed_up, sides, one) for one in [*ways, *left_out]))
 
 
@@ -169,9 +174,8 @@ def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
 def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
     """Register the rough proxies from guesses which tips of limbs correspond."""
     mine, other = (find_tips(one) for one in sides.proxies)
-    partial = any(one.partial for one in sides.proxies)
     n_landmarks = len(sides.proxies[0].landmarks)
-    guesses = guess_limbs(mine, other, n_guesses, n_landmarks, partial)
+    guesses = guess_limbs(mine, other, n_guesses, n_landmarks, sides.partial)
     return from_guesses(sides, (mine.fields, other.fields), guesses, n_begun)
 
 
@@ -263,8 +267,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     if not polish:
         return judge(ours, theirs, lifted, candidate.reflected)
     pulls = bearable(ours, theirs, PULLS[1:], _POLISHED_OVER)
-    part = ours.partial or theirs.partial
-    ready = pulls if part else PULLS
+    ready = pulls if sides.partial else PULLS
     run_all(functools.partial(_make_ready, one, ready) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
@@ -276,7 +279,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         found = register(ours, theirs, start, PULLS, _STEPS)
         return judge(ours, theirs, found, candidate.reflected)
 
-    return ranked(run_all([from_proxies] if part else [from_proxies, grown]))[0]
+    return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
 
 
 def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:

@@ -157,7 +157,7 @@ def _of_logarithms(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) 
 
 
 def _of_trunks(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
-    """Guess may be of any length: what is left tells which of them begin beside each other."""
+    """Limbs may be of any length: what is left tells which of them begin beside each other."""
     whitening = _whitening(n, rows, columns, _ANY_LENGTH)
     many = ways / _root_mean_square(ways)[:, None] @ whitening
     norms = np.maximum((many**2).sum(axis=1, keepdims=True), _NEAR)
