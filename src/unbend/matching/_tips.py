@@ -7,7 +7,6 @@ of their own, as any way is; or they may be of any length, and only where they b
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -21,11 +20,12 @@ from unbend.matching._shape import Shape
 
 # Tips that are nearer to each other than this, in sqrt(area), are one: fingers, ears.
 _APART = 0.22
-_MOST_TIPS = MOST_LANDMARKS = 7
+_MOST_TIPS, MOST_LANDMARKS = 10, 7
 _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
-# At least so many tips must correspond, and of whole shapes at most so many more may not.
-_FEWEST, _LEFT_OUT = 3, 2
+# At least so many tips must correspond, and of whole shapes all but so many, or enough.
+_FEWEST, _LEFT_OUT, _ENOUGH = 3, 2, 5
 _LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of ways
+_WIDTH = 1500  # guesses that are gone on with after each tip
 # Variance of a limb's length where it may be any, and how much longer trunks are on another body.
 _ANY_LENGTH, _LONGER = 64.0, 1.7
 
@@ -118,64 +118,82 @@ def _assignments(
         return [(mine, other, 1 / size) for other, mine, size in swapped]
     n = len(ours)
     few, many = (np.maximum(ways, _NEAR) for ways in (ours, theirs))
-    senses: list[list[tuple[float, IntArray, IntArray, float]]] = [[], []]
-    for m in range(_FEWEST if partial else max(_FEWEST, n - _LEFT_OUT), n + 1):
+    fewest = _FEWEST if partial else max(_FEWEST, min(n - _LEFT_OUT, _ENOUGH))
+    if n < fewest:
+        return []
+    guesses = []
+    for deviation in (_of_logarithms, _of_trunks):
+        # One tip after the other is given a partner, or none, -1; the best are gone on with.
+        partners = np.empty((1, 0), dtype=np.int64)
+        for tip in range(n):
+            partners = _with_another(partners, [tip] if tip in fixed else [*range(len(many)), -1])
+            partners = partners[(partners < 0).sum(axis=1) <= n - fewest]
+            costs = _costs(few, many, partners, deviation)
+            best = np.argsort(costs, kind="stable")[: _WIDTH if tip < n - 1 else count]
+            partners = partners[best]
+        for row in partners:
+            mine = np.flatnonzero(row >= 0)
+            one, other = (
+                ways[np.ix_(tips, tips)][np.triu_indices(len(mine), 1)]
+                for ways, tips in ((few, mine), (many, row[mine]))
+            )
+            guesses.append((mine, row[mine], float(np.exp(np.median(np.log(other / one))))))
+    return guesses
+
+
+def _with_another(partners: IntArray, others: list[int]) -> IntArray:
+    """Rows with every one of the others, that they do not have already, at the end; (r, t + 1)."""
+    rows, last = np.repeat(partners, len(others), axis=0), np.tile(others, len(partners))
+    free = (last < 0) | (rows != last[:, None]).all(axis=1)
+    return np.hstack([rows[free], last[free, None]])
+
+
+def _costs(
+    few: FloatArray, many: FloatArray, partners: IntArray, deviation: Deviation
+) -> FloatArray:
+    """Deviation of ways between tips from those between their partners, and left out ones."""
+    given = partners >= 0
+    counts = given.sum(axis=1)
+    costs = _LEAVING_OUT * (~given).sum(axis=1)
+    for m in np.unique(counts[counts >= _FEWEST]):
+        alike = counts == m
+        mine = np.nonzero(given[alike])[1].reshape(-1, m)
+        other = partners[alike][given[alike]].reshape(-1, m)
         rows, columns = np.triu_indices(m, 1)
-        others = np.array(list(itertools.permutations(range(len(many)), m)))
-        ways = many[others[:, rows], others[:, columns]]
-        deviations = [make(m, rows, columns, ways) for make in (_of_logarithms, _of_trunks)]
-        logs = np.log(ways)
-        for mine in itertools.combinations(range(n), m):
-            if not fixed <= set(mine):
-                continue
-            own = np.array(mine)
-            held = np.isin(own, list(fixed))
-            free = np.flatnonzero((others[:, held] == own[held]).all(axis=1))
-            lengths = few[own[rows], own[columns]]
-            for found, deviation in zip(senses, deviations, strict=True):
-                costs = deviation(lengths)[free] + _LEAVING_OUT * (n - m)
-                best = np.argsort(costs, kind="stable")[:count]
-                sizes = np.exp(np.median(logs[free[best]] - np.log(lengths), axis=1))
-                found += [
-                    (float(costs[i]), own, others[free[i]], float(size))
-                    for i, size in zip(best, sizes, strict=True)
-                ]
-    for found in senses:
-        found.sort(key=lambda one: one[0])
-    return [one[1:] for found in senses for one in found[:count]]
+        lengths, ways = (
+            few[mine[:, rows], mine[:, columns]],
+            many[other[:, rows], other[:, columns]],
+        )
+        costs[alike] += deviation(m, lengths, ways)
+    return costs
 
 
-Deviation = Callable[[FloatArray], FloatArray]  # of many sets of ways from one
+# Of ways between so many tips, (r, p), from others.
+Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
-def _of_logarithms(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
+def _of_logarithms(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
     """Every way varies by a factor of its own, and by one for the limb at either end."""
-    whitening = _whitening(n, rows, columns, 1.0)
+    whitening = _whitening(n, 1.0)
     whitening -= whitening.mean(axis=0)  # and all by one in common
-    many = np.log(ways) @ whitening
-    return lambda lengths: _root_mean_square(many - np.log(lengths) @ whitening)
+    return _root_mean_square(np.log(ways / lengths) @ whitening)
 
 
-def _of_trunks(n: int, rows: IntArray, columns: IntArray, ways: FloatArray) -> Deviation:
+def _of_trunks(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
     """Limbs may be of any length: what is left tells which of them begin beside each other."""
-    whitening = _whitening(n, rows, columns, _ANY_LENGTH)
-    many = ways / _root_mean_square(ways)[:, None] @ whitening
-    norms = np.maximum((many**2).sum(axis=1, keepdims=True), _NEAR)
-
-    def deviation(lengths: FloatArray) -> FloatArray:
-        one = lengths / _root_mean_square(lengths) @ whitening
-        size = (many @ one)[:, None] / norms
-        return _root_mean_square(np.clip(size, 1 / _LONGER, _LONGER) * many - one)
-
-    return deviation
+    whitening = _whitening(n, _ANY_LENGTH)
+    one, many = (rows / _root_mean_square(rows)[:, None] @ whitening for rows in (lengths, ways))
+    size = (many * one).sum(axis=1) / np.maximum((many**2).sum(axis=1), _NEAR)
+    return _root_mean_square(np.clip(size, 1 / _LONGER, _LONGER)[:, None] * many - one)
 
 
 def _root_mean_square(rows: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((rows**2).mean(axis=-1)))
 
 
-def _whitening(n: int, rows: IntArray, columns: IntArray, limb: float) -> FloatArray:
+def _whitening(n: int, limb: float) -> FloatArray:
     """Square root of the inverse covariance of ways: 1 each, and that of the limbs at the ends."""
+    rows, columns = np.triu_indices(n, 1)
     limbs = np.zeros((len(rows), n))
     limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
     values, vectors = np.linalg.eigh(np.eye(len(rows)) + limb * limbs @ limbs.T)
