@@ -131,12 +131,15 @@ def candidates(
         if sides.partial:
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
-    best = distinct_on(sides.proxies, found)[: 1 if clear else _REGROWN]
+    n_regrown = 1 if clear else _REGROWN
+    best = distinct_on(sides.proxies, found)[:n_regrown]
     if sides.partial:
         tasks = [functools.partial(loosened, sides, one) for one in best]
     else:
         tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
     found = ranked([*found, *run_all(tasks)])
+    best = distinct_on(sides.proxies, found)[:n_regrown]
+    found = ranked([*found, *run_all(functools.partial(settled, sides, one) for one in best)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct_on(sides.proxies, found)
@@ -240,6 +243,13 @@ def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     ours, theirs = sides.proxies
     start = rough_start(ours, theirs, functional_map(sides, candidate, size))
     found = register(ours, theirs, start, PULLS, _STEPS)
+    return judge(ours, theirs, found, sides.turned)
+
+
+def settled(sides: Sides, candidate: Candidate) -> Candidate:
+    """Draw a candidate's poses together once more, from where they are."""
+    ours, theirs = sides.proxies
+    found = register(ours, theirs, candidate.registered, PULLS, _STEPS)
     return judge(ours, theirs, found, sides.turned)
 
 
