@@ -41,7 +41,7 @@ _NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
 # Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
 # there and back may end where a pair draws.
-_SLACK, _WAY_BACK = 0.3, 3.0
+_SLACK, _WAY_BACK = 0.3, 2.0
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
