@@ -9,8 +9,16 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._registration import limb_maps
-from unbend.matching._tips import Tips, _of_trunks, _whitening, find_tips, guess_limbs
+from unbend.matching._tips import (
+    Tips,
+    _costs,
+    _of_logarithms,
+    _of_trunks,
+    _whitening,
+    find_tips,
+    guess_limbs,
+    limb_maps,
+)
 
 
 def test_a_person_has_five_tips() -> None:
@@ -46,7 +54,7 @@ def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
     body = make_octopus("floating", n_vertices=1500)
     tips = find_tips(prepare_shape(body.mesh, 60, True, None)[1])
     named = [body.parts[label] for label in body.labels[tips.vertices]]
-    assert len(named) == len(set(named)) == 7  # of its eight arms and its mantle
+    assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
 
 
 def test_limbs_of_other_lengths_change_little() -> None:
@@ -95,7 +103,7 @@ def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
     deviations = {}
     for image in itertools.permutations(range(5)):
         taken = other.ways[np.ix_(image, image)][rows, columns]
-        deviation = _of_trunks(5, rows, columns, taken[None])(one.ways[rows, columns])
+        deviation = _of_trunks(5, one.ways[rows, columns][None], taken[None])
         deviations[tuple(heights[order[list(image)]])] = float(deviation[0])
     best = min(deviations, key=lambda heights: deviations[heights])
     assert best in {tuple(heights), tuple(1.2 - heights)}
@@ -103,6 +111,55 @@ def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
         (order[found.target] == found.source).all() and len(found.source) == 5
         for found in guess_limbs(one, other, 60)
     )
+
+
+@pytest.mark.parametrize("deviation", [_of_logarithms, _of_trunks])
+def test_no_assignment_deviates_less_than_the_first(deviation) -> None:
+    rng = np.random.default_rng(2)
+    ours, theirs = (ways + ways.T for ways in rng.random((2, 6, 6)) + 1)
+    rows = np.array(list(itertools.product(range(-1, 6), repeat=5)))
+    once = [np.unique(row[row >= 0]).size == (row >= 0).sum() >= 3 for row in rows]
+    costs = _costs(ours[:5, :5], theirs, rows[once], deviation)
+    empty = np.empty((0, 6))
+    guesses = guess_limbs(
+        Tips(np.arange(5), ours[:5, :5], empty[:, :5]), Tips(np.arange(6), theirs, empty), 20
+    )
+    rows = np.full((len(guesses), 5), -1)
+    for row, one in zip(rows, guesses, strict=True):
+        row[one.source] = one.target
+    found = _costs(ours[:5, :5], theirs, rows, deviation)
+    np.testing.assert_allclose(found.min(), costs.min())
+
+
+def test_a_point_keeps_its_share_of_a_limb() -> None:
+    # Trees of five limbs on a trunk, and points all along; those of the second are as long as they
+    # like, and all of it is larger by a half.
+    heights = np.array([0, 0, 0.4, 1, 1])
+    share, limb = np.meshgrid(np.linspace(0, 1, 11), np.arange(5))
+    share, limb = share.ravel(), limb.ravel()
+
+    def tree(lengths: np.ndarray, size: float) -> Tips:
+        apart = np.abs(heights[limb][:, None] - heights) + 0.1
+        elsewhere = (1 - share[:, None]) * lengths[limb][:, None] + apart + lengths
+        own = limb[:, None] == np.arange(5)
+        fields = size * np.where(own, share[:, None] * lengths, elsewhere)
+        tips = np.flatnonzero(share == 0)
+        return Tips(tips, fields[tips], fields)
+
+    one = tree(np.array([0.5, 0.7, 0.3, 0.6, 0.9]), 1.0)
+    other = tree(np.array([1.2, 0.3, 0.9, 0.4, 0.5]), 1.5)
+    for point_map in limb_maps(one, other):
+        np.testing.assert_array_equal(limb[point_map], limb)
+        assert np.abs(share[point_map] - share).max() <= 0.11
+
+
+def test_eight_alike_limbs_are_all_guessed() -> None:
+    bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
+    tips = [find_tips(prepare_shape(body.mesh, 60, True, None)[1]) for body in bodies]
+    labels = [body.labels[one.vertices] for body, one in zip(bodies, tips, strict=True)]
+    guesses = guess_limbs(*tips, 200)
+    right = [(labels[0][one.source] == labels[1][one.target]).sum() for one in guesses]
+    assert max(right) == 9
 
 
 def test_parts_may_lack_most_tips() -> None:
@@ -132,7 +189,7 @@ def test_landmarks_hold_what_they_name() -> None:
 def test_ways_place_a_body_on_itself(blob) -> None:
     shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True, None)[1]
     ends = find_tips(shape)
-    for point_map in limb_maps(ends.fields, ends.fields, 1.0):  # the front may stand for the back
+    for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
     # Ways to a tip are shortest ways: 0 there, no longer than straight on to a neighbour.
     np.testing.assert_allclose(ends.fields[ends.vertices].diagonal(), 0)
@@ -148,7 +205,7 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
     rows, columns = np.triu_indices(5, 1)
     ends = (rows[:, None] == np.arange(5)) | (columns[:, None] == np.arange(5))
     covariance = np.eye(10) + limb * (ends @ ends.T.astype(float))
-    root = _whitening(5, rows, columns, limb)
+    root = _whitening(5, limb)
     np.testing.assert_allclose(root @ covariance @ root, np.eye(10), atol=1e-10)
     np.testing.assert_allclose(root, root.T, atol=1e-12)
 

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
-from unbend._types import BoolArray, FloatArray
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.alignment import nearest_pairs
 from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, edge_graph
 
@@ -24,6 +25,7 @@ from unbend.matching._tips import Guess, edge_graph
 # so many.
 _RADIUS, _FACTOR, _N_RADII = 0.07, 2**0.25, 9
 _SIZES = 6
+_FAR = 0.3  # in sqrt(area): ways that are longer say ever less about where their ends are
 # What faces away by more than this, as the cosine, is not described: a camera may not see it.
 _FACING = 0.3
 _PARTNERS = 8  # of every point that are tried
@@ -84,6 +86,21 @@ def find_points(shape: Shape, count: int) -> Points:
     return Points(
         np.ascontiguousarray(np.transpose(fields)), (ways + ways.T) / 2, surroundings, whole
     )
+
+
+def point_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntArray, IntArray]:
+    """Map both ways by what is as far from points that correspond.
+
+    Parameters
+    ----------
+    ours, theirs : (n, p) and (m, p) ndarrays of float64
+        Lengths of the ways to the points.
+    size : float
+        How much longer ways are on the target.
+    """
+    left, right = np.exp(-(size**0.5) * ours / _FAR), np.exp(-(size**-0.5) * theirs / _FAR)
+    pairs = nearest_pairs(left[None], right)
+    return pairs.forward[0], pairs.backward[0]
 
 
 def _radii() -> FloatArray:

@@ -101,27 +101,6 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     )
 
 
-def limb_maps(
-    ours: FloatArray, theirs: FloatArray, size: float, reach: float = np.inf
-) -> tuple[IntArray, IntArray]:
-    """Map both ways by what is as far from points that correspond.
-
-    Parameters
-    ----------
-    ours, theirs : (n, t) and (m, t) ndarrays of float64
-        Lengths of the ways to the points.
-    size : float
-        How much longer ways are on the target.
-    reach : float
-        Of ways that are longer, ever less counts.
-    """
-    left, right = size**0.5 * ours, size**-0.5 * theirs
-    if np.isfinite(reach):
-        left, right = np.exp(-left / reach), np.exp(-right / reach)
-    pairs = nearest_pairs(left[None], right)
-    return pairs.forward[0], pairs.backward[0]
-
-
 def mapped_start(
     source: Shape, target: Shape, forward: IntArray, backward: IntArray, size: float
 ) -> Registered:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
 from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_cost
-from unbend.matching._points import find_points, guess_points, sizes_to_try
+from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     LOOSE,
@@ -21,7 +22,6 @@ from unbend.matching._registration import (
     Registered,
     bearable,
     lift,
-    limb_maps,
     mapped_start,
     register,
     rough_start,
@@ -29,7 +29,7 @@ from unbend.matching._registration import (
 )
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
-from unbend.matching._tips import Guess, find_tips, guess_limbs
+from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
 from unbend.matching._zoomout import grow, orthogonal_maps
 
 _ROUGH_VERTICES, _PROXY_VERTICES = 400, 1000
@@ -42,8 +42,8 @@ _MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (200, 64), 16, 8, 3
 # few from tips were tried; then it is followed, and some others to compare it with.
 _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
-# followed besides; over ways much longer than this such points say little, in sqrt(area).
-_POINTS, _GUESSED, _POINTED, _FAR = (40, 60), 24, 4, 0.3
+# followed besides.
+_POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
 # So many of those start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -179,7 +179,12 @@ def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
     mine, other = (find_tips(one) for one in sides.proxies)
     n_landmarks = len(sides.proxies[0].landmarks)
     guesses = guess_limbs(mine, other, n_guesses, n_landmarks, sides.partial)
-    return from_guesses(sides, (mine.fields, other.fields), guesses, n_begun)
+    kept = sides.source.rough.kept, sides.target.rough.kept
+
+    def maps(one: Guess) -> tuple[IntArray, IntArray]:
+        return limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
+
+    return from_guesses(sides, guesses, maps, n_begun)
 
 
 def from_points(sides: Sides) -> list[Candidate]:
@@ -188,24 +193,26 @@ def from_points(sides: Sides) -> list[Candidate]:
         find_points(one, count) for one, count in zip(sides.proxies, _POINTS, strict=True)
     )
     guesses = guess_points(mine, other, sizes_to_try(*sides.proxies), _GUESSED)
-    return from_guesses(sides, (mine.fields, other.fields), guesses, _GUESSED, _FAR)
+    fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
+
+    def maps(one: Guess) -> tuple[IntArray, IntArray]:
+        return point_maps(fields[0][:, one.source], fields[1][:, one.target], one.size)
+
+    return from_guesses(sides, guesses, maps, _GUESSED)
 
 
 def from_guesses(
     sides: Sides,
-    fields: tuple[FloatArray, FloatArray],
     guesses: list[Guess],
+    maps: Callable[[Guess], tuple[IntArray, IntArray]],
     n_begun: int,
-    reach: float = np.inf,
 ) -> list[Candidate]:
     """Register the rough proxies from the best, as they are, of guesses, and tighten the best."""
     ours, theirs = sides.rough
-    fields = fields[0][sides.source.rough.kept], fields[1][sides.target.rough.kept]
 
     def start(one: Guess) -> tuple[float, IntArray, IntArray, float]:
-        ways = fields[0][:, one.source], fields[1][:, one.target]
-        maps = limb_maps(*ways, one.size, reach)
-        return rough_cost(ours, theirs, *maps), *maps, one.size
+        found = maps(one)
+        return rough_cost(ours, theirs, *found), *found, one.size
 
     def begin(forward: IntArray, backward: IntArray, size: float) -> Candidate:
         begun = mapped_start(ours, theirs, forward, backward, size)

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
 from unbend._types import FloatArray, IntArray
+from unbend.alignment import nearest_pairs
 from unbend.matching._shape import Shape
 
 # Tips that are nearer to each other than this, in sqrt(area), are one: fingers, ears.
@@ -25,6 +26,9 @@ _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken t
 # At least so many tips must correspond, and of whole shapes all but so many, or enough.
 _FEWEST, _LEFT_OUT, _ENOUGH = 3, 2, 5
 _LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of ways
+# No limb is taken to be shorter than this, in sqrt(area); and ways from where limbs begin count so
+# much beside those along them, which are straighter.
+_SHORTEST, _TRUNK = 0.05, 0.5
 _WIDTH = 1500  # guesses that are gone on with after each tip
 # Variance of a limb's length where it may be any, and how much longer trunks are on another body.
 _ANY_LENGTH, _LONGER = 64.0, 1.7
@@ -47,6 +51,12 @@ class Tips(NamedTuple):
     ways: FloatArray
     fields: FloatArray
 
+    def taken(self, tips: IntArray, kept: IntArray) -> Tips:
+        """Take some of the tips, and some of the vertices' ways to them."""
+        return Tips(
+            self.vertices[tips], self.ways[np.ix_(tips, tips)], self.fields[np.ix_(kept, tips)]
+        )
+
 
 class Guess(NamedTuple):
     """A guess which points of two shapes correspond.
@@ -62,6 +72,10 @@ class Guess(NamedTuple):
     source: IntArray
     target: IntArray
     size: float
+
+
+# Of ways between so many tips, (r, p), from others: (r,).
+Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
 def find_tips(shape: Shape) -> Tips:
@@ -89,6 +103,42 @@ def edge_graph(shape: Shape) -> sp.csr_array:
     rows, columns = shape.spokes.nonzero()
     lengths = np.linalg.norm(shape.vertices[rows] - shape.vertices[columns], axis=1)
     return sp.csr_array((lengths, (rows, columns)), shape=shape.spokes.shape)
+
+
+def limb_maps(ours: Tips, theirs: Tips) -> tuple[IntArray, IntArray]:
+    """Map both ways by how far along a limb vertices are, and where it begins; tip i is tip i.
+
+    Limbs may differ in length, each as it will, and what they begin at by one factor.
+    """
+    (limb, along, trunk), (other, there, beyond) = (_coordinates(one) for one in (ours, theirs))
+    lengths = np.sqrt(limb * other)
+    between = [
+        np.maximum(one.ways - ends - ends[:, None], _NEAR)[np.triu_indices(len(ends), 1)].sum()
+        for one, ends in ((ours, limb), (theirs, other))
+    ]
+    size = np.sqrt(between[1] / between[0])
+    left = np.hstack([along * lengths / limb, _TRUNK * size * trunk])
+    right = np.hstack([there * lengths / other, _TRUNK / size * beyond])
+    pairs = nearest_pairs(left[None], right)
+    return pairs.forward[0], pairs.backward[0]
+
+
+def _coordinates(tips: Tips) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lengths of limbs, (t,); ways to their tips, as far as they go, and beyond, (n, t) each.
+
+    A limb is as long as it is common to the ways from its tip to any two others.
+    """
+    ways, n = tips.ways, len(tips.ways)
+    common = (ways[:, :, None] + ways[:, None] - ways) / 2
+    others = ~np.eye(n, dtype=bool)
+    limbs = common.min(
+        axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=9.9
+    )
+    limbs = np.maximum(limbs, _SHORTEST)
+    depths = np.maximum(limbs - tips.fields, 0)
+    elsewhere = depths.sum(axis=1, keepdims=True) - depths
+    beyond = np.maximum(tips.fields - limbs - elsewhere, 0)
+    return limbs, np.minimum(tips.fields, limbs), beyond
 
 
 def guess_limbs(
@@ -154,7 +204,7 @@ def _costs(
     """Deviation of ways between tips from those between their partners, and left out ones."""
     given = partners >= 0
     counts = given.sum(axis=1)
-    costs = _LEAVING_OUT * (~given).sum(axis=1)
+    costs = np.asarray(_LEAVING_OUT * (~given).sum(axis=1), dtype=np.float64)
     for m in np.unique(counts[counts >= _FEWEST]):
         alike = counts == m
         mine = np.nonzero(given[alike])[1].reshape(-1, m)
@@ -166,10 +216,6 @@ def _costs(
         )
         costs[alike] += deviation(m, lengths, ways)
     return costs
-
-
-# Of ways between so many tips, (r, p), from others.
-Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
 def _of_logarithms(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
