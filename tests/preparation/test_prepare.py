@@ -162,7 +162,7 @@ def test_degenerate_faces_stay_and_call_for_the_robust_laplacian() -> None:
     prepared = prepare(mesh)
     assert prepared.mesh is mesh
     assert prepared.robust_needed
-    assert prepared.notes == ("1 degenerate face call for the robust Laplacian",)
+    assert prepared.notes == ("robust Laplacian, because of 1 degenerate face",)
     doubled = prepare(Mesh(mesh.vertices, np.vstack([faces, faces[:1, ::-1]])))
     np.testing.assert_array_equal(doubled.mesh.faces, faces)
     assert doubled.robust_needed

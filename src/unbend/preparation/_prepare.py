@@ -176,7 +176,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         verb = "names" if n_improper == 1 else "name"
         notes.append(f"{plural(n_improper, 'face')} that {verb} a vertex twice left out")
     if problems:
-        notes.append(f"{' and '.join(problems)} call for the robust Laplacian")
+        notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
     return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
 
 
