@@ -132,7 +132,7 @@ def _coordinates(tips: Tips) -> tuple[FloatArray, FloatArray, FloatArray]:
     common = (ways[:, :, None] + ways[:, None] - ways) / 2
     others = ~np.eye(n, dtype=bool)
     limbs = common.min(
-        axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=9.9
+        axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=np.inf
     )
     limbs = np.maximum(limbs, _SHORTEST)
     depths = np.maximum(limbs - tips.fields, 0)
@@ -179,7 +179,7 @@ def _assignments(
             partners = _with_another(partners, [tip] if tip in fixed else [*range(len(many)), -1])
             partners = partners[(partners < 0).sum(axis=1) <= n - fewest]
             costs = _costs(few, many, partners, deviation)
-            best = np.argsort(costs, kind="stable")[: _WIDTH if tip < n - 1 else count]
+            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if tip < n - 1 else count]
             partners = partners[best]
         for row in partners:
             mine = np.flatnonzero(row >= 0)
