@@ -68,10 +68,10 @@ def test_two_shapes_must_be_left(blob, registered):
 
 def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():
     # Bodies that differ in their legs most, each meshed on its own.
-    template = make_biped("standing", n_vertices=500)
+    template = make_biped("standing", n_vertices=700)
     lengths = np.array([0.8, 1.0, 1.3])
     bodies = [
-        make_biped("standing", n_vertices=500, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
+        make_biped("standing", n_vertices=700, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
         for i, length in enumerate(lengths)
     ]
     found = mean_shape([one.mesh for one in bodies], template.mesh, cache=False)
