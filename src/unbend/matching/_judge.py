@@ -23,9 +23,9 @@ from unbend.mesh import vertex_normals
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
-# share of the energy, that makes the odds between two maps 2.7 to 1: the likeliest for 570 pairs of
-# our own bodies (benchmarks/confidence.py).
-_EVEN, _SPREAD, _LEAD = 0.279, 0.039, 0.071
+# share of the energy, that makes the odds between two maps 2.7 to 1: the likeliest for 423 pairs of
+# our own bodies (benchmarks/confidence.py), which change little with the second.
+_EVEN, _SPREAD, _LEAD = 0.3, 0.03, 0.047
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
