@@ -131,15 +131,17 @@ def candidates(
         if sides.partial:
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
-    n_regrown = 1 if clear else _REGROWN
-    best = distinct_on(sides.proxies, found)[:n_regrown]
+    n_best = 1 if clear else _REGROWN
+    best = distinct_on(sides.proxies, found)[:n_best]
     if sides.partial:
-        tasks = [functools.partial(loosened, sides, one) for one in best]
+        loosely = (*LOOSEST, *LOOSE, *PULLS[1:])
+        tasks = [functools.partial(drawn_again, sides, one, loosely) for one in best]
     else:
         tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
     found = ranked([*found, *run_all(tasks)])
-    best = distinct_on(sides.proxies, found)[:n_regrown]
-    found = ranked([*found, *run_all(functools.partial(settled, sides, one) for one in best)])
+    best = distinct_on(sides.proxies, found)[:n_best]
+    tasks = [functools.partial(drawn_again, sides, one, PULLS) for one in best]
+    found = ranked([*found, *run_all(tasks)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct_on(sides.proxies, found)
@@ -238,10 +240,10 @@ def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
     return judge(*finer, found, sides.turned)
 
 
-def loosened(sides: Sides, candidate: Candidate) -> Candidate:
-    """Let a candidate's poses relax, and draw them together again."""
+def drawn_again(sides: Sides, candidate: Candidate, pulls: tuple[float, ...]) -> Candidate:
+    """Draw a candidate's poses together once more; weaker pulls first let them relax."""
     ours, theirs = sides.proxies
-    found = register(ours, theirs, candidate.registered, (*LOOSEST, *LOOSE, *PULLS[1:]), _STEPS)
+    found = register(ours, theirs, candidate.registered, pulls, _STEPS)
     return judge(ours, theirs, found, sides.turned)
 
 
@@ -250,13 +252,6 @@ def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
     ours, theirs = sides.proxies
     start = rough_start(ours, theirs, functional_map(sides, candidate, size))
     found = register(ours, theirs, start, PULLS, _STEPS)
-    return judge(ours, theirs, found, sides.turned)
-
-
-def settled(sides: Sides, candidate: Candidate) -> Candidate:
-    """Draw a candidate's poses together once more, from where they are."""
-    ours, theirs = sides.proxies
-    found = register(ours, theirs, candidate.registered, PULLS, _STEPS)
     return judge(ours, theirs, found, sides.turned)
 
 
