@@ -5,13 +5,15 @@ from __future__ import annotations
 import atexit
 import os
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from unbend._parallel import n_cores
 from unbend.collection import _engine
 from unbend.collection._engine import engine
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendError
 
 # The function that is run is `eval`, and the items are what it evaluates: any worker knows it.
 DEATH = "__import__('os')._exit(1)"
@@ -53,6 +55,29 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     assert dict(vars(sys.modules["__main__"])) == main
 
 
+def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    made = f"open({str(tmp_path / 'made')!r}"
+    only_once = f"{made}, 'a').tell() and {DEATH} or {made}, 'a').write('x')"
+    alive = {"1 + 1", only_once}
+
+    def arrived(*arguments: Any, of: Any = _engine._arrived) -> list[Any]:
+        found = of(*arguments)
+        if found and item in alive:
+            alive.remove(item)
+            run.args[0].run(os._exit, 1, on_error="ignore")  # in every worker of its client
+        return found
+
+    monkeypatch.setattr(_engine, "_arrived", arrived)
+    with engine(workers=1) as run:
+        item = "1 + 1"
+        assert results(run, [item]) == {item: (2, None)}
+        item = only_once
+        assert results(run, [item]) == {item: (None, _engine._DEADLY)}
+    assert not alive
+
+
 def test_no_more_items_are_taken_than_are_worked_on() -> None:
     taken = []
 
@@ -85,6 +110,23 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
         engine(scheduler="tcp://127.0.0.1:1"),
     ):
         pass
+
+
+def test_a_scheduler_that_goes_away_is_told() -> None:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as own:
+
+        def items():
+            yield "__import__('time').sleep(60)"
+            own.close()
+            yield None
+
+        with (
+            pytest.raises(UnbendError, match="the Dask scheduler went away"),
+            engine(scheduler=own.scheduler_address) as run,
+        ):
+            results(run, items())
 
 
 def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:

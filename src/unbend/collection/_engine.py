@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 from unbend._memory import available_memory
@@ -144,20 +144,22 @@ def _call(function: Callable[[Any], Any], items: list[Any]) -> list[Any]:
 
 
 def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]:
-    from distributed import KilledWorker
+    from distributed import CancelledError, KilledWorker
 
-    if future.status == "finished":
-        return [Outcome(item, value) for item, value in zip(lot, future.result(), strict=True)]
-    if future.status != "error":
+    try:
+        # Where the worker died before this was fetched, it is worked out anew, which may fail.
+        values = future.result()
+    except KilledWorker:
+        suspects += lot
+        return []
+    except CancelledError:
         raise UnbendError(
             "the Dask scheduler went away; what was finished is kept, and the same command goes on "
             "from there"
-        )
-    error = future.exception()
-    if isinstance(error, KilledWorker):
-        suspects += lot
-        return []
-    return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
+        ) from None
+    except Exception as error:
+        return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
+    return [Outcome(item, value) for item, value in zip(lot, values, strict=True)]
 
 
 def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
@@ -226,6 +228,8 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ):
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
+        with suppress(TimeoutError):  # Dask cannot end a worker that is only just starting again
+            client.wait_for_workers(count, timeout=_PATIENCE_SECONDS)
 
 
 def _local_cluster(**options: Any) -> Any:
