@@ -94,6 +94,8 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     [1, 2]
     """
     pending = deque(enumerate(tasks))
+    if len(pending) == 1:
+        return [pending[0][1]()]
     results = [None] * len(pending)
 
     def work() -> None:

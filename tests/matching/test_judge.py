@@ -18,7 +18,7 @@ from unbend.matching._judge import (
     distinct,
     judge,
     ranked,
-    rough_cost,
+    rough_costs,
 )
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
@@ -150,9 +150,11 @@ def test_a_rough_cost_is_the_mean_of_both_ways() -> None:
     shape = _person()
     n = len(shape.vertices)
     right, chance = np.arange(n), np.random.default_rng(0).permutation(n)
-    one = rough_cost(shape, shape, right, chance)
-    assert one == pytest.approx(rough_cost(shape, shape, chance, right))
+    both = np.stack([right, chance, right], axis=1)
+    one, other, none = rough_costs(shape, shape, both, both[:, [1, 0, 0]])
+    assert one == pytest.approx(other)
     assert one == pytest.approx(_loss(shape, shape.vertices[chance]) / 2)
+    assert none == pytest.approx(0, abs=1e-9)
 
 
 def test_what_is_left_out_does_not_turn_a_surface() -> None:

@@ -9,6 +9,7 @@ from unbend.alignment import nearest_rotation
 from unbend.datasets import make_sphere
 from unbend.matching import _kernels as kernels
 from unbend.matching._shape import make_shape
+from unbend.mesh import vertex_normals
 
 pytestmark = pytest.mark.kernels
 
@@ -101,6 +102,51 @@ def test_sums_over_edges() -> None:
         np.einsum("ij,ijab,ijb->ia", weights, both, -rest_edges),
         atol=1e-12,
     )
+
+
+@pytest.mark.usefixtures("rows_of_a_task")
+def test_several_poses_side_by_side_are_as_each_alone() -> None:
+    mesh = make_sphere(1)
+    graph, n, poses = _graph(mesh), mesh.n_vertices, 3
+    edges = graph.indptr, graph.indices, graph.data
+    rng = np.random.default_rng(0)
+    posed = mesh.vertices[:, None] + 0.3 * rng.normal(size=(n, poses, 3))
+    turns = np.stack([_rotations(n, 2.0, i) for i in range(poses)], axis=1)
+    rows, weights = rng.integers(n, size=(n, poses)), rng.random((n, poses))
+    left, right = rng.normal(size=(2, n, poses, 5))
+    walked = _walk(left, right, rows, graph)
+    covariances = kernels.edge_covariances(*edges, mesh.vertices, posed)
+    squares = kernels.edge_squares(*edges, posed)
+    divergence = kernels.rotated_divergence(*edges, mesh.vertices, turns)
+    sums, total = kernels.scatter(rows, weights, mesh.vertices, n)
+    for i in range(poses):
+        one, ways = np.ascontiguousarray(posed[:, i]), np.ascontiguousarray(rows[:, i])
+        there, back = np.ascontiguousarray(left[:, i]), np.ascontiguousarray(right[:, i])
+        np.testing.assert_array_equal(walked[:, i], _walk(there, back, ways, graph))
+        alone = kernels.edge_covariances(*edges, mesh.vertices, one)
+        np.testing.assert_array_equal(covariances[:, i], alone)
+        np.testing.assert_allclose(squares[:, i], kernels.edge_squares(*edges, one))
+        own = kernels.edge_covariances(*edges, one, one)
+        np.testing.assert_allclose(squares[:, i], np.trace(own, axis1=1, axis2=2))
+        alone = kernels.rotated_divergence(*edges, mesh.vertices, np.ascontiguousarray(turns[:, i]))
+        np.testing.assert_array_equal(divergence[:, i], alone)
+        each = kernels.scatter(ways, np.ascontiguousarray(weights[:, i]), mesh.vertices, n)
+        np.testing.assert_array_equal(sums[:, i], each[0])
+        np.testing.assert_array_equal(total[:, i], each[1])
+
+
+@pytest.mark.usefixtures("rows_of_a_task")
+def test_normals_of_several_poses() -> None:
+    mesh = make_sphere(1)
+    posed = mesh.vertices[:, None] * np.random.default_rng(0).uniform(0.5, 2, size=(1, 2, 3))
+    posed[:, 1] = 1.0  # no face has an area
+    rows = np.full((mesh.n_vertices, 2, 7), 9.0)
+    fans = kernels.faces_around(mesh.faces, mesh.n_vertices)
+    kernels.normals_into(rows, 2, posed, mesh.faces, *fans)
+    expected = vertex_normals(posed[:, 0], mesh.faces)
+    np.testing.assert_allclose(rows[:, 0, 2:5], expected, atol=1e-12)
+    np.testing.assert_array_equal(rows[:, 1, 2:5], 0)
+    assert (rows[..., [0, 1, 5, 6]] == 9).all()
 
 
 def test_a_surface_turned_as_a_whole_solves_its_own_system() -> None:

@@ -85,7 +85,7 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
         Pose(moved, turns, truth, size),
         Pose(back, turns[: len(back)].copy(), np.ones(len(back), dtype=bool), 1 / size),
     )
-    found = register(whole, part, start, LOOSE + PULLS[1:], 8)
+    (found,) = register(whole, part, [start], LOOSE + PULLS[1:], 8)
     overlap = (found.source.within & truth).sum() / (found.source.within | truth).sum()
     assert overlap > 0.98
     assert found.target.within.all()

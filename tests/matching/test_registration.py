@@ -39,7 +39,8 @@ def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
 
 
 def _registered(source: Shape, target: Shape, functional_map: np.ndarray) -> Registered:
-    return register(source, target, rough_start(source, target, functional_map), PULLS, 8)
+    (found,) = register(source, target, [rough_start(source, target, functional_map)], PULLS, 8)
+    return found
 
 
 def _turn(seed: int) -> np.ndarray:
@@ -77,7 +78,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
     every = np.arange(700)
     turns = np.tile(np.eye(3), (700, 1, 1))
     pose = Pose(standing.vertices, turns, every >= 0)
-    found = register(standing, standing, Registered(every, every, pose, pose), PULLS, 8)
+    (found,) = register(standing, standing, [Registered(every, every, pose, pose)], PULLS, 8)
     np.testing.assert_array_equal(found.forward, every)
     np.testing.assert_array_equal(found.backward, every)
     for end in (found.source, found.target):
@@ -91,7 +92,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
 def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
     source, target = (_shape(make(pose, n_vertices=700).mesh) for pose in ("standing", "walking"))
     start = rough_start(source, target, _same_numbers(source, target, 12))
-    found = register(source, target, start, PULLS, 8)
+    (found,) = register(source, target, [start], PULLS, 8)
     for point_map, pose, own, goal in (
         (found.forward, found.source, source, target),
         (found.backward, found.target, target, source),
@@ -106,20 +107,37 @@ def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
 
 
 def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
-    every = np.arange(700)
+    every = np.arange(700)[:, None]
     turns = np.tile(np.eye(3), (700, 1, 1))
     goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
-    moving = _Moving(standing, goal, Pose(standing.vertices, turns, every >= 0))
+    still = Pose(standing.vertices, turns, every[:, 0] >= 0)
+    moving = _Moving(standing, goal, [still])
     moving.step(300.0, every, every, every >= 0)
-    np.testing.assert_allclose(moving.places, goal.vertices, atol=1e-8)
-    np.testing.assert_allclose(moving.rotations, turns, atol=1e-6)
+    np.testing.assert_allclose(moving.places[:, 0], goal.vertices, atol=1e-8)
+    np.testing.assert_allclose(moving.rotations[:, 0], turns, atol=1e-6)
     # Where the goal's own vertices do not pull, it goes half the way.
-    empty = np.zeros(0, dtype=np.int64)
-    silent = replace(goal, areas=goal.areas[empty])
-    half = _Moving(standing, silent, Pose(standing.vertices, turns, every >= 0))
+    empty = np.zeros((0, 1), dtype=np.int64)
+    silent = replace(goal, areas=goal.areas[empty[:, 0]])
+    half = _Moving(standing, silent, [still])
     half.step(300.0, every, empty, empty >= 0)
     between = (standing.vertices + goal.vertices) / 2
-    np.testing.assert_allclose(half.places, between, atol=1e-8)
+    np.testing.assert_allclose(half.places[:, 0], between, atol=1e-8)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_poses_side_by_side_do_not_mind_each_other(
+    standing: Shape, walking: Shape, partial: bool
+) -> None:
+    ours, theirs = (replace(one, partial=partial) for one in (standing, walking))
+    starts = [rough_start(ours, theirs, _same_numbers(standing, walking, k)) for k in (12, 4, 20)]
+    together = register(ours, theirs, starts, PULLS, 8)
+    for start, found in zip(starts, together, strict=True):
+        (alone,) = register(ours, theirs, [start], PULLS, 8)
+        assert _agree(found.forward, alone.forward, walking)
+        assert _agree(found.backward, alone.backward, standing)
+        np.testing.assert_allclose(found.source.places, alone.source.places, atol=0.01)
+        assert found.source.size == pytest.approx(alone.source.size, abs=1e-3)
+    assert register(ours, theirs, [], PULLS, 8) == []
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself

@@ -16,6 +16,7 @@ _Floats32 = npt.NDArray[np.float32]
 
 # Bytes of inner products held at once.
 _BLOCK_BYTES = 64_000_000
+_TASK = 500_000  # inner products that a thread looks through at a time
 
 
 class Pairs(NamedTuple):
@@ -93,45 +94,42 @@ def nearest_both_ways(
     forward_distance = np.empty((hypotheses, m), np.float32)
     backward = np.zeros((hypotheses, n), np.int64)
     backward_distance = np.full((hypotheses, n), np.float32(np.inf))
+    found = forward, forward_distance, backward, backward_distance
+    step = max(1, _TASK // (m * n))
     run_all(
         functools.partial(
-            _nearest_both_ways,
-            products[h],
-            left[h],
-            right,
-            base,
-            forward[h],
-            forward_distance[h],
-            backward[h],
-            backward_distance[h],
+            _nearest_both_ways, products, left, right, base, *found, i, min(i + step, hypotheses)
         )
-        for h in range(hypotheses)
+        for i in range(0, hypotheses, step)
     )
-    return forward, forward_distance, backward, backward_distance
+    return found
 
 
 @compiled
-def _nearest_both_ways(products, left, right, base, forward, ahead, backward, back):  # type: ignore[no-untyped-def]
-    m, n = products.shape
+def _nearest_both_ways(  # type: ignore[no-untyped-def]
+    products, left, right, base, forward, ahead, backward, back, first, last
+):
+    _, m, n = products.shape
     with_base = base.shape[0] == m
-    for i in range(m):
-        line = products[i]
-        offset = left[i]
-        if with_base:
+    for h in range(first, last):
+        for i in range(m):
+            line = products[h, i]
+            offset = left[h, i]
+            if with_base:
+                for j in range(n):
+                    line[j] = offset + right[j] - np.float32(2) * line[j] + base[i, j]
+            else:
+                for j in range(n):
+                    line[j] = offset + right[j] - np.float32(2) * line[j]
+            best = np.float32(np.inf)
             for j in range(n):
-                line[j] = offset + right[j] - np.float32(2) * line[j] + base[i, j]
-        else:
+                best = min(best, line[j])
             for j in range(n):
-                line[j] = offset + right[j] - np.float32(2) * line[j]
-        best = np.float32(np.inf)
-        for j in range(n):
-            best = min(best, line[j])
-        for j in range(n):
-            if line[j] == best:
-                forward[i] = j
-                break
-        for j in range(n):
-            if line[j] < back[j]:
-                back[j] = line[j]
-                backward[j] = i
-        ahead[i] = best
+                if line[j] == best:
+                    forward[h, i] = j
+                    break
+            for j in range(n):
+                if line[j] < back[h, j]:
+                    back[h, j] = line[j]
+                    backward[h, j] = i
+            ahead[h, i] = best

@@ -96,7 +96,7 @@ class Factorization:
 
 
 def factorize(
-    matrix: SparseMatrix, *, indefinite: bool = False, refine: bool = True
+    matrix: SparseMatrix, *, indefinite: bool = False, refine: bool = True, many: bool = False
 ) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix.
 
@@ -116,6 +116,8 @@ def factorize(
     refine : bool
         Whether solves are refined to rounding where the factor has grown. Without, a relative
         error of up to 1e-8 stays, which halves the time of such solves.
+    many : bool
+        Whether so much will be solved for that compiled solves pay for a small matrix too.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def factorize(
     size = abs(matrix).sum(axis=0).max()
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
-        for name, decompose in _backends(n, indefinite):
+        for name, decompose in _backends(n, indefinite, many):
             try:
                 order, pivots, solve = decompose(shifted)
             except (RuntimeError, ValueError, ArithmeticError):  # a zero pivot, or not definite
@@ -162,7 +164,7 @@ def factorize(
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
 
 
-def _backends(n: int, indefinite: bool) -> Iterator[tuple[str, Callable[..., Any]]]:
+def _backends(n: int, indefinite: bool, many: bool) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Name the backends to try, best first."""
     if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
         yield "cholmod", _cholmod
@@ -170,7 +172,7 @@ def _backends(n: int, indefinite: bool) -> Iterator[tuple[str, Callable[..., Any
         yield "multifrontal", _multifrontal
     elif not _installed("qdldl"):
         yield "superlu", _superlu
-    elif n >= _NUMBA_PAYS and _installed("numba"):
+    elif (many or n >= _NUMBA_PAYS) and _installed("numba"):
         yield "qdldl+numba", functools.partial(_qdldl, compiled=True)
     else:
         yield "qdldl", functools.partial(_qdldl, compiled=False)

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.matching._kernels import edge_covariances, largest_traces
+from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces, normals_into
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
-from unbend.mesh import vertex_normals
 
 # Maps are different where more than this share of the surface, a limb's end, goes further apart
 # than this, in sqrt(area): to another limb.
@@ -73,7 +72,8 @@ def judge(
     ahead = _images(left, right, target, found.forward)
     back = _images(right, left, source, found.backward)
     within = found.source.within, found.target.within
-    energy = (_unexplained(source, ahead, within[0]) + _unexplained(target, back, within[1])) / 2
+    ways = _unexplained(source, ahead, within[0]), _unexplained(target, back, within[1])
+    energy = float(sum(ways)) / 2
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
         _right_side_out(target, source, found.backward, found.target),
@@ -82,13 +82,15 @@ def judge(
     return Candidate(found, energy, orientation, reflected, missed)
 
 
-def rough_cost(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> float:
-    """Cost of maps between vertices, as they are: what registration is likely to make less of."""
-    energy = (
-        _unexplained(source, target.vertices[forward], np.ones(len(forward), dtype=bool))
-        + _unexplained(target, source.vertices[backward], np.ones(len(backward), dtype=bool))
-    ) / 2
-    return energy + _MISSED * float(_missed(source, target, forward, backward).sum())
+def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
+    """Costs (p,) of maps as they are, (n, p) and (m, p): what registration makes less of."""
+    images = target.vertices[forward], source.vertices[backward]
+    every = (np.ones(one.shape, dtype=bool) for one in (forward, backward))
+    ahead, back = map(_unexplained, (source, target), images, every)
+    missed = [
+        _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
+    ]
+    return np.asarray((ahead + back) / 2 + _MISSED * np.array(missed))
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -143,25 +145,25 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
-def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> float:
-    """Share of local shape that the images of patches, turned and scaled, do not explain: 0 to 1.
+def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
+    """Share of local shape that images (n, ..., 3) of patches, turned and scaled, do not explain.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
     1976), weighted by area; a patch that collapses is not explained at all. What has no partner
-    counts as explained in part.
+    counts as explained in part. The shares (...,) are 0 to 1.
     """
-    spokes = shape.spokes
+    n, spokes = len(images), shape.spokes
     graph = spokes.indptr, spokes.indices, spokes.data
-    own, common, theirs = (
-        edge_covariances(*graph, *ends).reshape(-1, 9)
-        for ends in ((shape.vertices, shape.vertices), (shape.vertices, images), (images, images))
-    )
-    lengths = np.stack([own[:, ::4].sum(axis=1), theirs[:, ::4].sum(axis=1)], axis=1)
-    averaged = shape.patches.solve(np.hstack([common, lengths]) * within[:, None])
-    cross = np.ascontiguousarray(averaged[:, :9]).reshape(-1, 3, 3)
-    size = np.sqrt(np.maximum(averaged[:, 9:].prod(axis=1), np.finfo(float).tiny))
-    unexplained = np.where(within, 1 - largest_traces(cross) / size, _WITHOUT)
-    return float(shape.areas @ unexplained)
+    common = edge_covariances(*graph, shape.vertices, images).reshape(n, -1, 9)
+    theirs = edge_squares(*graph, images).reshape(n, -1, 1)
+    own = np.broadcast_to(shape.edge_squares[:, None, None], theirs.shape)
+    terms = np.concatenate([common, own, theirs], axis=2) * within.reshape(n, -1, 1)
+    averaged = shape.patches.solve(terms.reshape(n, -1)).reshape(terms.shape)
+    cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
+    size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
+    explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
+    unexplained = np.where(within, 1 - explained, _WITHOUT)
+    return np.asarray(shape.areas @ unexplained)
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
@@ -174,7 +176,8 @@ def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray)
 
 
 def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:
-    normals = vertex_normals(pose.places, shape.faces)
+    normals = np.empty((len(pose.places), 1, 3))
+    normals_into(normals, 0, pose.places[:, None], shape.faces, *shape.fans)
     own = shape.areas * pose.within
-    agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
+    agree = np.sign((normals[:, 0] * goal.normals[point_map]).sum(axis=1))
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))

@@ -18,6 +18,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs, nearest_rotation
 from unbend.matching._kernels import (
     edge_covariances,
+    normals_into,
     rotated_divergence,
     scatter,
     turn_rotations,
@@ -26,7 +27,6 @@ from unbend.matching._kernels import (
 from unbend.matching._proxy import Proxy
 from unbend.matching._shape import Shape, find_rim
 from unbend.matching._zoomout import spectral_weights
-from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
@@ -176,32 +176,36 @@ def bearable(
 def register(
     source: Shape,
     target: Shape,
-    start: Registered,
+    starts: Sequence[Registered],
     pulls: Sequence[float],
     steps: int,
     resize: bool = True,
-) -> Registered:
+) -> list[Registered]:
     """Draw two shapes together: so many steps for each pull, then the closest points.
 
     Parameters
     ----------
     source, target : Shape
-    start : Registered
-        Is not changed.
+    starts : sequence of Registered
+        Each is gone on with by itself, side by side, and is not changed.
     pulls : sequence of float
         In units of 1 / area, rising; see :func:`bearable`.
     steps : int
     resize : bool, default=True
         Whether a part's size, next to the other shape's, is found anew in every step.
     """
-    forward, backward = start[:2]
-    ours, theirs = _Moving(source, target, start.source), _Moving(target, source, start.target)
+    if not starts:
+        return []
+    forward = np.stack([one.forward for one in starts], axis=1)
+    backward = np.stack([one.backward for one in starts], axis=1)
+    ours = _Moving(source, target, [one.source for one in starts])
+    theirs = _Moving(target, source, [one.target for one in starts])
     for pull in bearable(source, target, pulls):
         for _ in range(steps):
             ours.step(pull, forward, backward, theirs.within)
             theirs.step(pull, backward, forward, ours.within)
             if resize and (source.partial or target.partial):
-                ours.size = float(np.sqrt(ours.stretch() / theirs.stretch()))
+                ours.size = np.sqrt(ours.stretch() / theirs.stretch())
                 theirs.size = 1 / ours.size
             forward, backward = _closest(ours, theirs, forward, backward)
     ours.ahead, theirs.ahead = ours.places, theirs.places
@@ -213,7 +217,10 @@ def register(
     if source.partial:
         theirs.within = theirs.beyond(ours, backward) <= _SLACK * source.edge
         theirs.within &= _leads_back(target, backward, forward)
-    return Registered(forward, backward, ours.pose(), theirs.pose())
+    return [
+        Registered(forward[:, i].copy(), backward[:, i].copy(), ours.pose(i), theirs.pose(i))
+        for i in range(len(starts))
+    ]
 
 
 def landing_places(
@@ -230,13 +237,17 @@ def landing_places(
 
 
 class _Moving:
-    """A shape, its goal and its pose; `ahead` is where the last step leads to."""
+    """A shape, its goal, and poses side by side; `ahead` is where the last step leads to.
 
-    def __init__(self, shape: Shape, goal: Shape, pose: Pose) -> None:
+    What belongs to a pose has an axis for them after that of the vertices.
+    """
+
+    def __init__(self, shape: Shape, goal: Shape, poses: Sequence[Pose]) -> None:
         self.shape, self.goal = shape, goal
-        self.places = self.ahead = pose.places
-        self.rotations = pose.rotations.copy()
-        self.within, self.size = pose.within, pose.size
+        self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
+        self.rotations = np.stack([one.rotations for one in poses], axis=1)
+        self.within = np.stack([one.within for one in poses], axis=1)
+        self.size = np.array([one.size for one in poses])
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -246,61 +257,71 @@ class _Moving:
         shape, goal, spokes = self.shape, self.goal, self.shape.spokes
         # Both directions pull, each with the whole area: on average twice a vertex's own. What
         # pulls more or less than that is made up for by a pull to where the vertex is.
-        own = shape.areas * self.within
-        force = own[:, None] * goal.vertices[forward]
+        own = shape.areas[:, None] * self.within
+        force = own[..., None] * goal.vertices[forward]
         pulls, total = scatter(
-            backward, goal.areas * partners_within, goal.vertices, len(shape.vertices)
+            backward, goal.areas[:, None] * partners_within, goal.vertices, len(shape.vertices)
         )
-        force += pulls + (2 * shape.areas - own - total)[:, None] * self.ahead
+        force += pulls + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
         turned = rotated_divergence(
             spokes.indptr, spokes.indices, spokes.data, shape.vertices, self.rotations
         )
-        solved = shape.pulled(pull).solve(self.size * turned + pull * force)
+        load = self.size[:, None] * turned + pull * force
+        solved = shape.pulled(pull).solve(load.reshape(len(load), -1)).reshape(load.shape)
         before, self.places = self.places, solved
         self.covariances = _covariances(shape, shape.vertices, self.places)
         turn_rotations(self.covariances, self.rotations)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
 
-    def stretch(self) -> float:
+    def stretch(self) -> FloatArray:
         """Median over what has partners of how much longer things are than at rest."""
         shape = self.shape
-        stretched = np.einsum("iba,iab->i", self.rotations, self.covariances)
-        ratio = np.maximum(stretched / shape.patch_sizes, _LEAST_SIZE)
-        order = np.argsort(ratio)
-        share = np.cumsum((shape.areas * self.within)[order])
-        return float(ratio[order[np.searchsorted(share, share[-1] / 2)]])
+        stretched = np.einsum("...ba,...ab->...", self.rotations, self.covariances)
+        ratio = np.maximum(stretched / shape.patch_sizes[:, None], _LEAST_SIZE)
+        order = np.argsort(ratio, axis=0)
+        weights = shape.areas[:, None] * self.within
+        share = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
+        middle, every = (share < share[-1] / 2).sum(axis=0), np.arange(share.shape[1])
+        return np.asarray(ratio[order[middle, every], every])
 
     def beyond(self, other: _Moving, forward: IntArray) -> FloatArray:
         """How far vertices lie off the goal beyond its rim, the mean of both poses."""
-        goal = self.goal
-        rim = find_rim(other.places, goal.faces)[forward] / other.size
-        there = ((self.places - goal.vertices[forward]) * goal.rim[forward]).sum(axis=1)
-        back = ((self.shape.vertices - other.places[forward]) * rim).sum(axis=1)
-        return np.asarray(there + back) / 2
+        goal, every = self.goal, np.arange(len(self.size))
+        rims = [find_rim(other.places[:, i], goal.faces) / other.size[i] for i in every]
+        back = self.shape.vertices[:, None] - other.places[forward, every]
+        there = ((self.places - goal.vertices[forward]) * goal.rim[forward]).sum(axis=-1)
+        off = (back * np.stack(rims, axis=1)[forward, every]).sum(axis=-1)
+        return np.asarray(there + off) / 2
 
-    def pose(self) -> Pose:
-        return Pose(self.places, self.rotations, self.within, self.size)
+    def pose(self, i: int) -> Pose:
+        """One of the poses."""
+        places, rotations = (np.ascontiguousarray(o[:, i]) for o in (self.places, self.rotations))
+        return Pose(places, rotations, self.within[:, i].copy(), float(self.size[i]))
 
-    def rows(self) -> tuple[FloatArray, FloatArray]:
-        """Positions and normals ahead, and at rest: (n, 6) each."""
-        normals = vertex_normals(self.ahead, self.shape.faces)
-        return (
-            np.hstack([self.ahead, _NORMAL_WEIGHT * normals]),
-            np.hstack([self.shape.vertices, _NORMAL_WEIGHT * self.shape.normals]),
-        )
+    def rows(self, ahead: int, rest: int) -> FloatArray:
+        """Positions and normals ahead and at rest, (n, poses, 12), from two of the columns on."""
+        shape = self.shape
+        rows = np.empty((*self.ahead.shape[:2], 12))
+        rows[..., ahead : ahead + 3] = self.ahead
+        normals_into(rows, ahead + 3, self.ahead, shape.faces, *shape.fans)
+        rows[..., ahead + 3 : ahead + 6] *= _NORMAL_WEIGHT
+        resting = np.hstack([shape.vertices, _NORMAL_WEIGHT * shape.normals])
+        rows[..., rest : rest + 6] = resting[:, None]
+        return rows
 
 
 def _closest(
     ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Points of either shape that are close to the other's in both poses."""
-    left, right = np.hstack(ours.rows()), np.hstack(theirs.rows()[::-1])
+    left, right = ours.rows(0, 6), theirs.rows(6, 0)
     mine = ours.shape.spokes.indptr, ours.shape.spokes.indices
     other = theirs.shape.spokes.indptr, theirs.shape.spokes.indices
     forward = walk(left, right, forward, *mine, *other)
     backward = walk(right, left, backward, *other, *mine)
     # By position alone: where a surface ends, normals lead to what is not at its end.
-    left, right = (np.ascontiguousarray(rows[:, _POSITIONS]) for rows in (left, right))
+    if ours.shape.partial or theirs.shape.partial:
+        left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
         nearest = walk(left, right, forward, *mine, *other)
         ours.within = ~theirs.shape.on_rim[nearest] & _leads_back(ours.shape, forward, backward)
@@ -312,15 +333,16 @@ def _closest(
 
 def _leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     """Whether there and back again is near where it began."""
-    off = np.linalg.norm(shape.vertices - shape.vertices[backward[forward]], axis=1)
+    returned = np.take_along_axis(backward, forward, axis=0)
+    off = np.linalg.norm(shape.vertices[:, None] - shape.vertices[returned], axis=-1)
     return np.asarray(off < _WAY_BACK * shape.edge)
 
 
 def _covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
-    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, 3, 3)."""
+    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, ..., 3, 3)."""
     spokes = shape.spokes
     cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, places)
-    return shape.averaging.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3)
+    return shape.averaging.solve(cross.reshape(len(cross), -1)).reshape(cross.shape)
 
 
 def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.linalg.factorization import Factorization, factorize
-from unbend.matching._kernels import edge_covariances, faces_around, farthest_points
+from unbend.matching._kernels import edge_squares, faces_around, farthest_points
 from unbend.mesh import find_edges, vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
@@ -129,26 +129,29 @@ class Shape:
     @cached_property
     def averaging(self) -> Factorization:
         """Its solution averages what is given per vertex, times the area, over `_TURNING`."""
-        return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness)
+        return factorize(sp.diags(self.areas) + _TURNING**2 * self.stiffness, many=True)
+
+    @cached_property
+    def edge_squares(self) -> FloatArray:
+        """Sum (n,) of the weighted squares of the edges around a vertex."""
+        spokes = self.spokes
+        return edge_squares(spokes.indptr, spokes.indices, spokes.data, self.vertices)
 
     @cached_property
     def patch_sizes(self) -> FloatArray:
-        """Sum (n,) of the weighted squares of the edges around a vertex, averaged."""
-        spokes = self.spokes
-        squares = edge_covariances(
-            spokes.indptr, spokes.indices, spokes.data, self.vertices, self.vertices
-        )
-        return self.averaging.solve(np.einsum("iaa->i", squares))
+        """The same, averaged."""
+        return self.averaging.solve(self.edge_squares)
 
     @cached_property
     def patches(self) -> Factorization:
         """The same over `_PATCH`."""
-        return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness)
+        return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness, many=True)
 
     def pulled(self, pull: float) -> Factorization:
         """Stiffness and twice a pull by area: what a step of the registration solves with."""
         if pull not in self._pulled:
-            self._pulled[pull] = factorize(self.stiffness + sp.diags(2 * pull * self.areas))
+            pulled = self.stiffness + sp.diags(2 * pull * self.areas)
+            self._pulled[pull] = factorize(pulled, many=True)
         return self._pulled[pull]
 
     @cached_property
@@ -170,6 +173,7 @@ class Shape:
             "patches",
             "_pulled",
             "edge",
+            "edge_squares",
             "patch_sizes",
         ):
             mirror.__dict__[name] = getattr(self, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
-from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_cost
+from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_costs
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
@@ -116,7 +116,7 @@ def candidates(
     """
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
-    begun = ranked(run_all(functools.partial(from_map, sides, one) for one in maps))
+    begun = ranked(from_maps(sides, maps))
     spectral = distinct_on(sides.rough, begun)
     clear = not thorough and is_clear(spectral)
     if clear:
@@ -134,14 +134,12 @@ def candidates(
     n_best = 1 if clear else _REGROWN
     best = distinct_on(sides.proxies, found)[:n_best]
     if sides.partial:
-        loosely = (*LOOSEST, *LOOSE, *PULLS[1:])
-        tasks = [functools.partial(drawn_again, sides, one, loosely) for one in best]
+        again = drawn_again(sides, best, (*LOOSEST, *LOOSE, *PULLS[1:]))
     else:
-        tasks = [functools.partial(regrown, sides, one, size) for one in best for size in _SMOOTH]
-    found = ranked([*found, *run_all(tasks)])
+        again = regrown(sides, best)
+    found = ranked([*found, *again])
     best = distinct_on(sides.proxies, found)[:n_best]
-    tasks = [functools.partial(drawn_again, sides, one, PULLS) for one in best]
-    found = ranked([*found, *run_all(tasks)])
+    found = ranked([*found, *drawn_again(sides, best, PULLS)])
     if on_step is not None:
         on_step("search", 1.0)
     return distinct_on(sides.proxies, found)
@@ -166,14 +164,28 @@ def follow_all(sides: Sides, ways: list[Candidate], besides: list[Candidate]) ->
     one body end up closer to each other from there. Of parts some from points are, too.
     """
     left_out = [one for one in besides if not any(one is other for other in ways)]
-    return ranked(run_all(functools.partial(followed_up, sides, one) for one in [*ways, *left_out]))
+    rough = sides.source.rough, sides.target.rough
+    poses = [lift(one.registered, *rough, *sides.proxies) for one in [*ways, *left_out]]
+    return ranked(drawn(sides, sides.proxies, poses, PULLS[1:]))
 
 
-def from_map(sides: Sides, functional_map: FloatArray) -> Candidate:
-    """Register the rough proxies from a functional map."""
-    ours, theirs = sides.rough
-    start = rough_start(ours, theirs, functional_map)
-    return judge(ours, theirs, register(ours, theirs, start, PULLS[:1], _STEPS), sides.turned)
+def drawn(
+    sides: Sides,
+    shapes: tuple[Shape, Shape],
+    starts: Sequence[Registered],
+    pulls: tuple[float, ...],
+    *,
+    resize: bool = True,
+) -> list[Candidate]:
+    """Register two proxies from every start, side by side, and judge what comes out."""
+    found = register(*shapes, starts, pulls, _STEPS, resize)
+    return run_all(functools.partial(judge, *shapes, one, sides.turned) for one in found)
+
+
+def from_maps(sides: Sides, maps: Iterable[FloatArray]) -> list[Candidate]:
+    """Register the rough proxies from functional maps."""
+    starts = run_all(functools.partial(rough_start, *sides.rough, one) for one in maps)
+    return drawn(sides, sides.rough, starts, PULLS[:1])
 
 
 def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
@@ -182,10 +194,10 @@ def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
     n_landmarks = len(sides.proxies[0].landmarks)
     guesses = guess_limbs(mine, other, n_guesses, n_landmarks, sides.partial)
     kept = sides.source.rough.kept, sides.target.rough.kept
-
-    def maps(one: Guess) -> tuple[IntArray, IntArray]:
-        return limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
-
+    maps = [
+        limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
+        for one in guesses
+    ]
     return from_guesses(sides, guesses, maps, n_begun)
 
 
@@ -195,64 +207,44 @@ def from_points(sides: Sides) -> list[Candidate]:
         find_points(one, count) for one, count in zip(sides.proxies, _POINTS, strict=True)
     )
     guesses = guess_points(mine, other, sizes_to_try(*sides.proxies), _GUESSED)
-    fields = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
-
-    def maps(one: Guess) -> tuple[IntArray, IntArray]:
-        return point_maps(fields[0][:, one.source], fields[1][:, one.target], one.size)
-
+    ours, theirs = mine.fields[sides.source.rough.kept], other.fields[sides.target.rough.kept]
+    maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
     return from_guesses(sides, guesses, maps, _GUESSED)
 
 
 def from_guesses(
-    sides: Sides,
-    guesses: list[Guess],
-    maps: Callable[[Guess], tuple[IntArray, IntArray]],
-    n_begun: int,
+    sides: Sides, guesses: list[Guess], maps: list[tuple[IntArray, IntArray]], n_begun: int
 ) -> list[Candidate]:
-    """Register the rough proxies from the best, as they are, of guesses, and tighten the best."""
-    ours, theirs = sides.rough
-
-    def start(one: Guess) -> tuple[float, IntArray, IntArray, float]:
-        found = maps(one)
-        return rough_cost(ours, theirs, *found), *found, one.size
-
-    def begin(forward: IntArray, backward: IntArray, size: float) -> Candidate:
-        begun = mapped_start(ours, theirs, forward, backward, size)
-        found = register(ours, theirs, begun, LOOSE[:1], _STEPS, resize=False)
-        return judge(ours, theirs, found, sides.turned)
-
-    def tighten(one: Candidate) -> Candidate:
-        found = register(ours, theirs, one.registered, LOOSE[1:], _STEPS, resize=False)
-        return judge(ours, theirs, found, sides.turned)
-
-    starts = run_all(functools.partial(start, one) for one in guesses)
-    starts = sorted(starts, key=lambda one: round(one[0], DIGITS))[:n_begun]
-    begun = ranked(run_all(functools.partial(begin, *one[1:]) for one in starts))
+    """Register the rough proxies from the best of guesses' maps, and tighten the best of these."""
+    if not guesses:
+        return []
+    forward, backward = (np.stack(ways, axis=1) for ways in zip(*maps, strict=True))
+    costs = rough_costs(*sides.rough, forward, backward).round(DIGITS)
+    starts = [
+        mapped_start(*sides.rough, forward[:, i], backward[:, i], guesses[i].size)
+        for i in np.argsort(costs, kind="stable")[:n_begun]
+    ]
+    begun = ranked(drawn(sides, sides.rough, starts, LOOSE[:1], resize=False))
     best = distinct_on(sides.rough, begun)[:_TIGHTENED]
-    return run_all(functools.partial(tighten, one) for one in best)
+    poses = [one.registered for one in best]
+    return drawn(sides, sides.rough, poses, LOOSE[1:], resize=False)
 
 
-def followed_up(sides: Sides, candidate: Candidate) -> Candidate:
-    """Go on with a candidate on the finer proxies."""
-    finer = sides.proxies
-    found = lift(candidate.registered, sides.source.rough, sides.target.rough, *finer)
-    found = register(*finer, found, PULLS[1:], _STEPS)
-    return judge(*finer, found, sides.turned)
+def drawn_again(
+    sides: Sides, candidates: Iterable[Candidate], pulls: tuple[float, ...]
+) -> list[Candidate]:
+    """Draw candidates' poses together once more; weaker pulls first let them relax."""
+    return drawn(sides, sides.proxies, [one.registered for one in candidates], pulls)
 
 
-def drawn_again(sides: Sides, candidate: Candidate, pulls: tuple[float, ...]) -> Candidate:
-    """Draw a candidate's poses together once more; weaker pulls first let them relax."""
-    ours, theirs = sides.proxies
-    found = register(ours, theirs, candidate.registered, pulls, _STEPS)
-    return judge(ours, theirs, found, sides.turned)
-
-
-def regrown(sides: Sides, candidate: Candidate, size: int) -> Candidate:
-    """Register anew from the functional map, of a size, of a candidate's own point maps."""
-    ours, theirs = sides.proxies
-    start = rough_start(ours, theirs, functional_map(sides, candidate, size))
-    found = register(ours, theirs, start, PULLS, _STEPS)
-    return judge(ours, theirs, found, sides.turned)
+def regrown(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Register anew from functional maps, of two sizes, of candidates' own point maps."""
+    starts = [
+        rough_start(*sides.proxies, functional_map(sides, one, size))
+        for one in candidates
+        for size in _SMOOTH
+    ]
+    return drawn(sides, sides.proxies, starts, PULLS)
 
 
 def functional_map(sides: Sides, candidate: Candidate, size: int) -> FloatArray:
@@ -283,12 +275,12 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     run_all(functools.partial(_make_ready, one, ready) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
-        found = register(ours, theirs, lifted, pulls, _STEPS // 2)
+        (found,) = register(ours, theirs, [lifted], pulls, _STEPS // 2)
         return judge(ours, theirs, found, candidate.reflected)
 
     def grown() -> Candidate:
         start = grown_start(ours, theirs, functional_map(sides, candidate, _GROWN_FROM), lifted)
-        found = register(ours, theirs, start, PULLS, _STEPS)
+        (found,) = register(ours, theirs, [start], PULLS, _STEPS)
         return judge(ours, theirs, found, candidate.reflected)
 
     return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
@@ -327,5 +319,5 @@ def _make_levels(shape: Shape) -> Levels:
 
 def _make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
     """Make what several threads would make several times."""
-    _ = shape.averaging, shape.patches, shape.normals, shape.position_coefficients, shape.spokes
+    _ = shape.averaging, shape.patches, shape.normals, shape.position_coefficients, shape.fans
     _ = [shape.pulled(pull) for pull in pulls]
