@@ -14,7 +14,11 @@ INTS, LONGS, FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
 PAIRS, BLOCK = "int64[:, ::1]", "float64[:, ::1]"
 
 
-def compiled(function: Callable[..., Any], signature: str | None = None) -> Callable[..., Any]:
+def compiled(
+    function: Callable[..., Any],
+    signature: str | None = None,
+    fastmath: frozenset[str] = frozenset(),
+) -> Callable[..., Any]:
     """Compile a kernel that releases the GIL, and keep the code on disk where that is possible.
 
     Parameters
@@ -23,16 +27,19 @@ def compiled(function: Callable[..., Any], signature: str | None = None) -> Call
         Written in what Numba understands.
     signature : str, optional
         Types to compile for at once; by default it is compiled when first called.
+    fastmath : frozenset of str
+        Liberties that LLVM may take: ``"reassoc"`` adds in whatever order is fastest.
 
     Returns
     -------
     callable
     """
     signatures = [] if signature is None else [signature]
+    options: dict[str, Any] = {"nogil": True, "fastmath": set(fastmath)}
     try:
-        kernel: Callable[..., Any] = numba.njit(*signatures, nogil=True, cache=True)(function)
+        kernel: Callable[..., Any] = numba.njit(*signatures, **options, cache=True)(function)
     except Exception:  # no usable cache folder costs compilations, never the result
-        kernel = numba.njit(*signatures, nogil=True)(function)
+        kernel = numba.njit(*signatures, **options)(function)
     return kernel
 
 

@@ -17,7 +17,7 @@ from unbend._compiled import compiled
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray
 
-_ROWS = 2048  # vertices that a task works on
+_ROWS = 8192  # vertices that a task works on
 _TURNS = 5  # of a rotation at most; it starts near where it ends
 
 
@@ -56,7 +56,7 @@ def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
     return chosen
 
 
-@compiled
+@functools.partial(compiled, fastmath=frozenset({"reassoc"}))  # four times as fast
 def _squared_distance(left, right, i, j, m):  # type: ignore[no-untyped-def]
     total = 0.0
     for c in range(left.shape[2]):

@@ -313,6 +313,7 @@ def grown_start(
 
 
 def _make_levels(shape: Shape) -> Levels:
+    _ = shape.samples, shape.signature
     proxy = make_proxy(shape, _PROXY_VERTICES)
     return Levels(shape, proxy, make_proxy(proxy.shape, _ROUGH_VERTICES))
 
