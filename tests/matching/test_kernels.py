@@ -73,6 +73,13 @@ def test_a_walk_ends_where_no_neighbour_is_closer_and_goes_only_downhill() -> No
         assert apart[i, found[i]] <= apart[i, near[found[i]]].min()
 
 
+def test_a_walk_stays_where_nothing_is_closer() -> None:
+    mesh = make_sphere(1)
+    same = np.ones((mesh.n_vertices, 3))
+    guess = np.random.default_rng(0).integers(mesh.n_vertices, size=mesh.n_vertices)
+    np.testing.assert_array_equal(_walk(same, same, guess, _graph(mesh)), guess)
+
+
 def test_on_a_ball_a_walk_finds_the_nearest_point_from_anywhere() -> None:
     # On a round triangulated ball whoever is not nearest has a neighbour that is nearer.
     ball = make_sphere(2)
@@ -219,7 +226,7 @@ def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
     turns = _rotations(8, 2.0, 0)
     flat = turns @ (rng.standard_normal((8, 3, 1)) * rng.standard_normal((8, 1, 3)))  # of rank 1
     equal = [np.eye(3), -np.eye(3), np.diag([1.0, 1, -1]), np.diag([2.0, 2, 1]), np.zeros((3, 3))]
-    matrices = np.concatenate([matrices, turns, -turns, flat, equal])
+    matrices = np.concatenate([equal, matrices, turns, -turns, flat])
     best = nearest_rotation(matrices.transpose(0, 2, 1))
     expected = np.einsum("iab,iba->i", best, matrices)
     sizes = np.linalg.norm(matrices, axis=(1, 2))
