@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces, normals_into
+from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
+from unbend.mesh import vertex_normals
 
 # Maps are different where more than this share of the surface, a limb's end, goes further apart
 # than this, in sqrt(area): to another limb.
@@ -176,8 +177,7 @@ def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray)
 
 
 def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:
-    normals = np.empty((len(pose.places), 1, 3))
-    normals_into(normals, 0, pose.places[:, None], shape.faces, *shape.fans)
+    normals = vertex_normals(pose.places, shape.faces)
     own = shape.areas * pose.within
-    agree = np.sign((normals[:, 0] * goal.normals[point_map]).sum(axis=1))
+    agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))

@@ -248,6 +248,7 @@ class _Moving:
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.within = np.stack([one.within for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
+        self.resting = np.hstack([shape.vertices, _NORMAL_WEIGHT * shape.normals])
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -300,13 +301,11 @@ class _Moving:
 
     def rows(self, ahead: int, rest: int) -> FloatArray:
         """Positions and normals ahead and at rest, (n, poses, 12), from two of the columns on."""
-        shape = self.shape
         rows = np.empty((*self.ahead.shape[:2], 12))
         rows[..., ahead : ahead + 3] = self.ahead
-        normals_into(rows, ahead + 3, self.ahead, shape.faces, *shape.fans)
+        normals_into(rows, ahead + 3, self.ahead, self.shape.faces, *self.shape.fans)
         rows[..., ahead + 3 : ahead + 6] *= _NORMAL_WEIGHT
-        resting = np.hstack([shape.vertices, _NORMAL_WEIGHT * shape.normals])
-        rows[..., rest : rest + 6] = resting[:, None]
+        rows[..., rest : rest + 6] = self.resting[:, None]
         return rows
 
 

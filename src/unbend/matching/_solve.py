@@ -116,7 +116,7 @@ def candidates(
     """
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
-    begun = ranked(from_maps(sides, maps))
+    begun = ranked(from_maps(sides, sides.rough, maps, PULLS[:1]))
     spectral = distinct_on(sides.rough, begun)
     clear = not thorough and is_clear(spectral)
     if clear:
@@ -182,10 +182,15 @@ def drawn(
     return run_all(functools.partial(judge, *shapes, one, sides.turned) for one in found)
 
 
-def from_maps(sides: Sides, maps: Iterable[FloatArray]) -> list[Candidate]:
-    """Register the rough proxies from functional maps."""
-    starts = run_all(functools.partial(rough_start, *sides.rough, one) for one in maps)
-    return drawn(sides, sides.rough, starts, PULLS[:1])
+def from_maps(
+    sides: Sides,
+    shapes: tuple[Shape, Shape],
+    maps: Iterable[FloatArray],
+    pulls: tuple[float, ...],
+) -> list[Candidate]:
+    """Register two proxies from functional maps."""
+    starts = run_all(functools.partial(rough_start, *shapes, one) for one in maps)
+    return drawn(sides, shapes, starts, pulls)
 
 
 def from_tips(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
@@ -239,12 +244,8 @@ def drawn_again(
 
 def regrown(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
     """Register anew from functional maps, of two sizes, of candidates' own point maps."""
-    starts = [
-        rough_start(*sides.proxies, functional_map(sides, one, size))
-        for one in candidates
-        for size in _SMOOTH
-    ]
-    return drawn(sides, sides.proxies, starts, PULLS)
+    maps = [functional_map(sides, one, size) for one in candidates for size in _SMOOTH]
+    return from_maps(sides, sides.proxies, maps, PULLS)
 
 
 def functional_map(sides: Sides, candidate: Candidate, size: int) -> FloatArray:
@@ -313,7 +314,7 @@ def grown_start(
 
 
 def _make_levels(shape: Shape) -> Levels:
-    _ = shape.samples, shape.signature
+    _ = shape.samples, shape.signature  # what the search asks for, of both shapes at once
     proxy = make_proxy(shape, _PROXY_VERTICES)
     return Levels(shape, proxy, make_proxy(proxy.shape, _ROUGH_VERTICES))
 
