@@ -26,7 +26,7 @@ from unbend.matching._shape import Shape
 
 @functools.cache
 def _person() -> Shape:
-    return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30, True, None)[1]
+    return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30, True)[1]
 
 
 def _identity(shape: Shape) -> Registered:
@@ -77,7 +77,7 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
 def test_the_energy_of_a_stretch_is_bounded_in_closed_form(stretch: float) -> None:
     # Of a patch's edges a share p lies along the stretch s; its correlation with its image,
     # (1 + (s - 1) p) / sqrt(1 + (s^2 - 1) p), is least at p = 1 / (s + 1).
-    ball = prepare_shape(make_sphere(3), 10, True, None)[1]
+    ball = prepare_shape(make_sphere(3), 10, True)[1]
     for shape in (ball, _person()):
         energy = _loss(shape, shape.vertices * [1, stretch, 1])
         most = 1 - 2 * np.sqrt(stretch) / (1 + stretch)
@@ -95,7 +95,7 @@ def test_a_map_to_one_vertex_explains_nothing_and_noise_little() -> None:
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     square = make_sheet(9)
     sheet = Mesh(square.vertices * [1.4, 1, 1], square.faces)
-    shape = prepare_shape(sheet, 10, True, None)[1]
+    shape = prepare_shape(sheet, 10, True)[1]
     identity = _identity(shape)
     assert judge(shape, shape, identity).orientation == pytest.approx(1)
     flipped = np.arange(81).reshape(9, 9)[::-1].ravel()

@@ -57,16 +57,16 @@ def test_the_rim_of_a_sheet_leads_outward() -> None:
 
 def test_only_a_part_has_a_rim(blob: Mesh) -> None:
     half = _sheet()
-    assert not prepare_shape(half, 20, True, None).shape.rim.any()
-    assert prepare_shape(half, 20, True, None, partial=True).shape.rim.any()
-    assert not prepare_shape(blob, 20, True, None, partial=True).shape.partial
+    assert not prepare_shape(half, 20, True).shape.rim.any()
+    assert prepare_shape(half, 20, True, partial=True).shape.rim.any()
+    assert not prepare_shape(blob, 20, True, partial=True).shape.partial
 
 
 def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
     # From the truth, of a body and the same one without an arm, the truth stays.
     torn = keep(SOURCE.mesh, SOURCE.labels != SOURCE.parts.index("left_arm"))
     whole, part = (
-        prepare_shape(mesh, 60, True, None, partial=True).shape for mesh in (SOURCE.mesh, torn.mesh)
+        prepare_shape(mesh, 60, True, partial=True).shape for mesh in (SOURCE.mesh, torn.mesh)
     )
     size = float(
         np.sqrt(vertex_areas(SOURCE.mesh).sum() / vertex_areas(torn.mesh).sum())
@@ -97,7 +97,7 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 
 def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
-    whole, part = (prepare_shape(one, 20, True, None, True).shape for one in (SOURCE.mesh, torn))
+    whole, part = (prepare_shape(one, 20, True, True).shape for one in (SOURCE.mesh, torn))
     assert bearable(whole, whole, PULLS) == PULLS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
@@ -239,7 +239,7 @@ def test_what_cannot_be_hinted_is_said(blob: Mesh) -> None:
 
 def test_a_mirror_image_has_the_mirrored_rim() -> None:
     half = _sheet()
-    shape = prepare_shape(half, 20, True, None, partial=True).shape
+    shape = prepare_shape(half, 20, True, partial=True).shape
     mirror = shape.reflected()
     np.testing.assert_allclose(mirror.rim, shape.rim * [-1, 1, 1], atol=1e-12)
     fresh: Shape = replace(mirror)

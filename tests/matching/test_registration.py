@@ -28,7 +28,7 @@ from unbend.matching._zoomout import orthogonal_maps
 
 
 def _shape(mesh: Mesh) -> Shape:
-    return prepare_shape(mesh, 60, True, None)[1]
+    return prepare_shape(mesh, 60, True)[1]
 
 
 def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:

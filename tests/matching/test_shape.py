@@ -5,14 +5,15 @@ import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.matching._inputs import prepare_shape
+from unbend.matching import _inputs
+from unbend.matching._inputs import prepare_shape, prepare_shapes
 from unbend.matching._proxy import make_proxy
 from unbend.matching._shape import Shape
 from unbend.spectral import laplacian
 
 
 def _shape(mesh: Mesh, n_eigenpairs: int = 40) -> Shape:
-    return prepare_shape(mesh, n_eigenpairs, True, None)[1]
+    return prepare_shape(mesh, n_eigenpairs, True)[1]
 
 
 def _area(shape: Shape) -> float:
@@ -33,6 +34,19 @@ def test_area_is_one_and_functions_are_orthonormal(blob: Mesh) -> None:
     gram = shape.basis.T @ (shape.areas[:, None] * shape.basis)
     np.testing.assert_allclose(gram, np.eye(shape.k), atol=1e-6)
     np.testing.assert_allclose(shape.areas @ shape.basis, 0, atol=1e-6)
+
+
+def test_side_by_side_shapes_are_prepared_as_one_by_one(
+    blob: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    meshes = blob, make_quadruped("standing", n_vertices=700).mesh
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    together = prepare_shapes(meshes, 40, False, (True, False))
+    monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 0)
+    for one, other in zip(together, prepare_shapes(meshes, 40, False, (True, False)), strict=True):
+        np.testing.assert_array_equal(one.shape.basis, other.shape.basis)
+        np.testing.assert_array_equal(one.shape.vertices, other.shape.vertices)
+        np.testing.assert_array_equal(one.kept, other.kept)
 
 
 def test_inside_out_becomes_the_mirror_image_outside_out(blob: Mesh) -> None:

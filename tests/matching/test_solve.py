@@ -22,7 +22,7 @@ def boxes() -> list[Shape]:
     found = []
     for seed in range(4):
         noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
-        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40, False, None)[1])
+        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40, False)[1])
     return found
 
 
@@ -61,7 +61,7 @@ def test_the_mirror_image_of_the_target_gives_the_mirrored_maps(boxes: list[Shap
 
 def test_what_is_clear_is_what_a_thorough_search_finds(boxes: list[Shape], monkeypatch) -> None:
     one, other = (
-        prepare_shape(make_biped(pose, n_vertices=800, meshing=i).mesh, 100, True, None)[1]
+        prepare_shape(make_biped(pose, n_vertices=800, meshing=i).mesh, 100, True)[1]
         for i, pose in enumerate(("standing", "walking"))
     )
     sides = make_sides(one, other)

@@ -23,7 +23,7 @@ from unbend.matching._tips import (
 
 def test_a_person_has_five_tips() -> None:
     body = make_biped("walking", n_vertices=1500)
-    tips = find_tips(prepare_shape(body.mesh, 60, True, None)[1])
+    tips = find_tips(prepare_shape(body.mesh, 60, True)[1])
     named = [body.parts[label] for label in body.labels[tips.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
     np.testing.assert_allclose(tips.ways, tips.ways.T)
@@ -35,7 +35,7 @@ def test_a_star_has_a_tip_on_every_ray() -> None:
     angles = 2 * np.pi * np.arange(5) / 5
     rays = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     reach = 1 + 2 * np.exp(-12 * (1 - ball.vertices @ rays.T)).sum(axis=1)
-    star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40, True, None)[1]
+    star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40, True)[1]
     tips = find_tips(star)
     ends = star.vertices[tips.vertices]
     ends /= np.linalg.norm(ends, axis=1, keepdims=True)
@@ -52,7 +52,7 @@ def test_a_star_has_a_tip_on_every_ray() -> None:
 
 def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
     body = make_octopus("floating", n_vertices=1500)
-    tips = find_tips(prepare_shape(body.mesh, 60, True, None)[1])
+    tips = find_tips(prepare_shape(body.mesh, 60, True)[1])
     named = [body.parts[label] for label in body.labels[tips.vertices]]
     assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
 
@@ -155,7 +155,7 @@ def test_a_point_keeps_its_share_of_a_limb() -> None:
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
     bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
-    tips = [find_tips(prepare_shape(body.mesh, 60, True, None)[1]) for body in bodies]
+    tips = [find_tips(prepare_shape(body.mesh, 60, True)[1]) for body in bodies]
     labels = [body.labels[one.vertices] for body, one in zip(bodies, tips, strict=True)]
     guesses = guess_limbs(*tips, 200)
     right = [(labels[0][one.source] == labels[1][one.target]).sum() for one in guesses]
@@ -187,7 +187,7 @@ def test_landmarks_hold_what_they_name() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True, None)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True)[1]
     ends = find_tips(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
@@ -196,7 +196,7 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     i, j = shape.spokes.nonzero()
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
-    smooth = find_tips(prepare_shape(blob, 60, True, None)[1])
+    smooth = find_tips(prepare_shape(blob, 60, True)[1])
     assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3
 
 
@@ -211,7 +211,7 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
 
 
 def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
-    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True, None)[1]
+    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True)[1]
     ends = find_tips(shape).vertices
     for landmark in ends:
         found = find_tips(replace(shape, landmarks=np.array([landmark]))).vertices

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from unbend._parallel import run_all
 from unbend._text import plural
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import Mesh, find_components, vertex_ids, wind_alike
 from unbend.preparation import restrict
 from unbend.spectral import Surface, eigenpairs, make_surface
+
+# Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
+# at once would take more memory than time.
+_SIDE_BY_SIDE = 200_000
 
 
 class Input(NamedTuple):
@@ -62,15 +69,36 @@ class Input(NamedTuple):
         return self.own_faces[faces], np.einsum("ijk,ik->ij", moved, weights)
 
 
-def prepare_shape(
-    mesh: MeshLike,
-    n_eigenpairs: int,
-    cache: bool,
-    progress: Progress | None,
-    partial: bool = False,
-) -> Input:
+class _Checked(NamedTuple):
+    """A mesh, the surface of its largest component, and where that is in the mesh."""
+
+    mesh: Mesh
+    surface: Surface
+    faces: IntArray  # of the surface, wound alike
+    kept: IntArray
+    own_faces: IntArray
+
+
+def prepare_shape(mesh: MeshLike, n_eigenpairs: int, cache: bool, partial: bool = False) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
-    mesh = as_mesh(mesh)
+    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, cache, partial)
+
+
+def prepare_shapes(
+    meshes: Sequence[MeshLike], n_eigenpairs: int, cache: bool, partial: Sequence[bool]
+) -> list[Input]:
+    """Check meshes one after the other; then, if they are not large, prepare them side by side."""
+    checked = [_check(as_mesh(mesh)) for mesh in meshes]
+    tasks = [
+        functools.partial(_prepare, one, n_eigenpairs, cache, part)
+        for one, part in zip(checked, partial, strict=True)
+    ]
+    if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
+        return [task() for task in tasks]
+    return run_all(tasks)
+
+
+def _check(mesh: Mesh) -> _Checked:
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
     largest, kept, own_faces = _largest(mesh)
@@ -81,9 +109,12 @@ def prepare_shape(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "
             "cannot be told apart on it; repair the mesh"
         )
+    return _Checked(mesh, surface, faces, kept, own_faces)
+
+
+def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -> Input:
+    mesh, surface, faces, kept, own_faces = checked
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2), cache=cache)
-    if progress is not None:
-        progress("spectrum", 1.0)
     shape = make_shape(
         surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
     )

@@ -18,7 +18,7 @@ from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike
-from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape
+from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidences, judge
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import landing_places, rough_start, spectral_residual
@@ -157,10 +157,9 @@ def match(
     if n_eigenpairs < _LEAST_EIGENPAIRS:
         raise InputError(f"n_eigenpairs must be at least {_LEAST_EIGENPAIRS}, not {n_eigenpairs}")
     torn = [method != "icp" and partial in ("auto", "both", side) for side in ("source", "target")]
-    ours, theirs = (
-        prepare_shape(mesh, n_eigenpairs, cache, progress, part)
-        for mesh, part in zip((source, target), torn, strict=True)
-    )
+    ours, theirs = prepare_shapes((source, target), n_eigenpairs, cache, torn)
+    if progress is not None:
+        progress("spectrum", 1.0)
     if method == "icp":
         return _match_by_icp(ours, theirs)
     if landmarks is not None:
@@ -201,7 +200,7 @@ def prepare_spectrum(mesh: MeshLike) -> None:
     MeshError, InputError
         See :func:`match`.
     """
-    prepare_shape(mesh, _N_EIGENPAIRS, cache=True, progress=None)
+    prepare_shape(mesh, _N_EIGENPAIRS, cache=True)
 
 
 def symmetry(
@@ -244,7 +243,9 @@ def symmetry(
     >>> bool(np.abs(swapped * [-1, 1, 1] - egg).max() < 0.1)
     True
     """
-    one = prepare_shape(mesh, n_eigenpairs, cache, progress)
+    one = prepare_shape(mesh, n_eigenpairs, cache)
+    if progress is not None:
+        progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
     chosen = refined(sides, found[0], polish=refine)
