@@ -290,6 +290,7 @@ def _points() -> Iterator[Case]:
     for name, vertices, sentence in (
         ("three points", v[:3], "only 3 points"),
         ("four points in one place", np.ones((4, 3)), "only 1 different position"),
+        ("on one line", np.outer(np.arange(42.0), [1, 2, 3]), "span no surface"),
     ):
         yield Case(f"point cloud, {name}", _cloud(vertices), _clouds(), Refused(sentence))
     yield Case(

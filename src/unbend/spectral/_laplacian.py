@@ -200,9 +200,14 @@ def _robust(mesh: Mesh) -> Laplacian:
     if mesh.is_point_cloud:
         check_size(mesh)
         neighbours = min(30, mesh.n_vertices - 1)
-        stiffness, mass = robust_laplacian.point_cloud_laplacian(
-            mesh.vertices, n_neighbors=neighbours
-        )
+        try:
+            stiffness, mass = robust_laplacian.point_cloud_laplacian(
+                mesh.vertices, n_neighbors=neighbours
+            )
+        except RuntimeError as error:  # a point is in no triangle
+            raise MeshError(
+                f"{mesh.name}: its points span no surface: round some of them they lie on one line"
+            ) from error
         return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces] = True
