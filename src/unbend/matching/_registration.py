@@ -160,6 +160,16 @@ def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: S
     )
 
 
+def lower(found: Registered, source: Proxy, target: Proxy) -> Registered:
+    """Carry a registration of two shapes over to their proxies."""
+    return Registered(
+        target.parents[found.forward[source.kept]],
+        source.parents[found.backward[target.kept]],
+        _taken(found.source, source.kept),
+        _taken(found.target, target.kept),
+    )
+
+
 def bearable(
     source: Shape, target: Shape, pulls: Sequence[float], edges: float = 1.0
 ) -> tuple[float, ...]:
@@ -351,6 +361,10 @@ def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
     covariances = _covariances(shape, basis @ shape.position_coefficients[:k], places)
     rotations = nearest_rotation(covariances.transpose(0, 2, 1))
     return Pose(places, np.ascontiguousarray(rotations), np.ones(len(places), dtype=bool))
+
+
+def _taken(pose: Pose, kept: IntArray) -> Pose:
+    return Pose(pose.places[kept], pose.rotations[kept], pose.within[kept], pose.size)
 
 
 def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:

@@ -22,11 +22,13 @@ from unbend.matching._registration import (
     Registered,
     bearable,
     lift,
+    lower,
     mapped_start,
     register,
     rough_start,
     smooth_start,
 )
+from unbend.matching._relocation import relocate, ways_between
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
@@ -44,7 +46,9 @@ _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides.
 _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
-# So many of those start anew from smooth maps of their own: of few functions, and of many, which
+# So many of those are mended by the distances they agree with.
+_RELOCATED = 8
+# So many of all start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
 # Growth on the full meshes begins with so many functions and multiplies their number by this, over
@@ -131,6 +135,8 @@ def candidates(
         if sides.partial:
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
+        best = distinct_on(sides.proxies, found)[:_RELOCATED]
+        found = ranked([*found, *relocated(sides, best)])
     n_best = 1 if clear else _REGROWN
     best = distinct_on(sides.proxies, found)[:n_best]
     if sides.partial:
@@ -233,6 +239,20 @@ def from_guesses(
     best = distinct_on(sides.rough, begun)[:_TIGHTENED]
     poses = [one.registered for one in best]
     return drawn(sides, sides.rough, poses, LOOSE[1:], resize=False)
+
+
+def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Register from where candidates' vertices belong by the distances to what is far away."""
+    rough = sides.source.rough, sides.target.rough
+    ways = ways_between(sides.rough[0]), ways_between(sides.rough[1])
+
+    def start(candidate: Candidate) -> Registered:
+        found = lower(candidate.registered, *rough)
+        maps = relocate(*sides.rough, found, ways)
+        return mapped_start(*sides.rough, *maps, found.source.size)
+
+    starts = run_all([functools.partial(start, one) for one in candidates])
+    return follow_all(sides, drawn(sides, sides.rough, starts, LOOSE, resize=False), [])
 
 
 def drawn_again(
