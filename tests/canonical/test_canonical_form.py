@@ -297,3 +297,17 @@ def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, method):
     assert list(tmp_path.rglob("*.*")) == []
     canonical_form(blob, distance="diffusion", method=method)
     assert list(tmp_path.rglob("*.*"))
+
+
+@pytest.mark.parametrize("height", [1e9, 1e15, 1e20, 1e29])
+def test_what_rounding_leaves_of_no_extent_is_not_taken_for_distances_that_are_not_euclidean(
+    height: float,
+) -> None:
+    # The three points below are one, to rounding: the form is a line.
+    needle = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, height]]
+    faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+    with pytest.warns(UnbendWarning, match="degenerate faces"):
+        form = canonical_form((np.array(needle), np.array(faces)), cache=False)
+    assert form.eigenvalues[0] > 0
+    assert (form.eigenvalues[1:] == 0).all()
+    assert not any("Euclidean" in note for note in form.notes)

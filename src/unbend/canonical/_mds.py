@@ -17,8 +17,9 @@ from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.linalg.subspace import Solves, subspace_iteration
 
-# Eigenvalues that differ by no more than this share of the largest are equal.
-_EQUAL = 1e-9
+# Eigenvalues that differ by no more than this share of the largest are equal; what is not more than
+# the second is what rounding leaves of 0.
+_EQUAL, _NOTHING = 1e-9, 1e-14
 
 
 def exact_scaling(
@@ -62,6 +63,7 @@ def exact_scaling(
         random_state=random_state,
         block_size=max(8, n_components + 3),  # eight columns cost little more than one
     )
+    values = _without_rounding(values)
     return _points(vectors, values, np.ones(n)), values
 
 
@@ -84,6 +86,7 @@ def refined_scaling(
         Largest residual of an eigenpair, relative to the largest eigenvalue.
     """
     values, vectors, residual = subspace_iteration(solves, start, n_components, tol=tol)
+    values = _without_rounding(values)
     return _points(vectors, values, np.ones(len(vectors))), values, residual
 
 
@@ -145,8 +148,12 @@ def sampled_scaling(
     frame, half = scipy.linalg.qr(root * centred, mode="economic")
     values, rotation = scipy.linalg.eigh(half @ (-0.5 * coefficients) @ half.T)
     largest = np.argsort(-values, kind="stable")[:n_components]
-    values = values[largest]
+    values = _without_rounding(values[largest])
     return _points(frame @ rotation[:, largest] / root, values, weights), values
+
+
+def _without_rounding(values: FloatArray) -> FloatArray:
+    return np.where(np.abs(values) > _NOTHING * np.abs(values).max(), values, 0.0)
 
 
 def _points(vectors: FloatArray, values: FloatArray, weights: FloatArray) -> FloatArray:
