@@ -28,7 +28,7 @@ from unbend.matching._registration import (
     rough_start,
     smooth_start,
 )
-from unbend.matching._relocation import relocate, ways_between
+from unbend.matching._relocation import EVERYWHERE, TRUNK, relocate, ways_between
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
@@ -46,8 +46,8 @@ _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides.
 _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
-# So many of those are mended by the distances they agree with.
-_RELOCATED = 8
+# So many of those are mended by the ways that they agree with.
+_RELOCATED = 6
 # So many of all start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -242,16 +242,17 @@ def from_guesses(
 
 
 def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Register from where candidates' vertices belong by the distances to what is far away."""
+    """Register from where candidates' vertices belong by the ways to those far away."""
     rough = sides.source.rough, sides.target.rough
     ways = ways_between(sides.rough[0]), ways_between(sides.rough[1])
 
-    def start(candidate: Candidate) -> Registered:
+    def start(candidate: Candidate, asked: float) -> Registered:
         found = lower(candidate.registered, *rough)
-        maps = relocate(*sides.rough, found, ways)
+        maps = relocate(*sides.rough, found, ways, asked)
         return mapped_start(*sides.rough, *maps, found.source.size)
 
-    starts = run_all([functools.partial(start, one) for one in candidates])
+    every = ((one, asked) for one in candidates for asked in (EVERYWHERE, TRUNK))
+    starts = run_all([functools.partial(start, *one) for one in every])
     return follow_all(sides, drawn(sides, sides.rough, starts, LOOSE, resize=False), [])
 
 
