@@ -9,6 +9,7 @@ import scipy.sparse.csgraph as csgraph
 
 from unbend._arrays import is_whole
 from unbend._memory import check_memory
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, SolverError
@@ -177,6 +178,7 @@ def _number_to_compute(k: int, n: int) -> int:
     return min(n, next((few for few in (5, 11) if few > k), -(-k // 10) * 10 + 1))
 
 
+@one_blas_thread()  # so that pairs are the same for any number
 def whole_eigenpairs(
     operator: Laplacian, count: int, tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
