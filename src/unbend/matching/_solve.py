@@ -39,7 +39,7 @@ _STEPS = 8
 # So many guesses from tips, in either sense, are looked at, and so many begun with, the best as
 # they are. After the first, weakest pull so many are drawn on that lead to different places; so
 # many of all candidates are followed on the finer proxies.
-_MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (200, 64), 16, 8, 3
+_MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (400, 64), 16, 8, 3
 # A candidate is clear if its cost is at most this and any other's so many times that, after this
 # few from tips were tried; then it is followed, and some others to compare it with.
 _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3

@@ -29,7 +29,7 @@ _LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of 
 # No limb is taken to be shorter than this, in sqrt(area); and ways from where limbs begin count so
 # much beside those along them, which are straighter.
 _SHORTEST, _TRUNK = 0.05, 0.5
-_WIDTH = 1500  # guesses that are gone on with after each tip
+_WIDTH = 6000  # guesses that are gone on with after each tip
 # Variance of a limb's length where it may be any, and how much longer trunks are on another body.
 _ANY_LENGTH, _LONGER = 64.0, 1.7
 
