@@ -135,10 +135,13 @@ def candidates(
         if sides.partial:
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
-        best = distinct_on(sides.proxies, found)[:_RELOCATED]
-        found = ranked([*found, *relocated(sides, best)])
     n_best = 1 if clear else _REGROWN
-    best = distinct_on(sides.proxies, found)[:n_best]
+    ways = distinct_on(sides.proxies, found)
+    best = ways[:n_best]
+    if not clear:
+        found = ranked([*found, *relocated(sides, ways[:_RELOCATED])])
+        mended = distinct_on(sides.proxies, found)[:n_best]
+        best += [one for one in mended if not any(one is other for other in best)]
     if sides.partial:
         again = drawn_again(sides, best, (*LOOSEST, *LOOSE, *PULLS[1:]))
     else:
