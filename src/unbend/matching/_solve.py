@@ -136,12 +136,12 @@ def candidates(
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
     n_best = 1 if clear else _REGROWN
-    ways = distinct_on(sides.proxies, found)
-    best = ways[:n_best]
+    leading = distinct_on(sides.proxies, found)
+    best = leading[:n_best]
     if not clear:
-        found = ranked([*found, *relocated(sides, ways[:_RELOCATED])])
+        found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
         mended = distinct_on(sides.proxies, found)[:n_best]
-        best += [one for one in mended if not any(one is other for other in best)]
+        best += [one for one in mended if one not in best]
     if sides.partial:
         again = drawn_again(sides, best, (*LOOSEST, *LOOSE, *PULLS[1:]))
     else:
@@ -172,7 +172,7 @@ def follow_all(sides: Sides, ways: list[Candidate], besides: list[Candidate]) ->
     Some of the spectra's are among them even if tips lead the same way and seem better: poses of
     one body end up closer to each other from there. Of parts some from points are, too.
     """
-    left_out = [one for one in besides if not any(one is other for other in ways)]
+    left_out = [one for one in besides if one not in ways]
     rough = sides.source.rough, sides.target.rough
     poses = [lift(one.registered, *rough, *sides.proxies) for one in [*ways, *left_out]]
     return ranked(drawn(sides, sides.proxies, poses, PULLS[1:]))
