@@ -182,6 +182,7 @@ def test_a_missed_pair_is_noticed():
 
 def test_unreachable_accuracy_is_an_error(monkeypatch):
     monkeypatch.setattr(_inverse, "_POLISHINGS", 1)
+    monkeypatch.setattr(_inverse, "_PATIENCE", 2)
     with pytest.raises(SolverError, match="relative residual"):
         smallest_eigenpairs(*laplacian(*scattered(700, 0)), 20, tol=0.0)
 
@@ -286,3 +287,22 @@ def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
     assert factor.n_negative == (values < shift).sum()
     found, _ = _inverse.inverse_lanczos(matrix, k, 1e-8, 0, None)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
+
+
+def test_corrections_go_on_while_they_help(monkeypatch) -> None:
+    """What rounding leaves of pairs just beyond the known ones fades by a third each time."""
+    k, n = 40, 3000
+    values = 4 * np.pi * np.arange(n, dtype=float)
+    beyond = int(1.25 * k)  # as the shift lies at k / 2, two thirds stay each time
+    rng = np.random.default_rng(0)
+    combine = KrylovBasis.combine
+
+    def rounded(basis, coordinates):
+        vectors = combine(basis, coordinates)
+        vectors[beyond:] += 3e-8 * rng.standard_normal(vectors[beyond:].shape)
+        return vectors
+
+    monkeypatch.setattr(KrylovBasis, "combine", rounded)
+    found, vectors = _inverse.inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8, 0, None)
+    np.testing.assert_allclose(found, values[:k], atol=1e-6)
+    np.testing.assert_allclose(np.abs(vectors[:k]), np.eye(k), atol=1e-7)

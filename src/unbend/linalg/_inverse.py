@@ -20,7 +20,9 @@ from unbend.linalg.tall import column_lengths, inner, rotate, scale_and_add, spa
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
-_POLISHINGS = 3  # corrections before another try; one is the rule
+_POLISHINGS = 3  # corrections before more is taken in; one is the rule
+_PATIENCE = 30  # corrections before another try: far from the shift each leaves up to .83
+_STALLED = 0.95  # a correction that leaves more has nothing left but rounding
 ROUNDING = 20 * float(np.finfo(np.float64).eps)  # relative, of a product with the matrix
 
 
@@ -107,7 +109,7 @@ def inverse_lanczos(
             continue
         if reached > tol:
             near = basis.combine(coordinates[:, :everything])
-            best, vectors, reached = polish(values[:everything], near, steps=2 * _POLISHINGS)
+            best, vectors, reached = polish(values[:everything], near, steps=_PATIENCE)
         if reached <= tol:
             return best, vectors
         goal /= 10
@@ -261,6 +263,7 @@ def _polish(
     scale_and_add(image, 1.0, -values, vectors)
     if (column_lengths(image[:, :k]) > tol * np.maximum(values[:k], floor) / 2).any():
         _correct(vectors, factor, image)
+    worst = np.inf
     for step in range(steps):
         if step > 0:
             _correct(vectors, factor, image)
@@ -271,11 +274,13 @@ def _polish(
         scale_and_add(image, 1.0, -values, vectors)
         lengths = column_lengths(image[:, :k])
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
-        if (lengths <= tol * ranks).all():
+        last, worst = worst, float((lengths / ranks).max())
+        if worst <= tol or worst > _STALLED * last:
             break
-    else:
+    if worst > tol:
         lengths -= np.linalg.norm(abs(matrix) @ np.abs(best), axis=0) * ROUNDING
-    return values[:k], best, float(np.maximum(lengths / ranks, 0).max())
+        worst = float(np.maximum(lengths / ranks, 0).max())
+    return values[:k], best, worst
 
 
 def _correct(vectors: FloatArray, factor: Factorization, image: FloatArray) -> None:
