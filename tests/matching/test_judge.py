@@ -36,7 +36,7 @@ def _identity(shape: Shape) -> Registered:
 
 
 def _loss(shape: Shape, images: np.ndarray) -> float:
-    return _unexplained(shape, images, np.ones(len(images), dtype=bool))
+    return shape.areas @ _unexplained(shape, images, np.ones(len(images), dtype=bool))
 
 
 def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:

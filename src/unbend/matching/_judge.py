@@ -69,12 +69,8 @@ def judge(
     reflected: bool = False,
 ) -> Candidate:
     """Judge a registration of two shapes."""
-    left, right = landing_places(source, target, found)
-    ahead = _images(left, right, target, found.forward)
-    back = _images(right, left, source, found.backward)
-    within = found.source.within, found.target.within
-    ways = _unexplained(source, ahead, within[0]), _unexplained(target, back, within[1])
-    energy = float(sum(ways)) / 2
+    ahead, back = unexplained(source, target, found)
+    energy = float(source.areas @ ahead + target.areas @ back) / 2
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
         _right_side_out(target, source, found.backward, found.target),
@@ -83,11 +79,25 @@ def judge(
     return Candidate(found, energy, orientation, reflected, missed)
 
 
+def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
+    """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
+    left, right = landing_places(source, target, found)
+    ahead = _images(left, right, target, found.forward)
+    back = _images(right, left, source, found.backward)
+    return (
+        _unexplained(source, ahead, found.source.within),
+        _unexplained(target, back, found.target.within),
+    )
+
+
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
     """Costs (p,) of maps as they are, (n, p) and (m, p): what registration makes less of."""
     images = target.vertices[forward], source.vertices[backward]
     every = (np.ones(one.shape, dtype=bool) for one in (forward, backward))
-    ahead, back = map(_unexplained, (source, target), images, every)
+    ahead, back = (
+        shape.areas @ _unexplained(shape, *way)
+        for shape, *way in zip((source, target), images, every, strict=True)
+    )
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
     ]
@@ -147,11 +157,11 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
 
 
 def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
-    """Share of local shape that images (n, ..., 3) of patches, turned and scaled, do not explain.
+    """Shares (n, ...) of patches that their images (n, ..., 3), turned and scaled, do not explain.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
     1976), weighted by area; a patch that collapses is not explained at all. What has no partner
-    counts as explained in part. The shares (...,) are 0 to 1.
+    counts as explained in part.
     """
     n, spokes = len(images), shape.spokes
     graph = spokes.indptr, spokes.indices, spokes.data
@@ -163,8 +173,7 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
-    unexplained = np.where(within, 1 - explained, _WITHOUT)
-    return np.asarray(shape.areas @ unexplained)
+    return np.where(within, 1 - explained, _WITHOUT)
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:

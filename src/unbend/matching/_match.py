@@ -24,7 +24,7 @@ from unbend.matching._projection import closest_faces
 from unbend.matching._registration import landing_places, rough_start, spectral_residual
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, matched_whole, refined
+from unbend.matching._solve import candidates, make_sides, matched_whole, refined, settled
 from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
@@ -170,10 +170,12 @@ def match(
     turned = candidates(sides.reflected(), progress, several) if mirrored or allow_mirror else []
     if allow_mirror:
         found = sorted([*found, *turned], key=lambda one: one.cost)
+    found, fine = settled(sides, found) if polish else (found, {})
     whole = _TORN if partial == "auto" else 0.0
     results = []
     for i, trust in enumerate(confidences(found)[:n_matches]):
-        chosen = matched_whole(refined(sides, found[i], polish=polish), sides, whole)
+        chosen = fine.get(found[i]) or refined(sides, found[i], polish=polish)
+        chosen = matched_whole(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])
         result = _result(ours, theirs, chosen, float(trust), ranks)
         results.append(_below_vertices(result, ours, theirs, chosen) if barycentric else result)

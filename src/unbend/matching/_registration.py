@@ -13,9 +13,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs, nearest_rotation
+from unbend.linalg.factorization import factorize
 from unbend.matching._kernels import (
     edge_covariances,
     normals_into,
@@ -27,6 +30,7 @@ from unbend.matching._kernels import (
 from unbend.matching._proxy import Proxy
 from unbend.matching._shape import Shape, find_rim
 from unbend.matching._zoomout import spectral_weights
+from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
@@ -35,6 +39,8 @@ PULLS = (300.0, 1000.0, 3000.0)
 # What is near its end already begins with looser ones still, which let it slide as a whole.
 LOOSE = (30.0, 100.0, 300.0)
 LOOSEST = (3.0, 10.0)
+# On what is held when it carries the rest, and how often that is turned.
+_HOLD, _TURNS = 100.0, 12
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
 _NORMAL_WEIGHT = 0.1
@@ -244,6 +250,49 @@ def landing_places(
         np.hstack([found.source.places, source.vertices]),
         np.hstack([target.vertices, found.target.places]),
     )
+
+
+def carried(
+    shape: Shape, goal: Shape, pose: Pose, point_map: IntArray, held: BoolArray, ways: FloatArray
+) -> tuple[Pose, IntArray]:
+    """Hold vertices at their images, carry the others along as rigidly as possible, and map them.
+
+    Parameters
+    ----------
+    shape, goal : Shape
+    pose : Pose
+    point_map : (n,) ndarray of int64
+    held : (n,) ndarray of bool
+    ways : (n, n) ndarray of float64
+        Lengths of the ways between vertices: what is not held begins turned as what is nearest.
+
+    Returns
+    -------
+    Pose
+        Everything is within.
+    (n,) ndarray of int64
+        Of what is not held, what is nearest to it there and faces as it does.
+    """
+    spokes = shape.spokes
+    pulls = _HOLD * shape.areas * held
+    pulled = factorize(shape.stiffness + sp.diags(pulls), many=True)
+    force = pulls[:, None] * goal.vertices[point_map]
+    nearest = np.flatnonzero(held)[ways[:, held].argmin(axis=1)]
+    rotations = pose.rotations[nearest][:, None]
+    for _ in range(_TURNS):
+        turned = rotated_divergence(
+            spokes.indptr, spokes.indices, spokes.data, shape.vertices, rotations
+        )
+        places = pulled.solve(pose.size * turned[:, 0] + force)
+        turn_rotations(_covariances(shape, shape.vertices, places[:, None]), rotations)
+    normals = vertex_normals(places, shape.faces), goal.normals
+    there, here = (
+        np.hstack([points, _NORMAL_WEIGHT * directions])
+        for points, directions in zip((places, goal.vertices), normals, strict=True)
+    )
+    within = np.ones(len(places), dtype=bool)
+    moved = Pose(places, np.ascontiguousarray(rotations[:, 0]), within, pose.size)
+    return moved, np.where(held, point_map, cKDTree(here).query(there)[1])
 
 
 class _Moving:

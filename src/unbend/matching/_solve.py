@@ -12,6 +12,7 @@ import numpy as np
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
+from unbend.matching._continuation import continued, patches_to_hold
 from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_costs
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
@@ -46,11 +47,16 @@ _CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides.
 _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
-# So many of those are mended by the ways that they agree with.
+# So many of those are mended by the ways that they agree with; for parts so many, and the best once
+# more, by what they explain best, so often.
 _RELOCATED = 6
+_CONTINUED, _TIMES = 4, 2
 # So many of all start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
+# For parts at most so many, which cost at most so many times the least, are told apart on the full
+# meshes: rims are coarse on proxies.
+_SETTLED, _NEARLY = 3, 1.15
 # Growth on the full meshes begins with so many functions and multiplies their number by this, over
 # so many samples.
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
@@ -140,6 +146,9 @@ def candidates(
     best = leading[:n_best]
     if not clear:
         found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
+        if sides.partial:
+            leading = distinct_on(sides.proxies, found)
+            found = ranked([*found, *continued_on(sides, leading[:_CONTINUED])])
         mended = distinct_on(sides.proxies, found)[:n_best]
         best += [one for one in mended if one not in best]
     if sides.partial:
@@ -148,6 +157,9 @@ def candidates(
         again = regrown(sides, best)
     found = ranked([*found, *again])
     best = distinct_on(sides.proxies, found)[:n_best]
+    if sides.partial and not clear:
+        found = ranked([*found, *continued_on(sides, best)])
+        best = distinct_on(sides.proxies, found)[:n_best]
     found = ranked([*found, *drawn_again(sides, best, PULLS)])
     if on_step is not None:
         on_step("search", 1.0)
@@ -259,6 +271,23 @@ def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
     return follow_all(sides, drawn(sides, sides.rough, starts, LOOSE, resize=False), [])
 
 
+def continued_on(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Register from what candidates explain best, continued, and from what comes out again."""
+    ours, theirs = sides.rough
+    ways = ways_between(ours), ways_between(theirs)
+    found: list[Candidate] = []
+    poses = [lower(one.registered, sides.source.rough, sides.target.rough) for one in candidates]
+    for _ in range(_TIMES):
+        held = [(one, patches) for one in poses for patches in patches_to_hold(ours, theirs, one)]
+        starts = run_all(
+            functools.partial(continued, ours, theirs, one, ways, patches) for one, patches in held
+        )
+        begun = distinct_on(sides.rough, ranked(drawn(sides, sides.rough, starts, LOOSE)))
+        poses = [one.registered for one in begun[:_FOLLOWED]]
+        found += begun
+    return follow_all(sides, distinct_on(sides.rough, ranked(found))[:_FOLLOWED], [])
+
+
 def drawn_again(
     sides: Sides, candidates: Iterable[Candidate], pulls: tuple[float, ...]
 ) -> list[Candidate]:
@@ -309,6 +338,32 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         return judge(ours, theirs, found, candidate.reflected)
 
     return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
+
+
+def settled(
+    sides: Sides, ranks: list[Candidate]
+) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
+    """Rank those candidates for parts anew, on the full meshes, that cost nearly the same.
+
+    Returns
+    -------
+    list of Candidate
+        All of them, the best first. Energies are still those of proxies: what is known from the
+        full meshes is the proxies' energy of what was the best, so many times more or less.
+    dict
+        Of those, what :func:`refined` makes of them.
+    """
+    least = ranks[0].cost
+    nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * least]
+    if not sides.partial or len(nearly) == 1:
+        return ranks, {}
+    fine = run_all(functools.partial(refined, sides, one) for one in nearly)
+    unit = nearly[0].energy / max(fine[0].energy, 10.0**-DIGITS)
+    known = {
+        replace(rough, energy=unit * one.energy): one
+        for rough, one in zip(nearly, fine, strict=True)
+    }
+    return ranked([*known, *ranks[len(nearly) :]]), known
 
 
 def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:

@@ -1,0 +1,108 @@
+"""Hypotheses mended from what they explain best: truths that hold for a body that did not move."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from unbend import Mesh
+from unbend._types import BoolArray, IntArray
+from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
+from unbend.matching._continuation import continued, patches_to_hold
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._registration import Registered, mapped_start
+from unbend.matching._relocation import ways_between
+from unbend.matching._shape import Shape
+from unbend.matching._solve import candidates, make_sides, settled
+
+SOURCE = make_quadruped("standing", n_vertices=500)
+TARGET = make_quadruped("standing", n_vertices=500, meshing=1)
+THERE, BACK = rest_map(SOURCE, TARGET), rest_map(TARGET, SOURCE)
+
+
+@pytest.fixture(scope="module")
+def shapes() -> tuple[Shape, Shape]:
+    first, second = (prepare_shape(body.mesh, 20, True).shape for body in (SOURCE, TARGET))
+    return first, second
+
+
+@pytest.fixture(scope="module")
+def swapped(shapes: tuple[Shape, Shape]) -> Registered:
+    """Right but for one foreleg, which lies on the other one."""
+    assert TARGET.mirror is not None
+    forward = np.where(_leg(), TARGET.mirror[THERE], THERE)
+    return mapped_start(*shapes, forward, BACK, 1.0)
+
+
+def _leg() -> BoolArray:
+    named = [i for i, part in enumerate(SOURCE.parts) if "foreleg" in part]
+    return np.asarray(SOURCE.labels == named[0])
+
+
+def _off(found: IntArray, shape: Shape) -> np.ndarray:
+    return np.linalg.norm(shape.vertices[found] - shape.vertices[THERE], axis=1)
+
+
+def _all_continued(shapes: tuple[Shape, Shape], found: Registered) -> list[Registered]:
+    ways = ways_between(shapes[0]), ways_between(shapes[1])
+    return [continued(*shapes, found, ways, held) for held in patches_to_hold(*shapes, found)]
+
+
+def test_a_leg_that_lies_on_the_other_one_finds_back(
+    shapes: tuple[Shape, Shape], swapped: Registered
+) -> None:
+    assert _off(swapped.forward, shapes[1])[_leg()].mean() > 0.1
+    mended = _all_continued(shapes, swapped)
+    assert min(_off(one.forward, shapes[1])[_leg()].mean() for one in mended) < 0.03
+
+
+def test_what_is_right_stays_so(shapes: tuple[Shape, Shape]) -> None:
+    for one in _all_continued(shapes, mapped_start(*shapes, THERE, BACK, 1.0)):
+        assert _off(one.forward, shapes[1]).mean() < 0.02
+
+
+def test_either_piece_of_a_twisted_map_is_held() -> None:
+    """One end of a box as it is, the other half a turn on: either end may be right."""
+    ball = make_sphere(3)
+    box = prepare_shape(Mesh(ball.vertices * [2.4, 1.0, 0.7], ball.faces), 20, True).shape
+    every = np.arange(len(box.areas))
+    turned = cKDTree(box.vertices).query(box.vertices * [1, -1, -1])[1]
+    front = box.vertices[:, 0] > 0
+    twisted = np.where(front, every, turned)
+    found = mapped_start(box, box, twisted, twisted, 1.0)
+    ways = ways_between(box)
+    held = patches_to_hold(box, box, found)
+    assert len(held) == 3  # both, and each
+    for mine, other in held:
+        moved = continued(box, box, found, (ways, ways), (mine, other))
+        np.testing.assert_array_equal(moved.forward[mine], twisted[mine])
+        np.testing.assert_array_equal(moved.backward[other], twisted[other])
+    leads = [continued(box, box, found, (ways, ways), one).forward for one in held[1:]]
+    for truth in (every, turned):
+        off = [np.linalg.norm(box.vertices[one] - box.vertices[truth], axis=1) for one in leads]
+        assert min(one.mean() for one in off) < 0.02
+
+
+def test_where_nothing_has_a_partner_nothing_is_held(
+    shapes: tuple[Shape, Shape], swapped: Registered
+) -> None:
+    none = swapped.source._replace(within=np.zeros(len(shapes[0].areas), dtype=bool))
+    assert patches_to_hold(*shapes, swapped._replace(source=none)) == []
+
+
+def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever the proxies say: all that may be best is looked at, and what is best there wins."""
+    monkeypatch.setattr("unbend.matching._solve._NEARLY", np.inf)
+    half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
+    part = prepare_shape(half, 60, True, partial=True).shape
+    sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape)
+    best, other, *rest = candidates(sides, thorough=True)
+    found, fine = settled(sides, [other, best, *rest])
+    assert found[0].registered is best.registered
+    known = [one for one in found if one in fine]
+    assert len(known) > 1
+    was = next(one for one in known if one.registered is other.registered)
+    assert was.energy == pytest.approx(other.energy)
+    for one in known:  # in the proxies' unit
+        assert one.energy == pytest.approx(other.energy * fine[one].energy / fine[was].energy)
