@@ -9,17 +9,24 @@ it belongs.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from unbend._arrays import snap
-from unbend._types import BoolArray, FloatArray
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.linalg.factorization import factorize
 from unbend.matching._judge import unexplained
-from unbend.matching._registration import Registered, carried
+from unbend.matching._kernels import rotated_divergence, turn_rotations
+from unbend.matching._registration import NORMAL_WEIGHT, Pose, Registered, local_covariances
 from unbend.matching._shape import Shape
+from unbend.mesh import vertex_normals
 
 # The share of what has partners that is held, the best explained: all of it, and its largest
 # pieces, so many, that have at least so much of it.
-_HELD, _PIECES, _LEAST = 0.5, 2, 0.1
+_HELD, _PIECES, _LEAST_PIECE = 0.5, 2, 0.1
+# The pull on what is held, in units of 1 / area, and how often the rest is turned.
+_HOLD, _CARRYING = 100.0, 12
 
 
 def patches_to_hold(
@@ -42,7 +49,7 @@ def patches_to_hold(
     areas = snap(np.asarray(np.bincount(pieces, source.areas[rows]), dtype=np.float64))
     largest = np.argsort(-areas, kind="stable")[:_PIECES]
     held = [(ours, theirs)]
-    for piece in largest[areas[largest] >= _LEAST * areas.sum()]:
+    for piece in largest[areas[largest] >= _LEAST_PIECE * areas.sum()]:
         mine = np.zeros_like(ours)
         mine[rows[pieces == piece]] = True
         other = theirs & mine[found.backward]
@@ -69,8 +76,8 @@ def continued(
     held : two ndarrays of bool
         See :func:`patches_to_hold`.
     """
-    ours, forward = carried(source, target, found.source, found.forward, held[0], ways[0])
-    theirs, backward = carried(target, source, found.target, found.backward, held[1], ways[1])
+    ours, forward = _carried(source, target, found.source, found.forward, held[0], ways[0])
+    theirs, backward = _carried(target, source, found.target, found.backward, held[1], ways[1])
     return Registered(forward, backward, ours, theirs)
 
 
@@ -80,3 +87,32 @@ def _best_explained(areas: FloatArray, shares: FloatArray) -> BoolArray:
     held = np.zeros(len(areas), dtype=bool)
     held[order[before < _HELD * areas.sum()]] = True
     return held
+
+
+def _carried(
+    shape: Shape, goal: Shape, pose: Pose, point_map: IntArray, held: BoolArray, ways: FloatArray
+) -> tuple[Pose, IntArray]:
+    """Hold vertices at their images, carry the others along, and map these to what is nearest.
+
+    What is nearest there faces as they do. They begin turned as what is held nearest to them.
+    """
+    spokes = shape.spokes
+    pulls = _HOLD * shape.areas * held
+    pulled = factorize(shape.stiffness + sp.diags(pulls), many=True)
+    force = pulls[:, None] * goal.vertices[point_map]
+    nearest = np.flatnonzero(held)[snap(ways[:, held]).argmin(axis=1)]
+    rotations = pose.rotations[nearest][:, None]
+    for _ in range(_CARRYING):
+        turned = rotated_divergence(
+            spokes.indptr, spokes.indices, spokes.data, shape.vertices, rotations
+        )
+        places = pulled.solve(pose.size * turned[:, 0] + force)
+        turn_rotations(local_covariances(shape, shape.vertices, places[:, None]), rotations)
+    normals = vertex_normals(places, shape.faces), goal.normals
+    there, here = (
+        np.hstack([points, NORMAL_WEIGHT * directions])
+        for points, directions in zip((places, goal.vertices), normals, strict=True)
+    )
+    within = np.ones(len(places), dtype=bool)
+    moved = Pose(places, np.ascontiguousarray(rotations[:, 0]), within, pose.size)
+    return moved, np.where(held, point_map, cKDTree(here).query(there)[1])

@@ -13,12 +13,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs, nearest_rotation
-from unbend.linalg.factorization import factorize
 from unbend.matching._kernels import (
     edge_covariances,
     normals_into,
@@ -30,7 +27,6 @@ from unbend.matching._kernels import (
 from unbend.matching._proxy import Proxy
 from unbend.matching._shape import Shape, find_rim
 from unbend.matching._zoomout import spectral_weights
-from unbend.mesh import vertex_normals
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
@@ -39,11 +35,9 @@ PULLS = (300.0, 1000.0, 3000.0)
 # What is near its end already begins with looser ones still, which let it slide as a whole.
 LOOSE = (30.0, 100.0, 300.0)
 LOOSEST = (3.0, 10.0)
-# On what is held when it carries the rest, and how often that is turned.
-_HOLD, _TURNS = 100.0, 12
 # Closest points are sought from where the last step leads to, which speeds up a slow slide.
 _MOMENTUM = 0.7
-_NORMAL_WEIGHT = 0.1
+NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
 # Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
 # there and back may end where a pair draws.
@@ -125,7 +119,7 @@ def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose
     """Pose of vertices at the images that a map gives, averaged over patches."""
     both = np.hstack([shape.vertices, goal.vertices[point_map]])
     places = shape.patches.solve(shape.areas[:, None] * both)
-    covariances = _covariances(
+    covariances = local_covariances(
         shape, np.ascontiguousarray(places[:, :3]), np.ascontiguousarray(places[:, 3:])
     )
     rotations = np.ascontiguousarray(nearest_rotation(covariances.transpose(0, 2, 1)))
@@ -252,49 +246,6 @@ def landing_places(
     )
 
 
-def carried(
-    shape: Shape, goal: Shape, pose: Pose, point_map: IntArray, held: BoolArray, ways: FloatArray
-) -> tuple[Pose, IntArray]:
-    """Hold vertices at their images, carry the others along as rigidly as possible, and map them.
-
-    Parameters
-    ----------
-    shape, goal : Shape
-    pose : Pose
-    point_map : (n,) ndarray of int64
-    held : (n,) ndarray of bool
-    ways : (n, n) ndarray of float64
-        Lengths of the ways between vertices: what is not held begins turned as what is nearest.
-
-    Returns
-    -------
-    Pose
-        Everything is within.
-    (n,) ndarray of int64
-        Of what is not held, what is nearest to it there and faces as it does.
-    """
-    spokes = shape.spokes
-    pulls = _HOLD * shape.areas * held
-    pulled = factorize(shape.stiffness + sp.diags(pulls), many=True)
-    force = pulls[:, None] * goal.vertices[point_map]
-    nearest = np.flatnonzero(held)[ways[:, held].argmin(axis=1)]
-    rotations = pose.rotations[nearest][:, None]
-    for _ in range(_TURNS):
-        turned = rotated_divergence(
-            spokes.indptr, spokes.indices, spokes.data, shape.vertices, rotations
-        )
-        places = pulled.solve(pose.size * turned[:, 0] + force)
-        turn_rotations(_covariances(shape, shape.vertices, places[:, None]), rotations)
-    normals = vertex_normals(places, shape.faces), goal.normals
-    there, here = (
-        np.hstack([points, _NORMAL_WEIGHT * directions])
-        for points, directions in zip((places, goal.vertices), normals, strict=True)
-    )
-    within = np.ones(len(places), dtype=bool)
-    moved = Pose(places, np.ascontiguousarray(rotations[:, 0]), within, pose.size)
-    return moved, np.where(held, point_map, cKDTree(here).query(there)[1])
-
-
 class _Moving:
     """A shape, its goal, and poses side by side; `ahead` is where the last step leads to.
 
@@ -307,7 +258,7 @@ class _Moving:
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.within = np.stack([one.within for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
-        self.resting = np.hstack([shape.vertices, _NORMAL_WEIGHT * shape.normals])
+        self.resting = np.hstack([shape.vertices, NORMAL_WEIGHT * shape.normals])
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -329,7 +280,7 @@ class _Moving:
         load = self.size[:, None] * turned + pull * force
         solved = shape.pulled(pull).solve(load.reshape(len(load), -1)).reshape(load.shape)
         before, self.places = self.places, solved
-        self.covariances = _covariances(shape, shape.vertices, self.places)
+        self.covariances = local_covariances(shape, shape.vertices, self.places)
         turn_rotations(self.covariances, self.rotations)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
 
@@ -363,7 +314,7 @@ class _Moving:
         rows = np.empty((*self.ahead.shape[:2], 12))
         rows[..., ahead : ahead + 3] = self.ahead
         normals_into(rows, ahead + 3, self.ahead, self.shape.faces, *self.shape.fans)
-        rows[..., ahead + 3 : ahead + 6] *= _NORMAL_WEIGHT
+        rows[..., ahead + 3 : ahead + 6] *= NORMAL_WEIGHT
         rows[..., rest : rest + 6] = self.resting[:, None]
         return rows
 
@@ -396,7 +347,7 @@ def _leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArra
     return np.asarray(off < _WAY_BACK * shape.edge)
 
 
-def _covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
+def local_covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
     """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, ..., 3, 3)."""
     spokes = shape.spokes
     cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, places)
@@ -407,7 +358,7 @@ def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
     k = len(functional_map)
     basis = shape.basis[:, :k]
     places = basis @ (functional_map @ goal.position_coefficients[:k])
-    covariances = _covariances(shape, basis @ shape.position_coefficients[:k], places)
+    covariances = local_covariances(shape, basis @ shape.position_coefficients[:k], places)
     rotations = nearest_rotation(covariances.transpose(0, 2, 1))
     return Pose(places, np.ascontiguousarray(rotations), np.ones(len(places), dtype=bool))
 

@@ -50,7 +50,7 @@ _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
 # So many of those are mended by the ways that they agree with; for parts so many, and the best once
 # more, by what they explain best, so often.
 _RELOCATED = 6
-_CONTINUED, _TIMES = 4, 2
+_CONTINUED, _AGAIN = 4, 2
 # So many of all start anew from smooth maps of their own: of few functions, and of many, which
 # is better where the two metrics agree and worse where not; the judge tells.
 _REGROWN, _SMOOTH = 4, (30, 120)
@@ -277,7 +277,7 @@ def continued_on(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidat
     ways = ways_between(ours), ways_between(theirs)
     found: list[Candidate] = []
     poses = [lower(one.registered, sides.source.rough, sides.target.rough) for one in candidates]
-    for _ in range(_TIMES):
+    for _ in range(_AGAIN):
         held = [(one, patches) for one in poses for patches in patches_to_hold(ours, theirs, one)]
         starts = run_all(
             functools.partial(continued, ours, theirs, one, ways, patches) for one, patches in held
