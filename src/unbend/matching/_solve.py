@@ -142,15 +142,10 @@ def candidates(
             others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
     n_best = 1 if clear else _REGROWN
-    leading = distinct_on(sides.proxies, found)
-    best = leading[:n_best]
+    best = distinct_on(sides.proxies, found)[:n_best]
     if not clear:
-        found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
-        if sides.partial:
-            leading = distinct_on(sides.proxies, found)
-            found = ranked([*found, *continued_on(sides, leading[:_CONTINUED])])
-        mended = distinct_on(sides.proxies, found)[:n_best]
-        best += [one for one in mended if one not in best]
+        found = mended(sides, found)
+        best += [one for one in distinct_on(sides.proxies, found)[:n_best] if one not in best]
     if sides.partial:
         again = drawn_again(sides, best, (*LOOSEST, *LOOSE, *PULLS[1:]))
     else:
@@ -254,6 +249,16 @@ def from_guesses(
     best = distinct_on(sides.rough, begun)[:_TIGHTENED]
     poses = [one.registered for one in best]
     return drawn(sides, sides.rough, poses, LOOSE[1:], resize=False)
+
+
+def mended(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Add to ranked candidates what the best become by the ways, and by the patches, that agree."""
+    leading = distinct_on(sides.proxies, found)
+    found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
+    if sides.partial:
+        leading = distinct_on(sides.proxies, found)
+        found = ranked([*found, *continued_on(sides, leading[:_CONTINUED])])
+    return found
 
 
 def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
