@@ -124,7 +124,7 @@ def set_constant(name: str, factor: float) -> None:
     """Change a constant in this process, from here on."""
     for place in (CONSTANTS | OF_PARTS)[name]:
         module: Any = importlib.import_module(f"unbend.matching.{place}")
-        if name in ("_GROWTH", "_FACTOR"):  # what counts is how far it is from 1
+        if name in ("_GROWTH", "_FACTOR", "_NEARLY"):  # what counts is how far it is from 1
             setattr(module, name, 1 + factor * (getattr(module, name) - 1))
         else:
             setattr(module, name, scaled(getattr(module, name), factor))
