@@ -96,6 +96,7 @@ OF_PARTS = {
     "_CARRYING": ("_continuation",),
     "_SETTLED": ("_solve",),
     "_NEARLY": ("_solve",),
+    "_SMOOTHED": ("_solve",),
     "_FAR": ("_points",),
     "_POLISHED_OVER": ("_solve",),
     "LOOSEST": ("_registration", "_solve"),

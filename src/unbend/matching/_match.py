@@ -24,7 +24,7 @@ from unbend.matching._projection import closest_faces
 from unbend.matching._registration import landing_places, rough_start, spectral_residual
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, matched_whole, refined, settled
+from unbend.matching._solve import candidates, make_sides, refined, settled, with_partners
 from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
@@ -175,7 +175,7 @@ def match(
     results = []
     for i, trust in enumerate(confidences(found)[:n_matches]):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=polish)
-        chosen = matched_whole(chosen, sides, whole)
+        chosen = with_partners(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])
         result = _result(ours, theirs, chosen, float(trust), ranks)
         results.append(_below_vertices(result, ours, theirs, chosen) if barycentric else result)
@@ -183,7 +183,7 @@ def match(
             progress("refine", (i + 1) / n_matches)
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        other = matched_whole(refined(sides, turned[0], polish=polish), sides, whole).registered
+        other = with_partners(refined(sides, turned[0], polish=polish), sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
     for row in result.missed_landmarks:
         warnings.warn(

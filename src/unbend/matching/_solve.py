@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._arrays import snap
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
 from unbend.matching._continuation import continued, patches_to_hold
 from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_costs
@@ -57,6 +58,8 @@ _REGROWN, _SMOOTH = 4, (30, 120)
 # For parts at most so many, which cost at most so many times the least, are told apart on the full
 # meshes: rims are coarse on proxies.
 _SETTLED, _NEARLY = 3, 1.15
+# Who has a partner there is averaged so often with the neighbours, for rims are ragged.
+_SMOOTHED = 2
 # Growth on the full meshes begins with so many functions and multiplies their number by this, over
 # so many samples.
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
@@ -371,14 +374,25 @@ def settled(
     return ranked([*known, *ranks[len(nearly) :]]), known
 
 
-def matched_whole(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
-    """Give every vertex its partner, unless more than a share of either area is to have none."""
+def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
+    """Give vertices a partner, or none, as most around them have.
+
+    All get one, unless more than a share of either area is to have none.
+    """
     found = candidate.registered
     poses = []
     for pose, level in zip(found[2:], sides[:2], strict=True):
-        none = float(level.shape.areas @ ~pose.within)
-        poses.append(pose if none > torn else pose._replace(within=np.ones_like(pose.within)))
+        within = _as_most_around(level.shape, pose.within)
+        none = float(level.shape.areas @ ~within)
+        poses.append(pose._replace(within=within if none > torn else np.ones_like(within)))
     return replace(candidate, registered=Registered(*found[:2], *poses))
+
+
+def _as_most_around(shape: Shape, within: BoolArray) -> BoolArray:
+    neighbors, share = shape.spokes != 0, within.astype(np.float64)
+    for _ in range(_SMOOTHED):
+        share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
+    return np.asarray(snap(share) > 0.5)
 
 
 def grown_start(
