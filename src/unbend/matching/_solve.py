@@ -361,12 +361,12 @@ def settled(
     dict
         Of those, what :func:`refined` makes of them.
     """
-    least = ranks[0].cost
-    nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * least]
+    first, *others = ranks[:_SETTLED]
+    nearly = [first, *(one for one in others if one.cost <= _NEARLY * first.cost)]
     if not sides.partial or len(nearly) == 1:
         return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
-    unit = nearly[0].energy / max(fine[0].energy, 10.0**-DIGITS)
+    unit = first.energy / max(fine[0].energy, 10.0**-DIGITS)
     known = {
         replace(rough, energy=unit * one.energy): one
         for rough, one in zip(nearly, fine, strict=True)
