@@ -9,10 +9,11 @@ from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
 from unbend.matching._continuation import continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._polish import settled
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._relocation import ways_between
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, settled
+from unbend.matching._solve import candidates, make_sides
 
 SOURCE = make_quadruped("standing", n_vertices=500)
 TARGET = make_quadruped("standing", n_vertices=500, meshing=1)
@@ -93,7 +94,7 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whatever the proxies say: all that may be best is looked at, and what is best there wins."""
-    monkeypatch.setattr("unbend.matching._solve._NEARLY", np.inf)
+    monkeypatch.setattr("unbend.matching._polish._NEARLY", np.inf)
     half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
     part = prepare_shape(half, 60, True, partial=True).shape
     sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape)

@@ -12,7 +12,8 @@ from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import match, symmetry
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._solve import candidates, make_sides, refined
+from unbend.matching._polish import refined
+from unbend.matching._solve import candidates, make_sides
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 

@@ -10,9 +10,10 @@ from unbend.datasets import make_biped, make_sphere
 from unbend.matching import _solve
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import distinct
+from unbend.matching._polish import with_partners
 from unbend.matching._proxy import make_proxy
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, with_partners
+from unbend.matching._solve import candidates, make_sides
 from unbend.matching._tips import find_tips
 
 

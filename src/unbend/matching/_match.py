@@ -20,11 +20,12 @@ from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidences, judge
+from unbend.matching._polish import refined, settled, with_partners
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import landing_places, rough_start, spectral_residual
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides, refined, settled, with_partners
+from unbend.matching._solve import candidates, make_sides
 from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4

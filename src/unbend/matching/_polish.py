@@ -1,0 +1,127 @@
+"""From the proxies to the shapes themselves: growth, polish, and who has a partner at all."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from unbend._arrays import snap
+from unbend._parallel import one_blas_thread, run_all
+from unbend._types import BoolArray, FloatArray
+from unbend.matching._judge import DIGITS, Candidate, judge, ranked
+from unbend.matching._registration import (
+    PULLS,
+    Registered,
+    bearable,
+    lift,
+    register,
+    smooth_start,
+)
+from unbend.matching._shape import Shape
+from unbend.matching._solve import STEPS, Sides, functional_map, make_ready
+from unbend.matching._zoomout import grow
+
+# Growth begins with so many functions and multiplies their number by this, over so many samples.
+_GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
+# Parts balance stiffness and pull over at least so many edges.
+_POLISHED_OVER = 2.0
+# For parts at most so many, which cost at most so many times the least, are told apart: rims are
+# coarse on proxies.
+_SETTLED, _NEARLY = 3, 1.15
+# Who has a partner is averaged so often with the neighbours, for rims are ragged.
+_SMOOTHED = 2
+
+
+@one_blas_thread()
+def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
+    """Bring a candidate from the proxies to the shapes themselves.
+
+    They are registered from the proxies' poses and, if they are whole, once more from those of
+    their functional map grown through all eigenfunctions, which slides less where the two metrics
+    agree. The judge tells.
+    """
+    if candidate.reflected != sides.turned:
+        sides = sides.reflected()
+    ours, theirs = sides.source.shape, sides.target.shape
+    lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
+    if not polish:
+        return judge(ours, theirs, lifted, candidate.reflected)
+    pulls = bearable(ours, theirs, PULLS[1:], _POLISHED_OVER)
+    ready = pulls if sides.partial else PULLS
+    run_all(functools.partial(make_ready, one, ready) for one in (ours, theirs))
+
+    def from_proxies() -> Candidate:
+        (found,) = register(ours, theirs, [lifted], pulls, STEPS // 2)
+        return judge(ours, theirs, found, candidate.reflected)
+
+    def grown() -> Candidate:
+        start = grown_start(ours, theirs, functional_map(sides, candidate, _GROWN_FROM), lifted)
+        (found,) = register(ours, theirs, [start], PULLS, STEPS)
+        return judge(ours, theirs, found, candidate.reflected)
+
+    return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
+
+
+def settled(
+    sides: Sides, ranks: list[Candidate]
+) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
+    """Rank those candidates for parts anew, on the full meshes, that cost nearly the same.
+
+    Returns
+    -------
+    list of Candidate
+        All of them, the best first. Energies are still those of proxies: what is known from the
+        full meshes is the proxies' energy of what was the best, so many times more or less.
+    dict
+        Of those, what :func:`refined` makes of them.
+    """
+    first, *others = ranks[:_SETTLED]
+    nearly = [first, *(one for one in others if one.cost <= _NEARLY * first.cost)]
+    if not sides.partial or len(nearly) == 1:
+        return ranks, {}
+    fine = run_all(functools.partial(refined, sides, one) for one in nearly)
+    unit = first.energy / max(fine[0].energy, 10.0**-DIGITS)
+    known = {
+        replace(rough, energy=unit * one.energy): one
+        for rough, one in zip(nearly, fine, strict=True)
+    }
+    return ranked([*known, *ranks[len(nearly) :]]), known
+
+
+def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
+    """Give vertices a partner, or none, as most around them have.
+
+    All get one, unless more than a share of either area is to have none.
+    """
+    found = candidate.registered
+    poses = []
+    for pose, level in zip(found[2:], sides[:2], strict=True):
+        within = _as_most_around(level.shape, pose.within)
+        none = float(level.shape.areas @ ~within)
+        poses.append(pose._replace(within=within if none > torn else np.ones_like(within)))
+    return replace(candidate, registered=Registered(*found[:2], *poses))
+
+
+def _as_most_around(shape: Shape, within: BoolArray) -> BoolArray:
+    neighbors, share = shape.spokes != 0, within.astype(np.float64)
+    for _ in range(_SMOOTHED):
+        share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
+    return np.asarray(snap(share) > 0.5)
+
+
+def grown_start(
+    source: Shape, target: Shape, functional_map: FloatArray, near: Registered
+) -> Registered:
+    """Poses and maps of a functional map grown through all functions, sought from near ones."""
+    sizes, most = [len(functional_map)], min(source.k, target.k)
+    while sizes[-1] < most:
+        sizes.append(min(most, round(_GROWTH * sizes[-1])))
+    grown = grow(
+        (source.eigenvalues, source.basis[source.samples[:_GROWN_OVER]]),
+        (target.eigenvalues, target.basis[target.samples[:_GROWN_OVER]]),
+        functional_map,
+        sizes[1:],
+    )
+    return smooth_start(source, target, grown, near)
