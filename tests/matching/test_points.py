@@ -51,6 +51,12 @@ def test_a_sphere_is_round_everywhere_and_low_from_above():
     assert (find_points(hollow, 20).surroundings[:, :, 1] > 0).all()
 
 
+def test_a_point_of_a_fin_which_faces_nowhere_is_described_all_the_same():
+    shape = shape_of(make_sheet(21))
+    shape.normals[shape.samples[0]] = 0
+    assert np.isfinite(find_points(shape, 10).surroundings).all()
+
+
 def test_surroundings_end_at_rims():
     body = make_sheet(21)
     points = find_points(shape_of(body), 30)

@@ -113,7 +113,8 @@ def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray,
     offsets, facing = shape.vertices - shape.vertices[vertex], shape.normals @ normal
     inside = np.clip((radii[:, None] - field) / shape.edge + 0.5, 0, 1) * shape.areas
     seen = inside * np.clip(facing / _FACING, 0, 1)
-    total = seen.sum(axis=1, keepdims=True)
+    # A vertex whose faces lie back to back faces nowhere, and sees nothing.
+    total = np.maximum(seen.sum(axis=1, keepdims=True), _LEAST**2)
     means = seen @ offsets / total
     squares = np.einsum("rn,ni,nj->rij", seen, offsets, offsets) / total[:, :, None]
     spread = np.linalg.eigvalsh(squares - means[:, :, None] * means[:, None])
