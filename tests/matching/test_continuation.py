@@ -11,7 +11,6 @@ from unbend.matching._continuation import continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._polish import settled
 from unbend.matching._registration import Registered, mapped_start
-from unbend.matching._relocation import ways_between
 from unbend.matching._shape import Shape
 from unbend.matching._solve import candidates, make_sides
 
@@ -44,8 +43,7 @@ def _off(found: IntArray, shape: Shape) -> np.ndarray:
 
 
 def _all_continued(shapes: tuple[Shape, Shape], found: Registered) -> list[Registered]:
-    ways = ways_between(shapes[0]), ways_between(shapes[1])
-    return [continued(*shapes, found, ways, held) for held in patches_to_hold(*shapes, found)]
+    return [continued(*shapes, found, held) for held in patches_to_hold(*shapes, found)]
 
 
 def test_a_leg_that_lies_on_the_other_one_finds_back(
@@ -70,14 +68,13 @@ def test_either_piece_of_a_twisted_map_is_held() -> None:
     front = box.vertices[:, 0] > 0
     twisted = np.where(front, every, turned)
     found = mapped_start(box, box, twisted, twisted, 1.0)
-    ways = ways_between(box)
     held = patches_to_hold(box, box, found)
     assert len(held) == 3  # both, and each
     for mine, other in held:
-        moved = continued(box, box, found, (ways, ways), (mine, other))
+        moved = continued(box, box, found, (mine, other))
         np.testing.assert_array_equal(moved.forward[mine], twisted[mine])
         np.testing.assert_array_equal(moved.backward[other], twisted[other])
-    leads = [continued(box, box, found, (ways, ways), one).forward for one in held[1:]]
+    leads = [continued(box, box, found, one).forward for one in held[1:]]
     for truth in (every, turned):
         off = [np.linalg.norm(box.vertices[one] - box.vertices[truth], axis=1) for one in leads]
         assert min(one.mean() for one in off) < 0.02

@@ -62,7 +62,6 @@ def continued(
     source: Shape,
     target: Shape,
     found: Registered,
-    ways: tuple[FloatArray, FloatArray],
     held: tuple[BoolArray, BoolArray],
 ) -> Registered:
     """Place what is not held where it is carried to, and map it to what is nearest there.
@@ -71,13 +70,11 @@ def continued(
     ----------
     source, target : Shape
     found : Registered
-    ways : two ndarrays of float64
-        See :func:`unbend.matching._relocation.ways_between`.
     held : two ndarrays of bool
         See :func:`patches_to_hold`.
     """
-    ours, forward = _carried(source, target, found.source, found.forward, held[0], ways[0])
-    theirs, backward = _carried(target, source, found.target, found.backward, held[1], ways[1])
+    ours, forward = _carried(source, target, found.source, found.forward, held[0])
+    theirs, backward = _carried(target, source, found.target, found.backward, held[1])
     return Registered(forward, backward, ours, theirs)
 
 
@@ -90,7 +87,7 @@ def _best_explained(areas: FloatArray, shares: FloatArray) -> BoolArray:
 
 
 def _carried(
-    shape: Shape, goal: Shape, pose: Pose, point_map: IntArray, held: BoolArray, ways: FloatArray
+    shape: Shape, goal: Shape, pose: Pose, point_map: IntArray, held: BoolArray
 ) -> tuple[Pose, IntArray]:
     """Hold vertices at their images, carry the others along, and map these to what is nearest.
 
@@ -100,7 +97,7 @@ def _carried(
     pulls = _HOLD * shape.areas * held
     pulled = factorize(shape.stiffness + sp.diags(pulls), many=True)
     force = pulls[:, None] * goal.vertices[point_map]
-    nearest = np.flatnonzero(held)[snap(ways[:, held]).argmin(axis=1)]
+    nearest = np.flatnonzero(held)[snap(shape.ways[:, held]).argmin(axis=1)]
     rotations = pose.rotations[nearest][:, None]
     for _ in range(_CARRYING):
         turned = rotated_divergence(

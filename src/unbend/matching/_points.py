@@ -18,7 +18,7 @@ from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching._shape import Shape
-from unbend.matching._tips import Guess, edge_graph
+from unbend.matching._tips import Guess
 
 # Surroundings are described within so many distances, from this one on, in sqrt(area), each by
 # this factor longer than the last. Sizes of a part beside the whole are tried by the same factor,
@@ -72,13 +72,13 @@ def sizes_to_try(source: Shape, target: Shape) -> range:
 
 def find_points(shape: Shape, count: int) -> Points:
     """Find points as far from each other as possible, and describe what is around them."""
-    graph = edge_graph(shape)
+    lengths = shape.edge_lengths
     chosen = [int(shape.samples[0])]
-    fields = [dijkstra(graph, directed=False, indices=chosen[0])]
+    fields = [dijkstra(lengths, directed=False, indices=chosen[0])]
     nearest = snap(fields[0])  # of equally far ones the first is taken, on every processor
     while len(chosen) < min(count, len(shape.areas)):
         chosen.append(int(nearest.argmax()))
-        fields.append(dijkstra(graph, directed=False, indices=chosen[-1]))
+        fields.append(dijkstra(lengths, directed=False, indices=chosen[-1]))
         nearest = np.minimum(nearest, snap(fields[-1]))
     ways = np.array(fields)[:, chosen]
     described = [_describe(shape, one, field) for one, field in zip(chosen, fields, strict=True)]

@@ -8,13 +8,11 @@ Either all the rest is asked, or the trunk above all.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
 from unbend._types import FloatArray, IntArray
 from unbend.matching._registration import Registered
 from unbend.matching._shape import Shape
-from unbend.matching._tips import edge_graph
 
 # What is nearer to a vertex than this, in sqrt(area), is not asked; ways count as no shorter than
 # the second, for their logarithms are compared.
@@ -25,16 +23,10 @@ EVERYWHERE, TRUNK = 0.0, 10.0
 _TIMES = 3
 
 
-def ways_between(shape: Shape) -> FloatArray:
-    """Lengths (n, n) of the shortest ways along edges between all vertices of a small shape."""
-    return np.asarray(dijkstra(edge_graph(shape), directed=False))
-
-
 def relocate(
     source: Shape,
     target: Shape,
     found: Registered,
-    ways: tuple[FloatArray, FloatArray],
     asked: float,
 ) -> tuple[IntArray, IntArray]:
     """Place the vertices of either shape anew, some times, by the ways to those far away.
@@ -44,19 +36,17 @@ def relocate(
     source, target : Shape
     found : Registered
         What has no partner there is not asked.
-    ways : two ndarrays of float64
-        See :func:`ways_between`.
     asked : float
         How much less what is not central counts, `EVERYWHERE` or `TRUNK`.
     """
     forward, backward = found[:2]
-    here, there = (np.log(np.maximum(one, _SHORTEST_WAY)) for one in ways)
+    here, there = (np.log(np.maximum(one, _SHORTEST_WAY)) for one in (source.ways, target.ways))
     longer = np.log(found.source.size)
     here, there = here + longer / 2, there - longer / 2
     weights = np.concatenate(
         [
-            _central(shape.areas * pose.within, lengths, asked)
-            for shape, pose, lengths in zip((source, target), found[2:], ways, strict=True)
+            _central(shape.areas * pose.within, shape.ways, asked)
+            for shape, pose in zip((source, target), found[2:], strict=True)
         ]
     )
     for _ in range(_TIMES):

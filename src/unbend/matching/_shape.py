@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
@@ -84,8 +85,19 @@ class Shape:
     @cached_property
     def edge(self) -> float:
         """Mean length of an edge."""
+        return float(self.edge_lengths.data.mean())
+
+    @cached_property
+    def edge_lengths(self) -> sp.csr_array:
+        """Lengths of edges, (n, n)."""
         i, j = self.spokes.nonzero()
-        return float(np.linalg.norm(self.vertices[i] - self.vertices[j], axis=1).mean())
+        lengths = np.linalg.norm(self.vertices[i] - self.vertices[j], axis=1)
+        return sp.csr_array((lengths, (i, j)), shape=self.spokes.shape)
+
+    @cached_property
+    def ways(self) -> FloatArray:
+        """Lengths of the shortest ways along edges between all vertices, (n, n), of few."""
+        return np.asarray(dijkstra(self.edge_lengths, directed=False))
 
     @cached_property
     def samples(self) -> IntArray:

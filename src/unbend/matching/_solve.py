@@ -27,7 +27,7 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._relocation import EVERYWHERE, TRUNK, relocate, ways_between
+from unbend.matching._relocation import EVERYWHERE, TRUNK, relocate
 from unbend.matching._search import search
 from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
@@ -243,6 +243,7 @@ def from_guesses(
 
 def mended(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Add to ranked candidates what the best become by the ways, and by the patches, that agree."""
+    _ = [one.ways for one in sides.rough]  # several threads would make them several times
     leading = distinct_on(sides.proxies, found)
     found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
     if sides.partial:
@@ -254,11 +255,10 @@ def mended(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
     """Register from where candidates' vertices belong by the ways to those far away."""
     rough = sides.source.rough, sides.target.rough
-    ways = ways_between(sides.rough[0]), ways_between(sides.rough[1])
 
     def start(candidate: Candidate, asked: float) -> Registered:
         found = lower(candidate.registered, *rough)
-        maps = relocate(*sides.rough, found, ways, asked)
+        maps = relocate(*sides.rough, found, asked)
         return mapped_start(*sides.rough, *maps, found.source.size)
 
     every = ((one, asked) for one in candidates for asked in (EVERYWHERE, TRUNK))
@@ -269,13 +269,12 @@ def relocated(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
 def continued_on(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidate]:
     """Register from what candidates explain best, continued, and from what comes out again."""
     ours, theirs = sides.rough
-    ways = ways_between(ours), ways_between(theirs)
     found: list[Candidate] = []
     poses = [lower(one.registered, sides.source.rough, sides.target.rough) for one in candidates]
     for _ in range(_AGAIN):
         held = [(one, patches) for one in poses for patches in patches_to_hold(ours, theirs, one)]
         starts = run_all(
-            functools.partial(continued, ours, theirs, one, ways, patches) for one, patches in held
+            functools.partial(continued, ours, theirs, one, patches) for one, patches in held
         )
         begun = distinct_on(sides.rough, ranked(drawn(sides, sides.rough, starts, LOOSE)))
         poses = [one.registered for one in begun[:_FOLLOWED]]

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
@@ -85,7 +84,6 @@ def find_tips(shape: Shape) -> Tips:
     spokes = shape.spokes
     highest = np.maximum.reduceat(remoteness[spokes.indices], spokes.indptr[:-1])
     tips = np.flatnonzero(remoteness >= highest)
-    graph = edge_graph(shape)
     kept: list[int] = []
     ways = np.empty((0, len(remoteness)))
     sought = [*shape.landmarks, *tips[np.argsort(-remoteness[tips], kind="stable")]]
@@ -93,16 +91,9 @@ def find_tips(shape: Shape) -> Tips:
         given = i < len(shape.landmarks)
         if given or (len(kept) < _MOST_TIPS and (ways[:, tip] > _APART).all()):
             kept.append(int(tip))
-            ways = np.vstack([ways, dijkstra(graph, directed=False, indices=tip)])
+            ways = np.vstack([ways, dijkstra(shape.edge_lengths, directed=False, indices=tip)])
     chosen = np.array(kept, dtype=np.int64)
     return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2, np.ascontiguousarray(ways.T))
-
-
-def edge_graph(shape: Shape) -> sp.csr_array:
-    """Lengths of edges, (n, n)."""
-    rows, columns = shape.spokes.nonzero()
-    lengths = np.linalg.norm(shape.vertices[rows] - shape.vertices[columns], axis=1)
-    return sp.csr_array((lengths, (rows, columns)), shape=shape.spokes.shape)
 
 
 def limb_maps(ours: Tips, theirs: Tips) -> tuple[IntArray, IntArray]:
