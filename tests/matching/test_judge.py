@@ -43,7 +43,8 @@ def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:
     shape = _person()
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    assert abs(_loss(shape, 3 * shape.vertices @ turn.T + 5)) < 1e-9
+    assert 0 <= _loss(shape, 3 * shape.vertices @ turn.T + 5) < 1e-9
+    assert 0 <= _loss(shape, shape.vertices) < 1e-9
     assert _loss(shape, shape.vertices * [-1, 1, 1]) > 0.2
     assert abs(_loss(shape, 0 * shape.vertices) - 1) < 1e-9
 

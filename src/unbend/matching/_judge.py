@@ -173,7 +173,7 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
-    return np.where(within, 1 - explained, _WITHOUT)
+    return np.where(within, np.maximum(1 - explained, 0), _WITHOUT)
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
