@@ -13,6 +13,9 @@ def test_numbers_have_viridis() -> None:
     want = 255 * matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3]
     assert np.abs(value_colors(values) - want).max() < 5
     np.testing.assert_array_equal(value_colors(values[:, None]), value_colors(values))
+    marks = np.linspace(0, 1, 17)
+    exact = np.rint(255 * matplotlib.colormaps["viridis"](marks)[:, :3])
+    np.testing.assert_array_equal(value_colors(marks), exact)
     # As seen without hue, greater is lighter.
     light = value_colors(values) @ [0.21, 0.72, 0.07]
     assert (np.diff(light) > -1).all()
@@ -36,6 +39,12 @@ def test_each_label_has_a_colour(labels: list) -> None:
     assert leg == again
     assert none == [153] * 3
     assert len({tuple(one) for one in (leg, arm, none)}) == 3
+
+
+def test_labels_have_the_colors_of_okabe_and_ito_in_turn() -> None:
+    published = ["0072B2", "E69F00", "009E73", "CC79A7", "56B4E9", "D55E00", "F0E442"]
+    colors = value_colors(range(14), kind="label")
+    assert [bytes(one).hex().upper() for one in colors] == 2 * published
 
 
 def test_weights_have_the_colour_of_the_largest() -> None:

@@ -62,9 +62,9 @@ def value_colors(
     """
     array = np.asarray(values)
     if kind == "weights":
-        unknown = ~np.isfinite(array.reshape(len(array), -1)).all(axis=1)
-        array = np.where(unknown, -1, np.nan_to_num(array).reshape(len(array), -1).argmax(axis=1))
-        return _of_labels(np.arange(array.max(initial=0) + 1), array, unknown)
+        weights = array.reshape(len(array), -1)
+        unknown = ~np.isfinite(weights).all(axis=1)
+        return _of_labels(np.arange(weights.shape[1]), weights.argmax(axis=1), unknown)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim != 1:
