@@ -80,6 +80,8 @@ CONSTANTS = {
     "_WAY_BACK": ("_registration",),
     "_TURNING": ("_shape",),
     "_PATCH": ("_shape",),
+    "_DETAIL": ("_shape",),
+    "_DETAIL_EDGES": ("_shape",),
     "_SHARE": ("_judge",),
     "_WITHOUT": ("_judge",),
 }

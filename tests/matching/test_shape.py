@@ -92,7 +92,7 @@ def test_spokes_are_the_cotangents_of_the_laplacian() -> None:
 def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -> None:
     shape = _shape(blob)
     values = np.random.default_rng(0).normal(size=blob.n_vertices)
-    for solver in (shape.averaging, shape.patches):
+    for solver in (shape.averaging, shape.patches, shape.details):
         np.testing.assert_allclose(solver.solve(shape.areas), 1, atol=1e-8)
         averaged = solver.solve(shape.areas * values)
         assert shape.areas @ averaged == pytest.approx(shape.areas @ values)

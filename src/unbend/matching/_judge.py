@@ -23,13 +23,13 @@ from unbend.mesh import vertex_normals
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
-# share of the energy, that makes the odds between two maps 2.7 to 1: the likeliest for 423 pairs of
-# our own bodies (benchmarks/confidence.py), which change little with the second.
-_EVEN, _SPREAD, _LEAD = 0.3, 0.03, 0.047
+# share of the energy, that makes the odds between two maps 2.7 to 1: near the likeliest for 177
+# pairs of our own bodies (benchmarks/confidence.py), for which both might be less still.
+_EVEN, _SPREAD, _LEAD = 0.26, 0.025, 0.03
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
-_WITHOUT = 0.25
+_WITHOUT = 0.12
 DIGITS = 6  # of energies, that are not rounding
 
 
@@ -67,9 +67,10 @@ def judge(
     target: Shape,
     found: Registered,
     reflected: bool = False,
+    wide: bool = False,
 ) -> Candidate:
-    """Judge a registration of two shapes."""
-    ahead, back = unexplained(source, target, found)
+    """Judge a registration of two shapes; by wide patches if it is slides that are to be told."""
+    ahead, back = unexplained(source, target, found, wide)
     energy = float(source.areas @ ahead + target.areas @ back) / 2
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
@@ -79,24 +80,24 @@ def judge(
     return Candidate(found, energy, orientation, reflected, missed)
 
 
-def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
+def unexplained(
+    source: Shape, target: Shape, found: Registered, wide: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
     left, right = landing_places(source, target, found)
     ahead = _images(left, right, target, found.forward)
     back = _images(right, left, source, found.backward)
     return (
-        _unexplained(source, ahead, found.source.within),
-        _unexplained(target, back, found.target.within),
+        _unexplained(source, ahead, found.source.within, wide),
+        _unexplained(target, back, found.target.within, wide),
     )
 
 
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
     """Costs (p,) of maps as they are, (n, p) and (m, p): what registration makes less of."""
-    images = target.vertices[forward], source.vertices[backward]
-    every = (np.ones(one.shape, dtype=bool) for one in (forward, backward))
     ahead, back = (
-        shape.areas @ _unexplained(shape, *way)
-        for shape, *way in zip((source, target), images, every, strict=True)
+        shape.areas @ _unexplained(shape, goal.vertices[ways], np.ones(ways.shape, dtype=bool))
+        for shape, goal, ways in ((source, target, forward), (target, source, backward))
     )
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
@@ -156,7 +157,9 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
-def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
+def _unexplained(
+    shape: Shape, images: FloatArray, within: BoolArray, wide: bool = False
+) -> FloatArray:
     """Shares (n, ...) of patches that their images (n, ..., 3), turned and scaled, do not explain.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
@@ -169,7 +172,8 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     theirs = edge_squares(*graph, images).reshape(n, -1, 1)
     own = np.broadcast_to(shape.edge_squares[:, None, None], theirs.shape)
     terms = np.concatenate([common, own, theirs], axis=2) * within.reshape(n, -1, 1)
-    averaged = shape.patches.solve(terms.reshape(n, -1)).reshape(terms.shape)
+    patches = shape.patches if wide else shape.details
+    averaged = patches.solve(terms.reshape(n, -1)).reshape(terms.shape)
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)

@@ -50,16 +50,17 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
         return judge(ours, theirs, lifted, candidate.reflected)
     pulls = bearable(ours, theirs, PULLS[1:], _POLISHED_OVER)
     ready = pulls if sides.partial else PULLS
-    run_all(functools.partial(make_ready, one, ready) for one in (ours, theirs))
+    wide = not sides.partial  # then what differs is how far maps slide
+    run_all(functools.partial(make_ready, one, ready, wide) for one in (ours, theirs))
 
     def from_proxies() -> Candidate:
         (found,) = register(ours, theirs, [lifted], pulls, STEPS // 2)
-        return judge(ours, theirs, found, candidate.reflected)
+        return judge(ours, theirs, found, candidate.reflected, wide)
 
     def grown() -> Candidate:
         start = grown_start(ours, theirs, functional_map(sides, candidate, _GROWN_FROM), lifted)
         (found,) = register(ours, theirs, [start], PULLS, STEPS)
-        return judge(ours, theirs, found, candidate.reflected)
+        return judge(ours, theirs, found, candidate.reflected, wide)
 
     return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
 

@@ -23,9 +23,10 @@ _MOST_SAMPLES = 2000
 # Rotations are averaged over about this length, in sqrt(area): limbs turn as wholes, which keeps
 # their ends from sliding, yet joints still bend.
 _TURNING = 0.03
-# Patches by which maps are judged: about as large as a limb's girth is long, so that a patch has a
-# front and a back.
+# Patches over which rough maps are averaged: about as large as a limb's girth is long.
 _PATCH = 0.15
+# Those by which maps are judged: as small as a body's details, but no smaller than so many edges.
+_DETAIL, _DETAIL_EDGES = 0.08, 2.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +160,12 @@ class Shape:
         """The same over `_PATCH`."""
         return factorize(sp.diags(self.areas) + _PATCH**2 * self.stiffness, many=True)
 
+    @cached_property
+    def details(self) -> Factorization:
+        """The same over `_DETAIL`, or what of it the mesh can show."""
+        size = max(_DETAIL, _DETAIL_EDGES * self.edge)
+        return factorize(sp.diags(self.areas) + size**2 * self.stiffness, many=True)
+
     def pulled(self, pull: float) -> Factorization:
         """Stiffness and twice a pull by area: what a step of the registration solves with."""
         if pull not in self._pulled:
@@ -183,6 +190,7 @@ class Shape:
             "stiffness",
             "averaging",
             "patches",
+            "details",
             "_pulled",
             "edge",
             "edge_squares",

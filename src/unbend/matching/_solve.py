@@ -41,7 +41,7 @@ STEPS = 8  # at each pull
 _MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (400, 64), 16, 8, 3
 # A candidate is clear if its cost is at most this and any other's so many times that, after this
 # few from tips were tried; then it is followed, and some others to compare it with.
-_CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.5, (60, 12), 3
+_CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.16, 1.5, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides.
 _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
@@ -102,6 +102,7 @@ def make_sides(source: Shape, target: Shape) -> Sides:
         loosest = LOOSEST if sides.partial else ()
         pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(make_ready, one, pulls) for one in pair)
+    _ = [one.patches for one in sides.rough]
     return sides
 
 
@@ -310,7 +311,8 @@ def _make_levels(shape: Shape) -> Levels:
     return Levels(shape, proxy, make_proxy(proxy.shape, _ROUGH_VERTICES))
 
 
-def make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
+def make_ready(shape: Shape, pulls: tuple[float, ...], wide: bool = False) -> None:
     """Make what several threads would make several times."""
-    _ = shape.averaging, shape.patches, shape.normals, shape.position_coefficients, shape.fans
+    _ = shape.averaging, shape.normals, shape.position_coefficients, shape.fans
+    _ = shape.patches if wide else shape.details
     _ = [shape.pulled(pull) for pull in pulls]
