@@ -1,10 +1,13 @@
 """Evaluation: protocols, curve and geodesics on surfaces where distances are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from unbend import Mesh
-from unbend.correspondence import THRESHOLDS, evaluate
+from unbend.correspondence import THRESHOLDS, _evaluation, evaluate
+from unbend.correspondence._evaluation import _continuity
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError
 
@@ -24,6 +27,7 @@ def _mirror() -> np.ndarray:
 def test_identity_has_no_error() -> None:
     found = evaluate(EVERY, BALL, EVERY, EVERY, source=BALL)
     assert found.direct.max() == 0
+    assert found.direct.dtype == np.float64
     assert found.coverage == pytest.approx(1)
     assert found.continuity == pytest.approx(1)
     assert found.auc() == 1
@@ -68,6 +72,8 @@ def test_curve_counts_errors_up_to_each_threshold() -> None:
     assert curve[4] == pytest.approx(100 * (found.direct <= 0.05).mean())
     assert found.median() == np.median(found.direct)
     assert 0 <= found.auc() < 1
+    # Errors of a tenth: the curve is 0 up to 0.0875 and 1 from 0.1.
+    assert replace(found, direct=np.array([0.1])).auc() == 8.5 / 16
 
 
 def test_rows_without_an_image_do_not_count() -> None:
@@ -78,6 +84,19 @@ def test_rows_without_an_image_do_not_count() -> None:
     found = evaluate(images, BALL, EVERY, truth)
     assert len(found.direct) == len(EVERY) - 2
     assert found.coverage < 1
+
+
+def test_continuity_is_the_ratio_of_the_perimeters_of_triangles_of_unit_area() -> None:
+    source, target = (
+        Mesh([[0, 0, 0], [a, 0, 0], [0, b, 0]], [[0, 1, 2]]) for a, b in ((3, 4), (5, 12))
+    )
+    every = np.arange(3)
+    whole = (5 + 12 + 13) / np.sqrt(30) / ((3 + 4 + 5) / np.sqrt(6))
+    assert _continuity(every, source, target) == pytest.approx(whole)
+    side = 13 / np.sqrt(30) / (5 / np.sqrt(6))
+    assert _continuity(np.array([-1, 1, 2]), source, target) == pytest.approx(side)
+    with pytest.raises(InputError, match="the map has 2 rows, but the source has 3 vertices"):
+        _continuity(every[:2], source, target)
 
 
 def test_coverage_of_a_constant_map() -> None:
@@ -139,6 +158,10 @@ def test_ground_truth_off_the_surface_is_refused() -> None:
     with pytest.raises(InputError, match=f"target_points: row 1 is {2 * n}, a vertex that no face"):
         evaluate([0, 1], target, [0, 1], [0, 2 * n])
     assert evaluate([0, -1], target, [0, 1], [0, 2 * n]).mean() == 0  # it does not count
+    strays = Mesh(np.vstack([[[9, 9, 9]] * 2, BALL.vertices]), BALL.faces + 2)
+    assert evaluate([2, -1], strays, [0, 1], [2, 3]).mean() == 0
+    with pytest.raises(InputError, match="target_points: row 0 is 0, a vertex that no face"):
+        evaluate([2], strays, [0], [0])
 
 
 def test_point_clouds_are_refused() -> None:
@@ -150,11 +173,23 @@ def test_point_clouds_are_refused() -> None:
 
 def test_overlap_is_counted_in_closed_form() -> None:
     truth = np.where(EVERY < 400, EVERY, -1)
-    images = np.where((EVERY >= 100) & (EVERY < 500), EVERY, -1)
+    images = np.where((EVERY >= 100) & (EVERY < 600), EVERY, -1)
     found = evaluate(images, BALL, EVERY, truth)
     assert len(found.direct) == 300
     assert found.mean() == 0
-    assert found.overlap.precision == pytest.approx(300 / 400)
+    assert found.overlap.precision == pytest.approx(300 / 500)
     assert found.overlap.recall == pytest.approx(300 / 400)
-    assert found.overlap.iou == pytest.approx(300 / 500)
+    assert found.overlap.iou == pytest.approx(300 / 600)
     assert evaluate(EVERY, BALL, EVERY, EVERY).overlap.iou == 1
+
+
+def test_distances_are_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_evaluation, "_kept", {})
+
+    def kept_after(size: int) -> int:
+        evaluate([1], Mesh(size * BALL.vertices, BALL.faces), [0], [0])
+        return len(_evaluation._kept)
+
+    assert [kept_after(size) for size in (1, 2, 2, 3)] == [1, 2, 2, 3]
+    monkeypatch.setattr(_evaluation, "_KEPT_BYTES", 0)
+    assert kept_after(4) == 1

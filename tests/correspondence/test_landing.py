@@ -5,9 +5,9 @@ import pytest
 import scipy.sparse as sp
 
 from unbend.correspondence._landing import Ground, land, make_ground
+from unbend.datasets import make_sphere
 
 SIDE = 8
-ALONE = sp.csr_matrix((4, 4))
 
 
 @pytest.fixture(scope="module")
@@ -23,14 +23,17 @@ def square() -> Ground:
 
 
 def landed(square: Ground, points, normal=(0, 0, 1)):
-    normals = np.tile(np.array(normal, dtype=float), (4, 1))
-    start = np.zeros(4, dtype=np.int64)
-    return land(square, np.array(points), normals, ALONE, start, normal_weight=0.0, slack=0.01)
+    n = len(points)
+    normals = np.tile(np.array(normal, dtype=float), (n, 1))
+    alone, start = sp.csr_matrix((n, n)), np.zeros(n, dtype=np.int64)
+    return land(square, np.array(points), normals, alone, start, normal_weight=0.0, slack=0.01)
 
 
 def test_points_fall_straight_down(square: Ground) -> None:
-    points = [[0.31, 0.22, 0.1], [0.77, 0.91, -0.2], [0.9, 0.05, 0.3], [0.05, 0.6, 0.0]]
+    points = [[0.27, 0.26, 0.1], [0.77, 0.91, -0.2], [0.9, 0.05, 0.3], [0.05, 0.62, 0.0]]
     found = landed(square, points)
+    nearest = np.rint(SIDE * np.array(points)[:, :2]) @ [SIDE + 1, 1]
+    np.testing.assert_array_equal(found.partners, nearest)
     np.testing.assert_allclose(found.places[:, :2], np.array(points)[:, :2], atol=1e-12)
     np.testing.assert_allclose(found.distances, [0.1, 0.2, 0.3, 0], atol=1e-12)
     np.testing.assert_allclose(found.facing, [[0, 0, 1]] * 4, atol=1e-12)
@@ -44,8 +47,41 @@ def test_beyond_a_rim_there_is_nothing(square: Ground) -> None:
     np.testing.assert_allclose(found.places[1:3], [[1, 0.5, 0], [1, 1, 0]], atol=1e-12)
 
 
+def test_beyond_every_side_and_every_vertex_of_a_rim_there_is_nothing(square: Ground) -> None:
+    along = np.arange(2 * SIDE + 1) / (2 * SIDE)  # vertices, and the middles between them
+    for one, other in ((0, 1), (1, 0)):
+        for off in (-0.1, 1.1):
+            points = np.zeros((len(along), 3))
+            points[:, one], points[:, other] = along, off
+            assert not landed(square, points).there.any()
+            points[:, other] = np.clip(off, 0, 1)
+            assert landed(square, points).there.all()
+
+
+def test_an_edge_joins_two_neighbours(square: Ground) -> None:
+    n_edges = 2 * SIDE * (SIDE + 1) + SIDE**2 - 1
+    assert square.neighbors.sum() == 2 * n_edges
+
+
 def test_the_back_of_a_sheet_is_no_place(square: Ground) -> None:
     points = np.full((4, 3), 0.2)
     assert not landed(square, points, normal=(0, 0, -1)).there.any()
     turned = square.turned()
     assert landed(turned, points, normal=(0, 0, -1)).there.all()
+
+
+def test_on_a_ball_the_surface_faces_outwards() -> None:
+    ball = make_sphere(2)
+    outwards = ball.vertices[ball.faces].mean(axis=1)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    start, alone = ball.faces[:, 0], sp.csr_matrix((len(outwards),) * 2)
+    ground = make_ground(ball.vertices, ball.faces)
+    found = land(ground, 2 * outwards, outwards, alone, start, normal_weight=0.0, slack=0.0)
+    np.testing.assert_allclose(found.facing, outwards, atol=0.05)
+    np.testing.assert_allclose(np.linalg.norm(found.facing, axis=1), 1, rtol=1e-12)
+    # Nowhere is a rim, askew of vertices either.
+    n = ball.n_vertices
+    askew = 2 * ball.vertices + 0.01 * ball.vertices[:, [1, 2, 0]]
+    start, alone = np.arange(n), sp.csr_matrix((n, n))
+    found = land(ground, askew, ball.vertices, alone, start, normal_weight=0.0, slack=0.0)
+    assert found.there.all()

@@ -18,13 +18,15 @@ def _turn(degrees: float) -> np.ndarray:
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
-def test_the_ends_are_the_shapes(blob: Mesh) -> None:
-    target = Mesh(blob.vertices[:, [1, 2, 0]] * [1, 2, 1] + 4, blob.faces)
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_ends_are_the_shapes(blob: Mesh, side: int) -> None:
+    target = Mesh(blob.vertices[:, [1, 2, 0]] * [side, 2, 1] + 4, blob.faces)
     every = np.arange(blob.n_vertices)
     start, end = (morph(blob, target, every, t) for t in (0, 1))
     np.testing.assert_array_equal(start.vertices, blob.vertices)
     np.testing.assert_allclose(end.vertices, target.vertices, atol=1e-12)
     np.testing.assert_array_equal(end.faces, blob.faces)
+    assert [one.name for one in (start, end)] == ["blob to mesh at 0", "blob to mesh at 1"]
     for near, t in ((blob, 1e-6), (target, 1 - 1e-6)):
         close = morph(blob, target, every, t).vertices
         np.testing.assert_allclose(close, near.vertices, atol=1e-4)
@@ -63,10 +65,22 @@ def test_vertices_without_an_image_go_along(blob: Mesh) -> None:
         assert np.isnan(found.vertices[-1]).all()
 
 
+def test_a_component_without_an_image_turns_with_the_whole(blob: Mesh) -> None:
+    n = blob.n_vertices
+    points = np.vstack([blob.vertices, 0.2 * blob.vertices + [0, 4, 0]])
+    source = Mesh(points, np.vstack([blob.faces, blob.faces + n]))
+    goal = points @ _turn(70).T + [1, 2, 3]
+    every = np.where(np.arange(2 * n) < n, np.arange(2 * n), -1)
+    laid = morph(source, Mesh(goal[:n], blob.faces), every, 1)
+    np.testing.assert_allclose(laid.vertices, goal, atol=1e-6)
+
+
 def test_points_go_straight() -> None:
     source = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
-    half = morph(source, source * 2, np.arange(4), 0.5)
-    np.testing.assert_allclose(half.vertices, source * 1.5, atol=1e-12)
+    for n in (3, 4):
+        for t in (0.5, 2):
+            found = morph(source[:n], source[:n] * 2, np.arange(n), t)
+            np.testing.assert_allclose(found.vertices, source[:n] * (1 + t), atol=1e-12)
 
 
 def test_what_does_not_fit(blob: Mesh) -> None:
@@ -89,12 +103,21 @@ def test_a_part_without_an_image_goes_along_with_its_neighbours() -> None:
     point_map = np.where(rod.vertices[:, 0] < 1, np.arange(rod.n_vertices), -1)
     laid = morph(rod, turned, point_map, 1)
     np.testing.assert_allclose(laid.vertices, turned.vertices, atol=1e-3)
+    # Scattered images say as much, whether an edge joins two of them or none.
+    every = np.arange(rod.n_vertices)
+    for known in (every < 12, every % 160 == 0):
+        laid = morph(rod, turned, np.where(known, every, -1), 1)
+        np.testing.assert_allclose(laid.vertices, turned.vertices, atol=2e-3)
     # Where the rest is bent, it keeps its shape and its joint.
     source = make_quadruped("galloping", n_vertices=1000)
     target = make_quadruped("sitting", n_vertices=1000).mesh
     lost = source.labels == source.parts.index("left_hindleg")
-    laid = morph(source.mesh, target, np.where(lost, -1, np.arange(1000)), 1)
+    point_map = np.where(lost, -1, np.arange(1000))
+    laid = morph(source.mesh, target, point_map, 1)
     ratio = _edges(source.mesh, laid.vertices) / _edges(source.mesh, source.mesh.vertices)
     at_leg = lost[source.mesh.faces].any(axis=1)
     assert abs(np.median(ratio[at_leg]) - 1) < 0.05
     assert (np.abs(ratio[at_leg] - 1) < 0.5).mean() > 0.97
+    small = [(one.vertices / 1024, one.faces) for one in (source.mesh, target)]  # the same in km
+    found = morph(*small, point_map, 1)
+    np.testing.assert_allclose(1024 * found.vertices, laid.vertices, atol=1e-9)

@@ -114,6 +114,9 @@ def test_over_holes_it_goes_on_smoothly(known: bool) -> None:
     assert 0.8 < found.coverage < 0.9
     assert (found.covered == ~gone).mean() > 0.95
     assert found.distances[found.covered].max() <= found.tolerance
+    away = np.flatnonzero(~found.covered)[::4]
+    by_samples = distance_to_faces(found.mesh.vertices[away], torn.mesh)
+    np.testing.assert_allclose(found.distances[away], by_samples, atol=0.2 * mean_edge(torn.mesh))
     assert ((normals(found.mesh.vertices) * normals(POSED.mesh.vertices)).sum(axis=1) > 0).all()
     off = errors(found, POSED.mesh.vertices)
     assert off[found.covered].mean() < 0.2
@@ -144,6 +147,31 @@ def test_few_partners_are_enough_and_wrong_ones_are_overruled() -> None:
         assert errors(found, POSED.mesh.vertices).mean() < 0.3
 
 
+@pytest.mark.parametrize("apart", [1, 83])
+def test_units_do_not_matter(apart: int) -> None:
+    # Every partner is known, or scattered ones without a face between them; the scan has holes.
+    torn = cut_discs(SCAN.mesh, 0.15, 3, random_state=0)
+    left = np.where(EVERY % apart == 0, damaged_truth(TRUTH, target=torn), -1)
+    one = register(TEMPLATE.mesh, torn.mesh, left)
+    template = Mesh(TEMPLATE.mesh.vertices / 4, FACES)
+    other = register(template, (64 * torn.mesh.vertices, torn.mesh.faces), left)
+    np.testing.assert_allclose(other.mesh.vertices, 64 * one.mesh.vertices, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(other.distances, 64 * one.distances, rtol=1e-6, atol=1e-6)
+    assert other.tolerance == pytest.approx(64 * one.tolerance)
+    assert other.coverage == pytest.approx(one.coverage)
+
+
+def test_what_lies_apart_on_a_scan_draws_nothing() -> None:
+    stray = make_sphere(2)
+    clutter = Mesh(
+        np.vstack([SCAN.mesh.vertices, 0.2 * stray.vertices + [0, 2, 0]]),
+        np.vstack([SCAN.mesh.faces, stray.faces + 1200]),
+    )
+    found = register(TEMPLATE.mesh, clutter, TRUTH)
+    assert found.coverage == 1
+    assert errors(found, POSED.mesh.vertices).max() < 1.5
+
+
 def test_a_scan_wound_inside_out_is_the_same_surface(fitted) -> None:
     turned = register(TEMPLATE.mesh, (SCAN.mesh.vertices, SCAN.mesh.faces[:, ::-1]), TRUTH)
     np.testing.assert_allclose(turned.mesh.vertices, fitted.mesh.vertices, atol=1e-6)
@@ -161,9 +189,9 @@ def test_an_open_template_is_itself() -> None:
 def test_vertices_that_no_face_uses_go_along() -> None:
     vertices = np.vstack([TEMPLATE.mesh.vertices, [[0, 2, 0], [np.nan] * 3]])
     template = Mesh(vertices, FACES)
-    scan = (3 * TEMPLATE.mesh.vertices + 1, FACES)
+    scan = (3 * TEMPLATE.mesh.vertices + [1, 0, 5], FACES)
     found = register(template, scan, np.append(EVERY, [-1, -1]))
-    np.testing.assert_allclose(found.mesh.vertices[1000], [1, 7, 1], atol=1e-5)
+    np.testing.assert_allclose(found.mesh.vertices[1000], [1, 6, 5], atol=1e-5)
     assert np.isnan(found.mesh.vertices[1001]).all()
     assert np.isnan(found.distances[1000:]).all()
     assert not found.covered[1000:].any()

@@ -33,6 +33,10 @@ def test_a_permuted_copy_is_the_same_through_its_map(blob: Mesh) -> None:
     assert similarity(blob, other) < 0.2
     assert similarity(blob, other, match=inverse) == pytest.approx(1)
     assert similarity(blob, other, match=_match(inverse, order)) == pytest.approx(1)
+    some = np.where(np.arange(len(order)) % 3, inverse, -1)  # the others have no partner
+    assert similarity(blob, other, match=some) == pytest.approx(1)
+    assert similarity(blob, other, match=_match(some, order)) == pytest.approx(1)
+    assert similarity(other, blob, match=_match(order, some)) == pytest.approx(1)
 
 
 def test_it_is_the_cosine_after_procrustes(blob: Mesh) -> None:
@@ -70,6 +74,7 @@ def test_forms_spare_the_work_and_change_nothing(blob: Mesh) -> None:
     assert similarity(forms[0], other) == expected
     wide = canonical_form(blob, n_components=5)
     assert similarity(wide, other) == pytest.approx(expected)
+    assert similarity(wide, other, n_components=5) == similarity(blob, other, n_components=5)
     every = np.arange(blob.n_vertices)
     by_area = [canonical_form(one, weighting="area") for one in (blob, other)]
     areas = (vertex_areas(blob), vertex_areas(other))
@@ -94,10 +99,14 @@ def test_other_distances(blob: Mesh) -> None:
 def test_vertices_without_a_partner_do_not_count() -> None:
     points = np.random.default_rng(0).normal(size=(9, 3))
     broken = points.copy()
-    broken[2] = np.nan
-    assert aligned_cosine(points, 2 * broken[:, [1, 0, 2]], np.ones(9)) == pytest.approx(1)
+    broken[2, 0] = np.nan
+    other = 2 * points[:, [1, 0, 2]]
+    assert aligned_cosine(broken, other, np.ones(9)) == pytest.approx(1)
+    assert aligned_cosine(other, broken, np.ones(9)) == pytest.approx(1)
     with pytest.raises(InputError, match="no vertex"):
         aligned_cosine(points, points * np.nan, np.ones(9))
+    with pytest.raises(InputError, match="no vertex"):
+        aligned_cosine(points, points, np.zeros(9))
     with pytest.raises(InputError, match="coincide"):
         aligned_cosine(points, points * 0, np.ones(9))
 
@@ -114,6 +123,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
         ((form, form), {"match": every, "areas": (every, -every)}, "areas must be"),
         ((blob, blob), {"match": every[:5]}, "one vertex number for each of 642"),
         ((blob, blob), {"match": every + 1}, "not among the 642"),
+        ((blob, blob), {"match": every - 2}, "not among the 642"),
         ((blob, blob), {"weighting": "mass"}, "weighting"),
     ):
         with pytest.raises(InputError, match=sentence):

@@ -111,6 +111,8 @@ def test_labels_go_by_majority() -> None:
     assert carried.tolist() == ["A", "A", "A"]  # though B has the largest single share
     numbers = transfer([0.0, 1, 0], laid, source=source, target=target)
     np.testing.assert_allclose(numbers, [0.4, 0, 0], atol=1e-12)
+    rows = transfer([[5, 7], [7, 5], [5, 7]], laid, source=source, target=target)
+    assert rows.tolist() == [[5, 7]] * 3  # a row is one label
 
 
 def test_rounding_does_not_choose_between_labels_of_equal_shares() -> None:
@@ -131,8 +133,14 @@ def test_without_a_preimage_nothing_is_made_up() -> None:
     assert transfer(np.array([0, 1], np.uint8), gap).tolist() == [1, -1]
     assert transfer([True, True], gap).tolist() == [1, -1]
     assert transfer(["a", "b"], gap).tolist() == ["b", ""]
-    colors = transfer(np.array([[0, 0, 0], [9, 8, 7]], np.uint8), gap)
-    assert (colors.dtype, colors.tolist()) == (np.uint8, [[9, 8, 7], [128, 128, 128]])
+    colors = transfer(np.array([[0, 0, 0], [255, 8, 7]], np.uint8), gap)
+    assert (colors.dtype, colors.tolist()) == (np.uint8, [[255, 8, 7], [128, 128, 128]])
+    colors = transfer(np.array([[0, 0, 0, 0], [9, 8, 7, 6]], np.uint8), gap)
+    assert (colors.dtype, colors.tolist()) == (np.uint8, [[9, 8, 7, 6], [128] * 4])
+    small = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    within = _match([0, -1, 2], [0, -1, 2], np.array([0, -1, 0]), np.eye(3))
+    carried = transfer([1.0, 2, 3], within, source=small, target=small)
+    np.testing.assert_array_equal(carried, [1, np.nan, 3])
 
 
 def test_nan_corners_without_a_share_do_not_spread(blob: Mesh) -> None:
@@ -158,9 +166,9 @@ ONE = _match([0], [0])
         (["a"], ONE, {"kind": "scalar"}, "cannot be averaged"),
         ([1j], ONE, {}, "neither numbers nor labels"),
         ([[0.5, 0.5], [0.5, 0.6]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 sums to 1.1"),
-        ([[1.5, -0.5]], ONE, {"kind": "weights"}, "its least is -0.5"),
+        ([[0, 1], [1.5, -0.5]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 .* least is -0.5"),
         ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
-        ([[300, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),
+        ([[256, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),
         ([0.5], ONE, {"kind": "uv"}, "must have two columns"),
     ],
 )
@@ -186,9 +194,18 @@ def test_meshes_must_be_those_of_the_match(blob: Mesh) -> None:
             transfer(every, _identity(blob), **one)
     with pytest.raises(InputError, match="names target vertex 641"):
         positions_on_target(np.arange(642), small)
-    lying = _match([0, 1, 2], [0, 1, 2], np.array([5, 5, 5]), np.eye(3))
+    lying = _match([0, 1, 2], [0, 1, 2], np.array([1, 1, 1]), np.eye(3))
     with pytest.raises(InputError, match="names faces"):
         positions_on_target(lying, small)
+
+
+def test_places_on_the_target_are_vertices_or_within_faces() -> None:
+    target = Mesh([[0, 0, 0], [4, 0, 0], [0, 4, 0]], [[0, 1, 2]])
+    for mapping in ([2, 1], _match([2, 1], [0, 0, 0])):
+        assert positions_on_target(mapping, target).tolist() == [[0, 4, 0], [4, 0, 0]]
+    within = _match([2, 1], [0, 0, 0], np.array([0, -1]), np.array([[0.25, 0.25, 0.5], [0, 0, 0]]))
+    assert positions_on_target(within, target).tolist() == [[1, 2, 0], [4, 0, 0]]
+    assert positions_on_target([0], Mesh([[1, 2, 3]])).tolist() == [[1, 2, 3]]
 
 
 def test_a_partner_without_faces_stands_in_itself() -> None:
@@ -198,6 +215,11 @@ def test_a_partner_without_faces_stands_in_itself() -> None:
     laid = _match([1, 2, 1, 0], [3, 0, 1], np.zeros(4, dtype=np.int64), np.eye(3)[[1, 2, 1, 0]])
     assert transfer([1, 2, 3, 4], laid, source=source, target=target).tolist()[0] == 4
     assert transfer([1.0, 2, 3, 4], laid, source=source, target=target)[0] == 4
+
+
+def test_carried_skinning_weights_sum_to_one() -> None:
+    carried = transfer([[0.4, 0.6006]], ONE, kind="weights")
+    np.testing.assert_allclose(carried, [[0.4 / 1.0006, 0.6006 / 1.0006]])
 
 
 def test_weights_that_do_not_sum_to_one_are_refused() -> None:

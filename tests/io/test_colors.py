@@ -48,7 +48,7 @@ def test_labels_have_the_colors_of_okabe_and_ito_in_turn() -> None:
 
 
 def test_weights_have_the_colour_of_the_largest() -> None:
-    weights = np.array([[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan], [0.6, 0.4]])
+    weights = np.array([[0.9, 0.1], [0.2, 0.8], [np.nan, 0.3], [0.6, 0.4]])
     colors = value_colors(weights, kind="weights")
     np.testing.assert_array_equal(colors[[0, 1, 3]], value_colors([0, 1, 0], kind="label"))
     assert colors[2].tolist() == [153] * 3

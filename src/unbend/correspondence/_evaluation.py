@@ -18,7 +18,7 @@ from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
 
-THRESHOLDS = np.round(np.arange(17) * 0.0125, 4)
+THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
 
 # Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.

@@ -21,6 +21,7 @@ _AVERAGED_RINGS = 4
 # Ties every vertex to where a rigid motion alone would take it: the equations determine vertices
 # only up to a translation, and those that no face uses not at all.
 _TIE = 1e-5
+_FAINT = 1e-6  # how little the whole's rotation counts beside that of a neighbourhood
 _HELD = 1e3  # holds what has an image while what has none goes along
 
 
@@ -92,7 +93,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
     goal[~moving] = start[~moving] @ rotation.T + translation
     if not moving.all() and source.n_faces:
-        goal = _carried_along(start, goal, moving, source.faces)
+        goal = _carried_along(start, goal, moving, source.faces, rotation)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
     # In the source's own frame, where only the change of shape is left, then turned as a whole.
@@ -105,21 +106,25 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
 
 
 def _carried_along(
-    start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray
+    start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray, rotation: FloatArray
 ) -> FloatArray:
-    """Move parts without an image as what is next to them turns, their shape kept."""
+    """Move parts without an image as what is next to them turns, or the whole, their shape kept."""
     n = len(start)
     i, j, neighbours, used = _links(faces, n)
     before, after = (np.where(used[:, None], points, 0) for points in (start, goal))
     edges, images = before[j] - before[i], after[j] - after[i]
-    # How neighbourhoods turn is known where they have images, and spreads from there.
+    # How neighbourhoods turn is known where they have images, and spreads from there. Where too few
+    # have any, the whole's rotation decides.
     known = moving[i] & moving[j]
     products = (edges[:, :, None] * images[:, None, :] * known[:, None, None]).reshape(-1, 9)
-    cross = _summed(i, products, n)
+    cross = _summed(i, products, n) + _FAINT * (edges**2).mean() * rotation.T.ravel()
     spread = _fitted(i, j, neighbours, np.zeros((len(i), 9)), cross, np.where(moving, 1.0, _TIE))
     turns = Rotation.from_matrix(nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1)))
-    lengths = [np.linalg.norm(ends[known], axis=1) for ends in (edges, images)]
-    size = float(lengths[1].sum() / lengths[0].sum()) if known.any() else 1.0
+    spans = [edges[known], images[known]]
+    if not known.any():  # images are scattered
+        spans = [points[moving] - points[moving].mean(axis=0) for points in (start, goal)]
+    lengths = [np.linalg.norm(one, axis=1).sum() for one in spans]
+    size = lengths[1] / lengths[0] if lengths[0] > 0 else 1.0
     wanted = size * (turns[i].apply(edges) + turns[j].apply(edges)) / 2
     moved = _fitted(i, j, neighbours, wanted, after, np.where(moving, _HELD, _TIE))
     return np.where((used & ~moving)[:, None], moved, goal)

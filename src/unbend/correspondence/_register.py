@@ -148,7 +148,7 @@ def register(
     if not 0 < area < np.inf:
         raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
     # Both at the unit in which the template has unit area, as large as it is on the scan.
-    size = np.sqrt(area) * _stretch(rest, goal, faces[matched[faces].all(axis=1)])
+    size = np.sqrt(area) * _stretch(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
     nothing = np.empty((len(rest), 0))
     shape = Shape(
@@ -188,17 +188,23 @@ def _wound(mesh: Mesh) -> IntArray:
     return faces
 
 
-def _stretch(rest: FloatArray, goal: FloatArray, faces: IntArray) -> float:
-    """How much longer things are on the scan, from the areas that matched faces have there."""
-    before, after = (
-        vertex_areas(Mesh(points, faces)).sum() for points in (rest, np.nan_to_num(goal))
-    )
-    return float(np.sqrt(after / before)) if before > 0 and after > 0 else 1.0
+def _stretch(rest: FloatArray, goal: FloatArray, matched: BoolArray, faces: IntArray) -> float:
+    """How much longer things are on the scan than on the template."""
+    known = faces[matched[faces].all(axis=1)]
+    if len(known):
+        areas = (vertex_areas(Mesh(points, known)) for points in (rest, np.nan_to_num(goal)))
+        before, after = (float(np.sqrt(one.sum())) for one in areas)
+    else:  # partners are scattered
+        before, after = _spread(rest[matched]), _spread(goal[matched])
+    return after / before if before > 0 and after > 0 else 1.0
+
+
+def _spread(points: FloatArray) -> float:
+    return float(np.linalg.norm(points - points.mean(axis=0)))
 
 
 def _carried_along(vertices: FloatArray, rest: FloatArray, places: FloatArray) -> FloatArray:
     """Move vertices that no face uses as the whole moves, by a similarity."""
-    spreads = [np.linalg.norm(points - points.mean(axis=0)) for points in (rest, places)]
-    scale = spreads[1] / spreads[0]
+    scale = _spread(places) / _spread(rest)
     turn, shift = procrustes(scale * rest, places, reflect=False)
     return np.asarray(scale * vertices @ turn.T + shift)

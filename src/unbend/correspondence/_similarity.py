@@ -198,7 +198,7 @@ def _pairs(
                 f"the shapes have {len(ours)} and {len(theirs)} vertices; pass a match of the "
                 "model with the probe"
             )
-        return every, every, (ours + theirs) / 2
+        return every, every, ours + theirs
     forward = _images(
         match.source_to_target if isinstance(match, Match) else match, len(ours), len(theirs)
     )

@@ -102,7 +102,6 @@ def transfer(
     carried = _average(numbers, corners, shares)
     carried[lost] = np.nan
     if chosen == "weights":
-        carried = np.maximum(carried, 0)
         carried = carried / carried.sum(axis=1, keepdims=True)
     if chosen == "color":
         return np.where(np.isfinite(carried), np.rint(carried), _GREY).astype(np.uint8)
