@@ -158,7 +158,11 @@ def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
     write_mesh(tmp_path / "with_dust.ply", (both, [*BALL.faces, *(BALL.faces + len(vertices))]))
     collection = Collection(tmp_path / "store")
     collection.add([path, tmp_path / "strip.ply", tmp_path / "with_dust.ply"], workers=0)
-    hits = collection.search(path, 3, rerank="match")
+    told = []
+    hits = collection.search(
+        path, 3, rerank="match", progress=lambda stage, share: told.append((stage, share))
+    )
+    assert ("matching 2 of 3", 1 / 3) in told
     assert {Path(hit.path).stem for hit in hits[:2]} == {"stone07", "with_dust"}
     np.testing.assert_allclose([hit.reranked for hit in hits], [0, 0, np.inf], atol=0.01)
 
@@ -231,11 +235,13 @@ def test_export_keeps_every_number(filled: Collection, tmp_path: Path) -> None:
     kept = {row["id"]: row for row in rows_of(filled)}
     assert {row["id"]: row for row in read_table(tmp_path / "all.parquet").to_pylist()} == kept
     with open(tmp_path / "all.csv", newline="") as file:
-        for row in csv.DictReader(file):
-            expected = kept[row["id"]]["descriptor"]
-            vector = [float(row[f"descriptor_{i}"]) for i in range(len(expected))]
-            np.testing.assert_allclose(vector, expected, rtol=1e-6)
-            assert row["path"] == kept[row["id"]]["path"]
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    for row in rows:
+        expected = kept[row["id"]]["descriptor"]
+        vector = [float(row[f"descriptor_{i}"]) for i in range(len(expected))]
+        np.testing.assert_allclose(vector, expected, rtol=1e-6)
+        assert row["path"] == kept[row["id"]]["path"]
     with pytest.raises(FileError, match="unknown suffix"):
         filled.export(tmp_path / "all.json")
 
@@ -268,6 +274,27 @@ def test_commits_pile_up_only_so_far(
         store.commit([row])
         assert len(store) == i + 1
     assert len(list((tmp_path / "store" / "shapes.lance" / "_indices").iterdir())) >= 2
+
+
+def test_a_table_that_another_process_is_just_making_is_waited_for(
+    filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(filled.path, tmp_path / "store")
+    table = tmp_path / "store" / "shapes.lance"
+    table.rename(tmp_path / "made")
+    table.mkdir()
+
+    def wait(seconds: float) -> None:
+        if table.exists() and not any(table.iterdir()):
+            table.rmdir()
+            (tmp_path / "made").rename(table)
+
+    monkeypatch.setattr(_store.time, "sleep", wait)
+    assert len(Collection(tmp_path / "store")) == 12
+    for one in (table / "_versions").iterdir():
+        one.unlink()
+    with pytest.raises(FileError, match="if it is damaged, remove its folder"):
+        Collection(tmp_path / "store")
 
 
 ADD = (

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import logm
 from scipy.sparse.csgraph import connected_components
 
 from unbend import Mesh
 from unbend.collection import descriptor
-from unbend.collection._descriptor import describe, make_basis
+from unbend.collection._descriptor import Basis, describe, make_basis, wave_kernel
 from unbend.collection._whole import whole_surface
 from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
 from unbend.errors import MeshError, SolverError
@@ -135,8 +136,59 @@ def test_what_has_no_area_is_refused():
         descriptor(Mesh(np.arange(3)[:, None] * np.ones(3), [[0, 1, 2]]))
 
 
-@pytest.mark.parametrize("spoil", [lambda values: values * 1.01, lambda values: values * np.nan])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda values: values * 1.01,
+        lambda values: values * np.nan,
+        lambda values: values * np.append(1.001, np.ones(values.shape[1] - 1)),
+    ],
+)
 def test_heat_that_is_lost_is_an_error(person, spoil):
     basis = make_basis(person)
     with pytest.raises(SolverError, match="heat and waves are off by"):
         describe(basis._replace(functions=spoil(basis.functions)))
+
+
+def test_waves_share_what_is_near_in_the_logarithm():
+    # Logarithms of the eigenvalues are 0 and 1; at the first, their shares are as 1 to exp(-2).
+    basis = Basis(np.array([0, 1, np.e]), np.array([[1.0, 2, 0], [1, 0, 2]]), np.full(2, 0.5))
+    found = wave_kernel(basis, np.zeros(1), 0.5)
+    np.testing.assert_allclose(found[:, 0], 4 / (1 + np.exp([-2, 2])))
+
+
+def test_where_all_points_are_alike_only_the_times_tell():
+    value = 4 * np.pi
+    found = describe(Basis(np.array([0, value]), np.array([[1.0, 1], [1, -1]]), np.full(2, 0.5)))
+    times = 2e-3 * 150 ** (np.arange(8) / 7)
+    heat = np.repeat(np.log(1 + np.exp(-value * times)), 16) / np.sqrt(8 * 16)
+    waves = np.eye(12)[np.triu_indices(12)] * np.log(1e-3) / np.sqrt(12 * 13 / 2)
+    np.testing.assert_allclose(found, np.append(heat, waves), atol=1e-6)
+
+
+def test_it_is_what_its_version_says():
+    """Stored numbers are compared with new ones, so that none may change unsaid."""
+    chance = np.random.default_rng(0)
+    areas = np.array([1, 2, 3, 4, 5, 6, 7]) / 28
+    turn = np.linalg.qr(np.column_stack([np.sqrt(areas), chance.normal(size=(7, 6))]))[0]
+    values = 4 * np.pi * np.array([0, 1, 2, 4, 10, 30, 70])
+    squares = turn**2 / areas[:, None]
+    times = np.geomspace(0.002, 0.3, 8)
+    heat = np.log([[row @ np.exp(-values * t) for t in times] for row in squares])
+    waves = []
+    for energy in np.geomspace(4 * np.pi * 0.8, 4 * np.pi * 80, 12):
+        shares = np.exp(-(np.log(values[1:] / energy) ** 2) / (2 * 0.7**2))
+        waves.append(np.log(squares[:, 1:] @ shares / shares.sum() + 1e-6))
+    middles = [(i + 0.5) / 16 for i in range(16)]
+    levels = []
+    for column in heat.T:
+        order = np.argsort(column)
+        ends = np.cumsum(areas[order])
+        levels.append(np.interp(middles, ends - areas[order] / 2, column[order]))
+    covariance = np.cov(waves, aweights=areas, bias=True)
+    logarithm = logm(covariance + 1e-3 * np.eye(12)).real
+    rows, columns = np.triu_indices(12)
+    flat = logarithm[rows, columns] * np.where(rows < columns, np.sqrt(2), 1)
+    expected = np.append(np.ravel(levels) / np.sqrt(128), flat / np.sqrt(78))
+    found = describe(Basis(values, turn / np.sqrt(areas)[:, None], areas))
+    np.testing.assert_allclose(found, expected, atol=1e-5)

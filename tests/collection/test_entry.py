@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import io
+import warnings
+from pathlib import Path
+
+import matplotlib.image
 import numpy as np
+import pytest
 from scipy.spatial import cKDTree
 
-from unbend import Mesh, canonical_form, spectrum
+from unbend import Mesh, canonical_form, spectrum, write_mesh
+from unbend.collection import Failure, _entry
 from unbend.collection._descriptor import Basis
-from unbend.collection._entry import FORM_POINTS, sample_form, thumbnail
+from unbend.collection._entry import FORM_POINTS, make_row, sample_form, thumbnail
 from unbend.datasets import make_sphere
+from unbend.errors import UnbendWarning
 from unbend.mesh import vertex_areas
 
 BALL = make_sphere(3)
@@ -44,4 +52,39 @@ def test_of_few_points_some_repeat() -> None:
 
 def test_a_point_cloud_has_no_picture() -> None:
     assert thumbnail(Mesh(BALL.vertices)) == b""
-    assert thumbnail(BALL).startswith(b"\x89PNG")
+
+
+def test_a_surface_is_seen_before_nothing() -> None:
+    picture = matplotlib.image.imread(io.BytesIO(thumbnail(BALL)))
+    red, green, blue, solid = picture.transpose(2, 0, 1)
+    assert solid.shape[0] == solid.shape[1]
+    assert (solid[0, 0], solid[len(solid) // 2, len(solid) // 2]) == (0, 1)
+    shown = solid == 1
+    assert 0.05 < red[shown].min() < 0.8 * red[shown].max()  # with light and shade
+    assert max(one[shown].max() for one in (red, green, blue)) <= 1
+
+
+def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = str(tmp_path / "shape.ply")
+
+    def described() -> dict | Failure:
+        return make_row(path, "0")
+
+    for faces, area in ((BALL.faces, vertex_areas(BALL).sum()), (BALL.faces[:0], 0)):
+        write_mesh(path, Mesh(BALL.vertices, faces))
+        row = described()
+        assert (row["n_vertices"], row["n_faces"]) == (642, len(faces))
+        assert row["area"] == pytest.approx(area)
+
+    for numbers in ([1.0, 2.0], [1.0, np.nan]):
+
+        def describe(basis: Basis, numbers: list = numbers) -> np.ndarray:
+            warnings.warn("it is odd", UnbendWarning, stacklevel=1)
+            return np.array(numbers)
+
+        monkeypatch.setattr(_entry, "describe", describe)
+        row = described()
+        if np.isfinite(numbers).all():
+            assert "it is odd" in row["notes"]
+        else:
+            assert row == Failure(path, "its description is not finite; try unbend check on it")

@@ -38,9 +38,21 @@ def test_few_shapes(n: int) -> None:
     np.testing.assert_array_equal(find_groups(table, n), np.arange(n))
 
 
+def test_none_and_three() -> None:
+    assert len(find_groups(np.zeros((0, 0)))) == 0
+    places = np.array([0.0, 9.0, 0.1])
+    assert find_groups(np.abs(places[:, None] - places)).tolist() == [0, 1, 0]
+
+
+def test_at_most_50_groups_are_tried() -> None:
+    places = np.repeat(np.arange(60.0) ** 2, 2)  # 60 pairs
+    assert len(np.unique(find_groups(np.abs(places[:, None] - places)))) == 50
+
+
 def test_the_silhouette_is_scikit_learns() -> None:
     table = cdist(POINTS, POINTS)
-    for labels in (LABELS, np.minimum(LABELS, 1), np.append(LABELS[:-1], 3)):
+    pair = np.append([3, 3], LABELS[2:])
+    for labels in (LABELS, np.minimum(LABELS, 1), np.append(LABELS[:-1], 3), pair):
         ours = silhouette(table, labels)
         np.testing.assert_allclose(ours, silhouette_score(table, labels, metric="precomputed"))
     assert silhouette(table, np.zeros(19, dtype=int)) == 0
@@ -61,3 +73,9 @@ def test_what_are_no_distances_are_refused(row, column, value, message) -> None:
     distances[row, column] = value
     with pytest.raises(InputError, match=message):
         find_groups(distances)
+
+
+def test_rounding_is_let_through() -> None:
+    distances = cdist(POINTS, POINTS)
+    rounded = distances + 1e-12 * np.triu(np.ones((19, 19)), 1)
+    np.testing.assert_array_equal(find_groups(rounded), find_groups(distances))

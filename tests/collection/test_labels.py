@@ -18,7 +18,7 @@ def table(tmp_path):
 def test_paths_may_be_whole_or_from_the_table_or_an_end(table, tmp_path):
     paths = [str(tmp_path / "a" / "0.off"), "/far/b/0.off", "/far/c/1.off", "/far/c/2.off"]
     found = read_labels(
-        table(f"label,note,path\ncat,,{paths[0]}\ncat,,a/0.off\ndog,x,b/0.off\nbird,,1.off\n"),
+        table(f"label,note,path\ncat,,{paths[0]}\ncat,,a/0.off\ndog,x,./b/0.off\nbird,,1.off\n"),
         paths,
     )
     assert found == ["cat", "dog", "bird", None]
@@ -43,6 +43,12 @@ def test_paths_from_where_we_are(table, tmp_path, monkeypatch):
 def test_a_line_that_does_not_fit_is_named(table, text, message):
     with pytest.raises(FileError, match=message):
         read_labels(table(text), ["/a/0.off", "/b/0.off", "/c/1.off"])
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_may_end_as_on_any_system(tmp_path, end):
+    (tmp_path / "labels.csv").write_bytes(f"path,label{end}0.off,cat{end}".encode())
+    assert read_labels(tmp_path / "labels.csv", ["/a/0.off"]) == ["cat"]
 
 
 def test_a_table_that_is_not_there_is_refused(tmp_path):

@@ -1,5 +1,7 @@
 """The mean of registered shapes: who counts, and that the truth comes back."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -49,6 +51,7 @@ def test_who_does_not_match_is_left_out_and_listed(blob, shapes, registered):
     assert "30% of the template" in reasons[1]
     assert "not of this kind" in reasons[2]
     assert told[-1][1] == 1
+    assert told[-1][0].startswith("8 of 8 shapes, 1 failed,")
     plain = shape_statistics([one.vertices for one in shapes], weights=vertex_areas(blob))
     np.testing.assert_allclose(found.statistics.variances, plain.variances, rtol=1e-5, atol=1e-12)
     # It stands as the template does.
@@ -63,7 +66,24 @@ def test_who_does_not_match_is_left_out_and_listed(blob, shapes, registered):
 def test_two_shapes_must_be_left(blob, registered):
     odd = Mesh(blob.vertices, blob.faces, name="unsure")
     with pytest.raises(InputError, match="0 are left; unsure was left out: the match's confidence"):
-        mean_shape([odd, odd], blob)
+        mean_shape([odd, odd], (blob.vertices, blob.faces))
+
+
+def test_what_ends_a_worker_is_left_out(blob, monkeypatch):
+    @contextmanager
+    def engine(**_):
+        yield lambda work, tasks: [[(task, None, "its worker died") for task in tasks]]
+
+    monkeypatch.setattr("unbend.collection._mean.engine", engine)
+    with pytest.raises(InputError, match="blob was left out: its worker died"):
+        mean_shape([blob], blob)
+
+
+def test_a_mirror_image_is_another_shape(blob, registered):
+    mirrored = Mesh(blob.vertices * [-1, 1, 1], blob.faces)
+    shapes = shape_statistics([blob.vertices, mirrored.vertices], weights=vertex_areas(blob))
+    found = mean_shape([blob, mirrored], blob).statistics
+    assert found.total_variance == pytest.approx(shapes.total_variance)
 
 
 def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():

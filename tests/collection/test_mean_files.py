@@ -7,7 +7,10 @@ import pytest
 
 from unbend import Mesh, read_mesh
 from unbend.collection import Failure, MeanShape, shape_statistics, write_mean
+from unbend.collection._mean_files import draw_components
 from unbend.errors import FileError
+from unbend.io import value_colors
+from unbend.report import variation_figures
 
 
 @pytest.fixture
@@ -25,7 +28,7 @@ def rows(path):
 
 
 def test_everything_is_written(found, tmp_path):
-    written = write_mean(tmp_path / "new" / "out", found)
+    written = write_mean(str(tmp_path / "new" / "out"), found)
     assert [path.name for path in written] == [
         "mean.ply",
         "component_1_minus.ply",
@@ -44,12 +47,36 @@ def test_everything_is_written(found, tmp_path):
     folder = written[0].parent
     variances = [float(row["variance"]) for row in rows(folder / "variances.csv")]
     np.testing.assert_array_equal(variances, found.statistics.variances)
+    shares = [float(row["share"]) for row in rows(folder / "variances.csv")]
+    np.testing.assert_allclose(shares, np.array(variances) / found.statistics.total_variance)
     scores = rows(folder / "scores.csv")
     assert [row["path"] for row in scores] == list(found.names)
     assert float(scores[2]["score_1"]) == found.statistics.scores[2, 0]
+    assert b"\r" not in (folder / "scores.csv").read_bytes()
     assert rows(folder / "left_out.csv") == [
         {"path": "odd.ply", "reason": "the match's confidence is 0.10"}
     ]
+
+
+def test_the_mean_shows_its_variability(found, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    mean = trimesh.load(write_mean(tmp_path, found)[0], process=False)
+    spread = found.statistics.variability
+    colors = value_colors(spread, limits=(0, spread.max()))
+    np.testing.assert_array_equal(mean.visual.vertex_colors[:, :3], colors)
+    data = mean.metadata["_ply_raw"]["vertex"]["data"]
+    np.testing.assert_allclose(np.ravel(data["variability"]), spread, rtol=1e-6)
+
+
+def test_the_picture_shows_three_standard_deviations_on_either_side(found, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(variation_figures, "draw_variation", lambda *given: drawn.append(given))
+    draw_components(found, tmp_path / "components.png")
+    ((lines, heads, _),) = drawn
+    assert heads == ["-3 SD", "-1.5 SD", "mean", "+1.5 SD", "+3 SD"]
+    for i, (_, shapes) in enumerate(lines):
+        for shape, steps in zip(shapes, (-3, -1.5, 0, 1.5, 3), strict=True):
+            np.testing.assert_array_equal(shape.vertices, found.statistics.at(i, steps))
 
 
 def test_without_matplotlib_there_is_no_picture(found, tmp_path, monkeypatch):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import shutil
+import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from stones import BALL
 from unbend import Collection, Mesh, match, read_match, write_mesh
+from unbend.collection import _pairs
 from unbend.errors import FileError, InputError
 
 
@@ -30,9 +33,10 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
     out = tmp_path / "matches"
     some = collection.match([(str(paths[0]), str(paths[2]))], out, workers=0)
     assert (some.matched, some.skipped) == (1, 0)
-    told = []
+    told, begun = [], time.monotonic()
     rest = collection.match(None, out, workers=0, progress=lambda *how: told.append(how))
     assert (rest.matched, rest.skipped, rest.failures) == (2, 1, ())
+    assert 0 < rest.seconds <= time.monotonic() - begun
     assert told[-1][0].startswith("2 of 2 pairs")
     assert len(list((out / "spectra").iterdir())) == 3
     with open(out / "matches.csv", newline="") as file:
@@ -42,6 +46,7 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
     found = read_match(out / rows[2]["file"])
     alone = match(paths[1], paths[2], cache=False)
     np.testing.assert_array_equal(found.source_to_target, alone.source_to_target)
+    np.testing.assert_allclose(found.functional_map, alone.functional_map, atol=1e-6)
     np.testing.assert_allclose(float(rows[2]["confidence"]), alone.confidence)
 
 
@@ -59,6 +64,22 @@ def test_what_cannot_be_matched_is_named_once(
     assert set(reasons) == {"strip.ply", paths[2].name}
     assert "only one side" in reasons["strip.ply"]
     assert "is not what it was when it was added" in reasons[paths[2].name]
+
+
+def test_workers_are_those_asked_for(
+    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = {}
+
+    @contextmanager
+    def engine(**given):
+        asked.update(given)
+        yield lambda work, tasks: []
+
+    monkeypatch.setattr(_pairs, "engine", engine)
+    where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
+    three[0].match(None, tmp_path / "matches", **where)
+    assert asked == where
 
 
 def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:

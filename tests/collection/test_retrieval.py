@@ -34,7 +34,7 @@ def test_one_list_worked_by_hand():
 
 def test_the_first_page_is_32_shapes():
     # 2 of R = 4 among the first 32: precision 2/32, recall 2/4.
-    found = one_query(1, 1, *[0] * 30, 1, 1, others=6)
+    found = one_query(1, *[0] * 30, 1, 1, 1, others=6)
     assert found.e_measure == pytest.approx(2 / (32 / 2 + 4 / 2))
 
 
@@ -74,6 +74,8 @@ def test_a_shape_can_be_kept_from_the_copy_of_it_that_asks():
 def test_of_equals_the_first_comes_first():
     assert one_query(0, 1).nearest_neighbor == 0
     assert retrieval_measures([[3.0, 3.0]], [0, 1], [1]).nearest_neighbor == 0
+    # The last of 50 near ones, between which 50 far ones stand.
+    assert retrieval_measures([[1.0, 2.0] * 50], [*[0] * 98, 1, 0], [1]).map == 1 / 50
 
 
 def test_everything_goes_into_json():

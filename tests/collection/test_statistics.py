@@ -58,6 +58,7 @@ def test_components_are_what_shapes_are_made_of(grown):
     total = (found.variability**2).mean()
     assert total == pytest.approx(found.total_variance)
     np.testing.assert_allclose(found.at(1, -3), found.mean - 3 * found.components[1])
+    np.testing.assert_array_equal(found.at(0, 0), found.mean)
     outward = np.einsum("kvd,vd->k", found.components, found.mean)
     assert (outward > -1e-9).all()
 
@@ -67,6 +68,8 @@ def test_where_shapes_lie_does_not_matter(grown):
     moved = shape_statistics(scattered(grown[3]))
     np.testing.assert_allclose(moved.variances, plain.variances, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(moved.scores[:, :2], plain.scores[:, :2], atol=1e-5)
+    small = shape_statistics(grown[3] / 1024)
+    np.testing.assert_allclose(small.variances, plain.variances / 1024**2, rtol=1e-9)
 
 
 def test_sizes_are_taken_out_where_asked_for(grown):
@@ -106,6 +109,7 @@ def test_equal_shapes_do_not_vary(blob):
         (np.zeros((2, 4, 3)), {}, "single point"),
         (np.ones((2, 4, 3)), {"n_components": 0}, "n_components"),
         (np.ones((2, 4, 3)), {"weights": [1, 1]}, "weights must be 4"),
+        (np.ones((2, 4, 3)), {"weights": [1, 1, 1, np.inf]}, "weights must be 4 finite"),
     ],
 )
 def test_what_is_no_set_of_shapes_is_refused(shapes, options, message):

@@ -83,7 +83,7 @@ def _find(
         absolute = os.path.abspath(folder / path)
         if absolute in number:
             return number[absolute]
-    found = ends.get("/".join(part for part in Path(path).parts if part != "."), [])
+    found = ends.get("/".join(Path(path).parts), [])
     if len(found) != 1:
         what = "several shapes" if found else "no shape"
         raise FileError(f"{table}: line {line}: {path} is {what} of the collection")

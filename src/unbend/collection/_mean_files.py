@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from unbend._types import FloatArray
 from unbend.collection._mean import MeanShape
 from unbend.errors import FileError, MissingExtraError
-from unbend.io import atomic_write, write_mesh
+from unbend.io import atomic_write, value_colors, write_mesh
 
 DEVIATIONS = 3
 _MOST_DRAWN = 5
@@ -49,7 +48,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     k = len(statistics.variances)
     written = [folder / "mean.ply"]
     spread = statistics.variability
-    colors = _heat_colors(spread / max(float(spread.max()), 1e-300))
+    colors = value_colors(spread, limits=(0, float(spread.max())))
     write_mesh(written[0], found.mean, scalars={"variability": spread}, colors=colors)
     for i in range(k):
         for word, deviations in (("minus", -DEVIATIONS), ("plus", DEVIATIONS)):
@@ -101,13 +100,6 @@ def draw_components(found: MeanShape, path: Path) -> None:
     ]
     if rows:
         draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)
-
-
-def _heat_colors(shares: FloatArray) -> Any:
-    """Colours from dark blue (0) to yellow (1), (n, 3) of 0 to 255."""
-    ends = np.array([[68, 1, 84], [49, 104, 142], [53, 183, 121], [253, 231, 37]], dtype=float)
-    at = np.linspace(0, 1, len(ends))
-    return np.column_stack([np.interp(shares, at, one) for one in ends.T]).round().astype(int)
 
 
 def _write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

@@ -31,6 +31,7 @@ _COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
 _ROWS_AT_ONCE = 4096
 _FORMAT = "2.0"  # of Lance's files; a search reads the vectors of later ones half as fast
 _PROBES = 20  # cells, of some thousand rows each, that an approximate search looks into
+_WAITS = 0.05, 0.2, 0.5  # seconds for which a table that is being made is waited for
 
 
 class Store:
@@ -71,7 +72,7 @@ class Store:
         with self._told():
             database = self._connect(self.path)
             if _TABLE in database.list_tables().tables:
-                self._table = database.open_table(_TABLE)
+                self._table = _opened(database)
 
     @contextmanager
     def _told(self) -> Iterator[None]:
@@ -217,6 +218,18 @@ def among(column: str, values: Iterable[str]) -> str:
     """Condition that a column has one of some values."""
     quoted = ", ".join("'" + value.replace("'", "''") + "'" for value in values)
     return f"{column} IN ({quoted})" if quoted else "false"
+
+
+def _opened(database: Any) -> Any:
+    """Open the table; for a moment another process that makes it has its folder alone."""
+    for wait in _WAITS:
+        try:
+            return database.open_table(_TABLE)
+        except ValueError as error:
+            if "not found" not in str(error):
+                raise
+            time.sleep(wait)
+    return database.open_table(_TABLE)
 
 
 def _check_folder(path: Path) -> None:
