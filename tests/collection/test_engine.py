@@ -6,6 +6,7 @@ import atexit
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -37,12 +38,15 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
 ) -> None:
     monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
     monkeypatch.setenv("OMP_NUM_THREADS", "6")
+    monkeypatch.setattr(_engine, "available_memory", lambda: 2**33)
     before, main = dict(os.environ), dict(vars(sys.modules["__main__"]))
     items = [f"{i} * {i}" for i in range(12)]
     items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
     names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
+    limit = "__import__('distributed').get_worker().memory_manager.memory_limit"
     with engine(workers=2) as run:
         found = results(run, items)
+        assert results(run, [limit]) == {limit: (2**32, None)}
         broken = results(run, ["1 / 0"])
         threads = results(run, [f"__import__('os').environ['{name}']" for name in names])
     reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
@@ -113,12 +117,14 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_scheduler_that_goes_away_is_told() -> None:
-    from distributed import LocalCluster
+    from distributed import LocalCluster, default_client
 
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as own:
 
         def items():
             yield "__import__('time').sleep(60)"
+            with pytest.raises(ValueError, match="No client"):
+                default_client()  # what else the user does with Dask is left alone
             own.close()
             yield None
 
@@ -129,13 +135,28 @@ def test_a_scheduler_that_goes_away_is_told() -> None:
             results(run, items())
 
 
+def test_workers_that_do_not_come_are_told() -> None:
+    def never(count: int, timeout: float) -> None:
+        assert (count, timeout) == (1, _engine._PATIENCE_SECONDS)
+        raise TimeoutError
+
+    with pytest.raises(UnbendError, match=r"no Dask worker came in .* seconds: start one"):
+        _engine._wait_for_workers(SimpleNamespace(wait_for_workers=never), "start one")
+
+
+@pytest.mark.parametrize(("threads", "tasks", "items"), [(0, 1, 1), (49, 49, 1), (120, 120, 3)])
+def test_where_threads_are_many_each_takes_several_items(threads, tasks, items) -> None:
+    client = SimpleNamespace(nthreads=lambda: {"one": threads})
+    assert _engine._plan(client) == (_engine._TASKS_PER_THREAD * tasks, items)
+
+
 def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_engine, "n_cores", lambda: 8)
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**32)
     assert _engine._local_shape(None) == (8, 1, 2**29)
     assert _engine._local_shape(2) == (2, 4, 2**31)
-    monkeypatch.setattr(_engine, "available_memory", lambda: 2**30)
-    assert _engine._local_shape(None) == (2, 4, 2**29)
+    monkeypatch.setattr(_engine, "available_memory", lambda: 2**30 + 2)
+    assert _engine._local_shape(None) == (2, 4, 2**29 + 1)
 
 
 def test_a_cluster_that_is_ended_half_made_is_left_to_itself(

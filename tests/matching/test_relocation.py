@@ -12,7 +12,7 @@ from unbend.datasets import make_quadruped, rest_map
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import Pose, Registered, lift, lower
-from unbend.matching._relocation import EVERYWHERE, TRUNK, relocate
+from unbend.matching._relocation import EVERYWHERE, TRUNK, _central, relocate
 from unbend.matching._shape import Shape
 
 SOURCE = make_quadruped("standing", n_vertices=500)
@@ -51,6 +51,13 @@ def test_a_right_map_stays_right(shapes: tuple[Shape, Shape], asked: float) -> N
         relocate(*shapes, found, asked), (THERE, BACK), shapes[::-1], strict=True
     ):
         assert _off(maps, truth, goal).mean() < 0.05
+
+
+def test_asked_everywhere_vertices_count_by_their_areas(shapes: tuple[Shape, Shape]) -> None:
+    areas, ways = shapes[0].areas, shapes[0].ways
+    np.testing.assert_array_equal(_central(areas, ways, EVERYWHERE), areas)
+    trunk = _central(areas, ways, TRUNK) / areas
+    assert trunk.argmax() == (ways @ areas).argmin()
 
 
 def test_swapped_legs_find_back(shapes: tuple[Shape, Shape]) -> None:

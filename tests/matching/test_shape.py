@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching import _inputs
 from unbend.matching._inputs import prepare_shape, prepare_shapes
 from unbend.matching._proxy import make_proxy
-from unbend.matching._shape import Shape
+from unbend.matching._shape import Shape, find_rim, wave_kernel_signature
 from unbend.spectral import laplacian
 
 
@@ -67,6 +68,9 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_allclose(
         mirror.position_coefficients, shape.position_coefficients * [-1, 1, 1], atol=1e-9
     )
+    np.testing.assert_allclose(
+        mirror.normal_coefficients, shape.normal_coefficients * [-1, 1, 1], atol=1e-9
+    )
     again = mirror.reflected()
     np.testing.assert_array_equal(again.vertices, shape.vertices)
     np.testing.assert_array_equal(again.faces, shape.faces)
@@ -87,6 +91,36 @@ def test_spokes_are_the_cotangents_of_the_laplacian() -> None:
     np.testing.assert_allclose(shape.stiffness.toarray(), expected, atol=1e-4)
     rows = np.ones(ball.n_vertices)
     np.testing.assert_allclose(shape.stiffness @ rows, 0, atol=1e-9)
+
+
+def test_weights_of_thin_and_obtuse_triangles_are_held_within_bounds(blob: Mesh) -> None:
+    flat = _shape(Mesh(blob.vertices * [1, 1, 0.001], blob.faces))
+    assert (flat.spokes.data.min(), flat.spokes.data.max()) == (1e-3, 1e3)
+
+
+def test_the_rim_of_a_square_leads_off_its_sides() -> None:
+    sheet = make_sheet(5)
+    rim = find_rim(sheet.vertices, sheet.faces)
+    low, high = sheet.vertices.min(axis=0), sheet.vertices.max(axis=0)
+    off = (sheet.vertices == high).astype(float) - (sheet.vertices == low)
+    off[:, high == low] = 0
+    one = np.abs(off).sum(axis=1) < 2  # within a side, or inside
+    np.testing.assert_allclose(rim[one], off[one], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(rim[~one], axis=1), 1)
+
+
+def test_waves_are_those_of_aubry_standardised() -> None:
+    chance = np.random.default_rng(0)
+    values, basis = np.array([1.0, 2, 5, 9]), chance.normal(size=(6, 4))
+    areas = np.full(6, 1 / 6)
+    found = wave_kernel_signature(values, basis, areas, 10)
+    step = np.log(9) / 10
+    for i, column in enumerate(found.T):
+        shares = np.exp(-((np.log(values) - (i + 2) * step) ** 2) / (2 * (7 * step) ** 2))
+        expected = basis**2 @ shares / shares.sum()
+        expected = (expected - expected.mean()) / expected.std() / np.sqrt(6)
+        np.testing.assert_allclose(column, expected)
+    assert found.shape == (6, 6)
 
 
 def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -> None:
