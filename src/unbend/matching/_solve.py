@@ -41,7 +41,7 @@ STEPS = 8  # at each pull
 _MANY, _TIGHTENED, _FOLLOWED, _SPECTRAL = (400, 64), 16, 8, 3
 # A candidate is clear if its cost is at most this and any other's so many times that, after this
 # few from tips were tried; then it is followed, and some others to compare it with.
-_CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.16, 1.5, (60, 12), 3
+_CLEAR, _AHEAD, _FEW, _CLEARLY_FOLLOWED = 0.2, 1.4, (60, 12), 3
 # For parts: points of either shape, guesses which correspond, and candidates of these that are
 # followed besides.
 _POINTS, _GUESSED, _POINTED = (40, 60), 24, 4
