@@ -46,8 +46,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     -------
     Mesh
         With the source's vertices, in their order, and its faces. Parts without an image keep
-        their shape and go along with what is next to them; vertices that no face uses, and
-        components without any image, move rigidly with the whole.
+        their shape and go along with what is next to them; vertices that no face uses move rigidly
+        with the whole, and so do components without any image, which grow as the rest does.
 
     Raises
     ------
