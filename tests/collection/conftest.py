@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -30,3 +32,21 @@ def own(filled: Collection, tmp_path: Path) -> Collection:
     """A copy of the collection to change."""
     shutil.copytree(filled.path, tmp_path / "own")
     return Collection(tmp_path / "own")
+
+
+@pytest.fixture
+def idle_engine(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], dict]:
+    """Put an engine into a module that does nothing; what it is asked for is in the dictionary."""
+
+    def put(module: object) -> dict:
+        asked = {}
+
+        @contextmanager
+        def engine(**given):
+            asked.update(given)
+            yield lambda work, items: []
+
+        monkeypatch.setattr(module, "engine", engine)
+        return asked
+
+    return put

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -61,15 +61,8 @@ def test_what_the_store_has_is_no_longer_remembered(tmp_path: Path) -> None:
     assert (adding.added, adding.skipped) == (2, 2)
 
 
-def test_workers_are_those_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = {}
-
-    @contextmanager
-    def engine(**given):
-        asked.update(given)
-        yield lambda work, files: []
-
-    monkeypatch.setattr(_adding, "engine", engine)
+def test_workers_are_those_asked_for(tmp_path: Path, idle_engine: Callable[[object], dict]) -> None:
+    asked = idle_engine(_adding)
     (tmp_path / "a.off").touch()
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
     add_files(Kept(), [str(tmp_path)], progress=None, **where)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import shutil
 import time
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -67,16 +67,9 @@ def test_what_cannot_be_matched_is_named_once(
 
 
 def test_workers_are_those_asked_for(
-    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    three: tuple[Collection, list[Path]], tmp_path: Path, idle_engine: Callable[[object], dict]
 ) -> None:
-    asked = {}
-
-    @contextmanager
-    def engine(**given):
-        asked.update(given)
-        yield lambda work, tasks: []
-
-    monkeypatch.setattr(_pairs, "engine", engine)
+    asked = idle_engine(_pairs)
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
     three[0].match(None, tmp_path / "matches", **where)
     assert asked == where

@@ -78,12 +78,11 @@ def settled(
     dict
         Of those, what :func:`refined` makes of them.
     """
-    first, *others = ranks[:_SETTLED]
-    nearly = [first, *(one for one in others if one.cost <= _NEARLY * first.cost)]
+    nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * ranks[0].cost]
     if not sides.partial or len(nearly) == 1:
         return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
-    unit = first.energy / max(fine[0].energy, 10.0**-DIGITS)
+    unit = ranks[0].energy / max(fine[0].energy, 10.0**-DIGITS)
     known = {
         replace(rough, energy=unit * one.energy): one
         for rough, one in zip(nearly, fine, strict=True)

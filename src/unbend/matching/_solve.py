@@ -102,7 +102,7 @@ def make_sides(source: Shape, target: Shape) -> Sides:
         loosest = LOOSEST if sides.partial else ()
         pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(make_ready, one, pulls) for one in pair)
-    _ = [one.patches for one in sides.rough]
+    _ = [one.patches for one in sides.rough]  # once, before several threads do
     return sides
 
 
@@ -244,7 +244,7 @@ def from_guesses(
 
 def mended(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Add to ranked candidates what the best become by the ways, and by the patches, that agree."""
-    _ = [one.ways for one in sides.rough]  # several threads would make them several times
+    _ = [one.ways for one in sides.rough]  # once, before several threads do
     leading = distinct_on(sides.proxies, found)
     found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
     if sides.partial:
