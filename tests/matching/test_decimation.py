@@ -6,7 +6,7 @@ import pytest
 from sheets import make_sheet
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._decimation import _cost, _quadrics, _turns_over, decimate
-from unbend.mesh import Mesh, find_edges, vertex_areas
+from unbend.mesh import Mesh, find_components, find_edges, vertex_areas
 
 
 def _euler(faces: np.ndarray, n: int) -> int:
@@ -56,6 +56,25 @@ def test_what_is_small_enough_is_left_alone() -> None:
     assert (kept == np.arange(ball.n_vertices)).all()
     assert (faces == ball.faces).all()
     assert (parents == kept).all()
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("twice", [False, True])
+def test_what_hangs_by_its_corners_is_not_cut_off(twice: bool) -> None:
+    # A chain of triangles, single or back to back, that share one corner each.
+    ball = make_sphere(2)
+    n = ball.n_vertices
+    links = np.arange(0, 12, 2)[:, None] + [n - 1, n, n + 1]
+    links[0, 0] = 5
+    step = np.array([[0.02, 0.01, 0.0], [0.04, 0.0, 0.0]])
+    chain = ball.vertices[5] * (1 + np.arange(6)[:, None, None] * 0.04) + step
+    vertices = np.vstack([ball.vertices, chain.reshape(-1, 3)])
+    faces = np.vstack([ball.faces, links, *([links[:, ::-1]] if twice else [])])
+    assert len(find_components(faces, len(vertices)).n_vertices) == 1
+    for count in (100, 40, 10):
+        kept, coarse, _ = decimate(vertices, faces, count)
+        assert (np.unique(coarse) == np.arange(len(kept))).all()
+        assert len(find_components(coarse, len(kept)).n_vertices) == 1
 
 
 @pytest.mark.kernels

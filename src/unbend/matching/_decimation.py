@@ -1,8 +1,9 @@
 """Coarser meshes whose vertices are some of the fine one's, by collapses of edges.
 
 Every collapse moves a vertex onto a neighbour, the cheapest first: cheap is what leaves the faces'
-planes little [1]_ and is short. A collapse that would pinch the surface, fold it or eat into its
-boundary is not made, so that thin limbs stay tubes and what was separate stays so.
+planes little [1]_ and is short. A collapse that would pinch the surface, fold it, part it or eat
+into its boundary is not made, so that thin limbs stay tubes, and what was joined or separate stays
+so.
 
 References
 ----------
@@ -177,6 +178,20 @@ def _turns_over(vertices, faces, f, u, v):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _stays_joined(faces, f, start, ring, u, v):  # type: ignore[no-untyped-def]
+    """Whether face f, which u and v share, is not all that joins its third corner to them."""
+    tip = faces[f].sum() - u - v
+    for e in range(start[tip], start[tip + 1]):
+        ends = 0
+        for c in range(3):
+            w = faces[ring[e], c]
+            ends += w in (u, v)
+        if ends == 1:
+            return True
+    return False
+
+
+@compiled
 def _collapse(vertices, faces, start, ring, ends, boundary, quadrics, parents, most):  # type: ignore[no-untyped-def]
     """Collapse edges in their order, each unless an earlier one has touched it; count them."""
     touched = np.zeros(len(vertices), np.bool_)
@@ -199,7 +214,10 @@ def _collapse(vertices, faces, start, ring, ends, boundary, quadrics, parents, m
                 seen[w] = k
                 allowed &= not touched[w]
             shared += has
-            allowed = allowed and (has or not _turns_over(vertices, faces, f, u, v))
+            if has:
+                allowed = allowed and _stays_joined(faces, f, start, ring, u, v)
+            else:
+                allowed = allowed and not _turns_over(vertices, faces, f, u, v)
         seen[u] = seen[v] = -1
         for e in range(start[v], start[v + 1]):
             for c in range(3):
