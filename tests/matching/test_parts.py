@@ -17,6 +17,7 @@ from unbend.datasets import (
     keep,
     make_biped,
     make_octopus,
+    make_sphere,
     rest_map,
 )
 from unbend.datasets import Shape as ShapeWithTruth
@@ -60,6 +61,14 @@ def test_only_a_part_has_a_rim(blob: Mesh) -> None:
     assert not prepare_shape(half, 20, True).shape.rim.any()
     assert prepare_shape(half, 20, True, partial=True).shape.rim.any()
     assert not prepare_shape(blob, 20, True, partial=True).shape.partial
+
+
+@pytest.mark.parametrize(("level", "partial"), [(3, True), (5, False)])
+def test_a_pinhole_makes_no_part(level: int, partial: bool) -> None:
+    # Without one face the rim is three edges long: 0.12 and 0.03 of sqrt(area).
+    ball = make_sphere(level)
+    pricked = Mesh(ball.vertices, ball.faces[1:])
+    assert prepare_shape(pricked, 20, True, partial=True).shape.partial == partial
 
 
 def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:

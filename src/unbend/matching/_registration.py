@@ -24,6 +24,7 @@ from unbend.matching._kernels import (
     turn_rotations,
     walk,
 )
+from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._proxy import Proxy
 from unbend.matching._shape import Shape, find_rim
 from unbend.matching._zoomout import spectral_weights
@@ -39,9 +40,7 @@ LOOSEST = (3.0, 10.0)
 _MOMENTUM = 0.7
 NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
-# Mean edges beyond a rim that still count as on the surface; and how far from its beginning a way
-# there and back may end where a pair draws.
-_SLACK, _WAY_BACK = 0.3, 2.0
+_SLACK = 0.3  # mean edges beyond a rim that still count as on the surface
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
@@ -222,11 +221,11 @@ def register(
     for _ in range(2):
         forward, backward = _closest(ours, theirs, forward, backward)
     if target.partial:
-        ours.within = ours.beyond(theirs, forward) <= _SLACK * target.edge
-        ours.within &= _leads_back(source, forward, backward)
+        off = ours.beyond(theirs, forward) > _SLACK * target.edge
+        ours.keep_matched(off, forward, backward)
     if source.partial:
-        theirs.within = theirs.beyond(ours, backward) <= _SLACK * source.edge
-        theirs.within &= _leads_back(target, backward, forward)
+        off = theirs.beyond(ours, backward) > _SLACK * source.edge
+        theirs.keep_matched(off, backward, forward)
     return [
         Registered(forward[:, i].copy(), backward[:, i].copy(), ours.pose(i), theirs.pose(i))
         for i in range(len(starts))
@@ -304,6 +303,11 @@ class _Moving:
         off = (back * np.stack(rims, axis=1)[forward, every]).sum(axis=-1)
         return np.asarray(there + off) / 2
 
+    def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
+        """Say who has a partner: is not off the goal, and does not lead elsewhere."""
+        within = leads_back(self.shape, forward, backward) & ~off
+        self.within = keep_matched(self.shape, self.goal, within, backward, self.size)
+
     def pose(self, i: int) -> Pose:
         """One of the poses."""
         places, rotations = (np.ascontiguousarray(o[:, i]) for o in (self.places, self.rotations))
@@ -333,18 +337,11 @@ def _closest(
         left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
         nearest = walk(left, right, forward, *mine, *other)
-        ours.within = ~theirs.shape.on_rim[nearest] & _leads_back(ours.shape, forward, backward)
+        ours.keep_matched(theirs.shape.on_rim[nearest], forward, backward)
     if ours.shape.partial:
         nearest = walk(right, left, backward, *other, *mine)
-        theirs.within = ~ours.shape.on_rim[nearest] & _leads_back(theirs.shape, backward, forward)
+        theirs.keep_matched(ours.shape.on_rim[nearest], backward, forward)
     return forward, backward
-
-
-def _leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
-    """Whether there and back again is near where it began."""
-    returned = np.take_along_axis(backward, forward, axis=0)
-    off = np.linalg.norm(shape.vertices[:, None] - shape.vertices[returned], axis=-1)
-    return np.asarray(off < _WAY_BACK * shape.edge)
 
 
 def local_covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:

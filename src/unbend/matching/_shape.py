@@ -27,6 +27,9 @@ _TURNING = 0.03
 _PATCH = 0.15
 # Those by which maps are judged: as small as a body's details, but no smaller than so many edges.
 _DETAIL, _DETAIL_EDGES = 0.08, 2.4
+# Along a shorter rim, in sqrt(area), hardly anything can be cut off: a limb ten times as long as
+# thick is less than a hundredth of the area.
+_SHORTEST_RIM = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,11 @@ class Shape:
     def on_rim(self) -> BoolArray:
         """Whether a vertex (n,) lies where a partial surface ends."""
         return np.asarray(self.rim.any(axis=1))
+
+    @cached_property
+    def rim_lengths(self) -> tuple[IntArray, FloatArray]:
+        """Vertices (r,) where the surface ends, and the length of rim (r,) each stands for."""
+        return _rim_lengths(self.vertices, self.faces)
 
     @cached_property
     def edge(self) -> float:
@@ -217,6 +225,15 @@ def find_rim(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
 
+def _rim_lengths(vertices: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray]:
+    edges = find_edges(faces, len(vertices))
+    ends = edges.ends[edges.n_faces == 1]
+    halves = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) / 2
+    rim, place = np.unique(ends, return_inverse=True)
+    lengths = np.bincount(place.ravel(), np.repeat(halves, 2), len(rim))
+    return rim, np.asarray(lengths, dtype=np.float64)
+
+
 def make_shape(
     vertices: FloatArray,
     faces: IntArray,
@@ -241,7 +258,7 @@ def make_shape(
     eigenfunctions : (n, k + 1) ndarray of float64
         Area-orthonormal at unit area.
     partial : bool, default=False
-        Whether it is a part of what it shows, if it has a rim.
+        Whether it is a part of what it shows, if it has a rim that is long enough.
     """
     corners = vertices[faces]
     twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -258,7 +275,7 @@ def make_shape(
         areas=weights,
         eigenvalues=np.maximum(eigenvalues[1:], _SMALLEST_EIGENVALUE),
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
-        partial=partial and bool((find_edges(faces, len(points)).n_faces == 1).any()),
+        partial=partial and bool(_rim_lengths(points, faces)[1].sum() > _SHORTEST_RIM),
     )
 
 

@@ -1,0 +1,106 @@
+"""Who has a partner on the other shape, and who has none because that one ends before.
+
+What a part lacks was cut off along its rim. A patch that has no partner therefore ends, within its
+own shape, where that rim lies; if its outline is much longer than the rim there, it is not what
+the part lacks, but what has not been matched well, and it stays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unbend._compiled import compiled
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.matching._shape import Shape
+
+# How far from its beginning a way there and back may end, in mean edges, where a pair draws.
+_WAY_BACK = 2.0
+# An outline may be so many times as long as the rim.
+_OUTLINE = 2.0
+
+
+def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
+    """Whether there and back again, (n, p) by so many maps, is near where it began."""
+    returned = np.take_along_axis(backward, forward, axis=0)
+    off = np.linalg.norm(shape.vertices[:, None] - shape.vertices[returned], axis=-1)
+    return np.asarray(off < _WAY_BACK * shape.edge)
+
+
+def keep_matched(
+    shape: Shape, goal: Shape, within: BoolArray, backward: IntArray, size: FloatArray
+) -> BoolArray:
+    """Leave without partner only what the goal's rim may have cut off.
+
+    Parameters
+    ----------
+    shape, goal : Shape
+    within : (n, p) ndarray of bool
+        Whether vertices of the shape have a partner, by so many maps.
+    backward : (m, p) ndarray of int64
+        Where the goal's vertices lie on the shape.
+    size : (p,) ndarray of float64
+        How much longer the shape is where the goal is.
+
+    Returns
+    -------
+    (n, p) ndarray of bool
+    """
+    kept = within.copy()
+    ends, lengths = goal.rim_lengths
+    images = np.ascontiguousarray(backward[ends])
+    graph = shape.spokes.indptr, shape.spokes.indices
+    _keep_matched(shape.faces, shape.vertices, *graph, kept, images, lengths, _OUTLINE / size)
+    return kept
+
+
+@compiled
+def _keep_matched(faces, vertices, start, neighbors, within, images, lengths, times):  # type: ignore[no-untyped-def]
+    n, n_maps = within.shape
+    patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
+    for m in range(n_maps):
+        count = 0
+        patch[:] = -1
+        for i in range(n):
+            if within[i, m] or patch[i] >= 0:
+                continue
+            patch[i], reached[0], left = count, i, 1
+            while left:
+                left -= 1
+                v = reached[left]
+                for e in range(start[v], start[v + 1]):
+                    w = neighbors[e]
+                    if not within[w, m] and patch[w] < 0:
+                        patch[w], reached[left] = count, w
+                        left += 1
+            count += 1
+        if count == 0:
+            continue
+        # What the rim within two edges of a patch allows, less the patch's outline.
+        spare = np.zeros(count)
+        met = np.full(count, -1, np.int64)
+        for r in range(len(images)):
+            v = images[r, m]
+            for e in range(start[v], start[v + 1]):
+                w = neighbors[e]
+                for g in range(start[w], start[w + 1]):
+                    k = patch[neighbors[g]]
+                    if k >= 0 and met[k] != r:
+                        met[k] = r
+                        spare[k] += times[m] * lengths[r]
+        for f in range(len(faces)):
+            inside = 0
+            for c in range(3):
+                inside += within[faces[f, c], m]
+            if inside in (0, 3):
+                continue
+            odd = 0
+            while within[faces[f, odd], m] != (inside == 1):
+                odd += 1
+            u, v = faces[f, (odd + 1) % 3], faces[f, (odd + 2) % 3]
+            square = 0.0
+            for a in range(3):
+                square += (vertices[u, a] - vertices[v, a]) ** 2
+            spare[max(patch[u], patch[faces[f, odd]])] -= np.sqrt(square) / 2
+        for i in range(n):
+            if patch[i] >= 0 and spare[patch[i]] < 0:
+                within[i, m] = True
