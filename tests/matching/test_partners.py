@@ -5,30 +5,31 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from unbend._types import BoolArray, FloatArray, IntArray
+from unbend._types import BoolArray
 from unbend.datasets import keep, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._shape import Shape
 
 BALL = make_sphere(3)
-_SIZE = np.ones(1)
 
 
 class Bitten(NamedTuple):
     whole: Shape
     part: Shape
-    back: IntArray  # (m, 1), of the part's vertices on the whole
     cap: BoolArray  # (n, 1), what the part lacks
+    size: float  # how much longer the whole is where the part is: both have unit area
 
 
 def _bitten(least: float) -> Bitten:
     lacking = BALL.vertices[:, 2] > least
     bitten = keep(BALL, ~lacking)
-    whole = prepare_shape(BALL, 20, True, partial=True).shape
-    part = prepare_shape(bitten.mesh, 20, True, partial=True).shape
-    # Both in the whole's unit, so that the size is 1.
-    return Bitten(whole, part, np.asarray(bitten.origin)[:, None], lacking[:, None])
+    whole, part = (prepare_shape(one, 20, True, partial=True).shape for one in (BALL, bitten.mesh))
+    lengths = (
+        np.linalg.norm(np.subtract(*one.vertices[ends]))
+        for one, ends in ((part, [0, -1]), (whole, bitten.origin[[0, -1]]))
+    )
+    return Bitten(whole, part, lacking[:, None], float(np.divide(*lengths)))
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.6, 0.9], ids=["half", "cap", "small cap"])
@@ -36,17 +37,22 @@ def bitten(request: pytest.FixtureRequest) -> Bitten:
     return _bitten(request.param)
 
 
-def _kept(one: Bitten, within: BoolArray, size: FloatArray = _SIZE) -> BoolArray:
-    # How much longer the whole is where the part is: both have unit area for the matcher.
-    longer = np.linalg.norm(one.part.vertices[0] - one.part.vertices[-1]) / np.linalg.norm(
-        np.subtract(*one.whole.vertices[one.back[[0, -1], 0]])
-    )
-    return keep_matched(one.whole, one.part, within, one.back, size * longer)
+def _kept(one: Bitten, within: BoolArray, times: float = 1.0) -> BoolArray:
+    size = np.full(within.shape[1], times * one.size)
+    return keep_matched(one.whole, one.part, within, size)
 
 
-def _patch(shape: Shape, toward: tuple[float, float, float], least: float) -> BoolArray:
-    directions = shape.vertices / np.linalg.norm(shape.vertices, axis=1, keepdims=True)
-    return np.asarray(directions @ toward > least)[:, None]
+def _cap(shape: Shape, direction: tuple[float, float, float], least: float) -> BoolArray:
+    rays = shape.vertices / np.linalg.norm(shape.vertices, axis=1, keepdims=True)
+    return np.asarray(rays @ direction > least)[:, None]
+
+
+def test_a_rim_is_as_long_as_its_circle(bitten: Bitten) -> None:
+    height = bitten.whole.vertices[~bitten.cap[:, 0], 2].max() * np.sqrt(4 * np.pi)
+    circle = 2 * np.pi * np.sqrt(1 - height**2) / np.sqrt(4 * np.pi)
+    # A rim along edges goes in zigzags.
+    assert 0.95 * circle < bitten.part.rim_length / bitten.size < 1.35 * circle
+    assert bitten.whole.rim_length == 0
 
 
 @pytest.mark.kernels
@@ -55,36 +61,28 @@ def test_what_the_rim_cuts_off_stays_without_partner(bitten: Bitten) -> None:
 
 
 @pytest.mark.kernels
-def test_what_is_away_from_the_rim_keeps_its_partner(bitten: Bitten) -> None:
-    elsewhere = _patch(bitten.whole, (0.0, 0.0, -1.0), 0.8)
-    np.testing.assert_array_equal(_kept(bitten, ~(bitten.cap | elsewhere)), ~bitten.cap)
-    assert _kept(bitten, ~elsewhere).all()
+def test_an_outline_much_longer_than_the_rim_is_none(bitten: Bitten) -> None:
+    # A pinhole at the pole cuts off nothing like a hemisphere; nor does a rim a third as long.
+    pricked = _bitten(0.97)
+    assert _kept(pricked, ~_cap(pricked.whole, (0.0, 0.0, 1.0), 0.2)).all()
+    assert _kept(bitten, ~bitten.cap, 3.0).all()
+    np.testing.assert_array_equal(_kept(bitten, ~bitten.cap, 1.5), ~bitten.cap)
 
 
 @pytest.mark.kernels
-def test_each_map_is_looked_at_by_itself(bitten: Bitten) -> None:
-    elsewhere = _patch(bitten.whole, (0.0, 0.0, -1.0), 0.8)
-    none = np.zeros_like(elsewhere)
-    within = ~np.hstack([none, bitten.cap, elsewhere, bitten.cap | elsewhere])
-    several = bitten._replace(back=np.repeat(bitten.back, 4, axis=1))
-    kept = ~_kept(several, within, np.ones(4))
-    np.testing.assert_array_equal(kept, np.hstack([none, bitten.cap, none, bitten.cap]))
-
-
-@pytest.mark.kernels
-def test_an_outline_much_longer_than_the_rim_is_none() -> None:
-    # A pinhole at the pole cuts off no hemisphere, and one in pose a third as long does not either.
-    small = _bitten(0.97)
-    assert _kept(small, ~_patch(small.whole, (0.0, 0.0, 1.0), 0.2)).all()
-    half = _bitten(0.0)
-    assert _kept(half, ~half.cap, np.array([3.0])).all()
-    np.testing.assert_array_equal(_kept(half, ~half.cap, np.array([1.5])), ~half.cap)
+def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
+    pricked = _bitten(0.97)
+    wide = _cap(pricked.whole, (0.0, 0.0, -1.0), 0.3)
+    small = _cap(pricked.whole, (1.0, 0.0, 0.0), 0.97) | pricked.cap
+    none = np.zeros_like(wide)
+    lacking = ~_kept(pricked, ~np.hstack([none, small, wide, small | wide]))
+    np.testing.assert_array_equal(lacking, np.hstack([none, small, none, small]))
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:
-    within = ~_patch(bitten.whole, (0.0, 0.0, -1.0), 0.8)
+    within = ~_cap(bitten.whole, (0.0, 0.0, -1.0), 0.1)
     before = within.copy()
-    _kept(bitten, within)
+    _kept(bitten, within, 10.0)
     np.testing.assert_array_equal(within, before)
 
 

@@ -1,8 +1,8 @@
 """Who has a partner on the other shape, and who has none because that one ends before.
 
 What a part lacks was cut off along its rim. A patch that has no partner therefore ends, within its
-own shape, where that rim lies; if its outline is much longer than the rim there, it is not what
-the part lacks, but what has not been matched well, and it stays.
+own shape, where that rim lies; if its outline is much longer than the rim, it is not what the part
+lacks, but what has not been matched well, and it stays.
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray
     return np.asarray(off < _WAY_BACK * shape.edge)
 
 
-def keep_matched(
-    shape: Shape, goal: Shape, within: BoolArray, backward: IntArray, size: FloatArray
-) -> BoolArray:
+def keep_matched(shape: Shape, goal: Shape, within: BoolArray, size: FloatArray) -> BoolArray:
     """Leave without partner only what the goal's rim may have cut off.
 
     Parameters
@@ -36,8 +34,6 @@ def keep_matched(
     shape, goal : Shape
     within : (n, p) ndarray of bool
         Whether vertices of the shape have a partner, by so many maps.
-    backward : (m, p) ndarray of int64
-        Where the goal's vertices lie on the shape.
     size : (p,) ndarray of float64
         How much longer the shape is where the goal is.
 
@@ -46,15 +42,13 @@ def keep_matched(
     (n, p) ndarray of bool
     """
     kept = within.copy()
-    ends, lengths = goal.rim_lengths
-    images = np.ascontiguousarray(backward[ends])
     graph = shape.spokes.indptr, shape.spokes.indices
-    _keep_matched(shape.faces, shape.vertices, *graph, kept, images, lengths, _OUTLINE / size)
+    _keep_matched(shape.faces, shape.vertices, *graph, kept, _OUTLINE * goal.rim_length / size)
     return kept
 
 
 @compiled
-def _keep_matched(faces, vertices, start, neighbors, within, images, lengths, times):  # type: ignore[no-untyped-def]
+def _keep_matched(faces, vertices, start, neighbors, within, longest):  # type: ignore[no-untyped-def]
     n, n_maps = within.shape
     patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
     for m in range(n_maps):
@@ -75,18 +69,8 @@ def _keep_matched(faces, vertices, start, neighbors, within, images, lengths, ti
             count += 1
         if count == 0:
             continue
-        # What the rim within two edges of a patch allows, less the patch's outline.
-        spare = np.zeros(count)
-        met = np.full(count, -1, np.int64)
-        for r in range(len(images)):
-            v = images[r, m]
-            for e in range(start[v], start[v + 1]):
-                w = neighbors[e]
-                for g in range(start[w], start[w + 1]):
-                    k = patch[neighbors[g]]
-                    if k >= 0 and met[k] != r:
-                        met[k] = r
-                        spare[k] += times[m] * lengths[r]
+        # An outline leads through the middles of the sides between who has a partner and who not.
+        outline = np.zeros(count)
         for f in range(len(faces)):
             inside = 0
             for c in range(3):
@@ -100,7 +84,7 @@ def _keep_matched(faces, vertices, start, neighbors, within, images, lengths, ti
             square = 0.0
             for a in range(3):
                 square += (vertices[u, a] - vertices[v, a]) ** 2
-            spare[max(patch[u], patch[faces[f, odd]])] -= np.sqrt(square) / 2
+            outline[max(patch[u], patch[faces[f, odd]])] += np.sqrt(square) / 2
         for i in range(n):
-            if patch[i] >= 0 and spare[patch[i]] < 0:
+            if patch[i] >= 0 and outline[patch[i]] > longest[m]:
                 within[i, m] = True

@@ -87,9 +87,9 @@ class Shape:
         return np.asarray(self.rim.any(axis=1))
 
     @cached_property
-    def rim_lengths(self) -> tuple[IntArray, FloatArray]:
-        """Vertices (r,) where the surface ends, and the length of rim (r,) each stands for."""
-        return _rim_lengths(self.vertices, self.faces)
+    def rim_length(self) -> float:
+        """Length of all along which the surface ends."""
+        return _rim_length(self.vertices, self.faces)
 
     @cached_property
     def edge(self) -> float:
@@ -225,13 +225,10 @@ def find_rim(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
 
-def _rim_lengths(vertices: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray]:
+def _rim_length(vertices: FloatArray, faces: IntArray) -> float:
     edges = find_edges(faces, len(vertices))
-    ends = edges.ends[edges.n_faces == 1]
-    halves = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) / 2
-    rim, place = np.unique(ends, return_inverse=True)
-    lengths = np.bincount(place.ravel(), np.repeat(halves, 2), len(rim))
-    return rim, np.asarray(lengths, dtype=np.float64)
+    ends = vertices[edges.ends[edges.n_faces == 1]]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
 
 
 def make_shape(
@@ -275,7 +272,7 @@ def make_shape(
         areas=weights,
         eigenvalues=np.maximum(eigenvalues[1:], _SMALLEST_EIGENVALUE),
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
-        partial=partial and bool(_rim_lengths(points, faces)[1].sum() > _SHORTEST_RIM),
+        partial=partial and _rim_length(points, faces) > _SHORTEST_RIM,
     )
 
 
