@@ -46,6 +46,10 @@ def test_it_begins_empty_and_leaves_no_trace(tmp_path: Path) -> None:
             use()
 
 
+def test_it_shows_where_it_is_and_how_large(filled: Collection) -> None:
+    assert repr(filled) == f"Collection({filled.path!r}, 12 shapes)"
+
+
 def test_a_shape_finds_itself_then_those_like_it(filled: Collection, stones: Path) -> None:
     rows = rows_of(filled)
     vectors = np.array([row["descriptor"] for row in rows])
@@ -191,6 +195,26 @@ def test_an_index_finds_what_looking_at_all_finds(
         assert many.info().indexed
 
 
+def test_only_a_large_collection_gets_an_index_and_only_where_asked(
+    own: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = stones / "stone05.ply"
+    for least, asked in ((13, {"index": True}), (12, {}), (12, {"index": True})):
+        monkeypatch.setattr(_collection, "_LEAST_INDEXED", least)
+        assert not own.info().indexed
+        assert own.search(path, 1, **asked)[0].path == str(path)
+    assert own.info().indexed
+
+
+def test_twice_as_many_as_asked_for_are_matched(
+    filled: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_collection, "rank_by_match", lambda query, hits, progress: hits[::-1])
+    path = stones / "stone05.ply"
+    best = filled.search(path, 8)
+    assert filled.search(path, 4, rerank="match") == best[:3:-1]
+
+
 def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
     entries, table = filled.distances()
     assert [entry.path for entry in entries] == sorted(entry.path for entry in filled)
@@ -199,7 +223,10 @@ def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
 
 
 def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_collection, "available_memory", lambda: 1000)
+    tables = 3 * 8 * 12**2  # so many bytes have three numbers for each pair
+    monkeypatch.setattr(_collection, "available_memory", lambda: tables)
+    assert filled.distances()[1].shape == (12, 12)
+    monkeypatch.setattr(_collection, "available_memory", lambda: tables - 1)
     with pytest.raises(InputError, match="all pairs of 12 shapes need"):
         filled.distances()
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import atexit
+import io
+import itertools
+import logging
 import os
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -34,8 +38,10 @@ def test_this_process_will_do() -> None:
 
 
 def test_what_kills_its_worker_is_named_and_all_else_goes_on(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
+    from distributed import default_client
+
     monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
     monkeypatch.setenv("OMP_NUM_THREADS", "6")
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**33)
@@ -43,10 +49,20 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     items = [f"{i} * {i}" for i in range(12)]
     items[3:3], items[7:7] = [DEATH], [f"{DEATH} or 1", None]
     names = [f"{one}_NUM_THREADS" for one in ("OMP", "OPENBLAS", "MKL", "NUMBA")]
-    limit = "__import__('distributed').get_worker().memory_manager.memory_limit"
+    memory = "__import__('distributed').get_worker().memory_manager.memory_"
+    limits = {"limit": 2**32, "target_fraction": False, "spill_fraction": False}
+    limits["pause_fraction"] = False  # what a mesh takes can neither be put aside nor waited for
+    shown = io.StringIO()
+    logger, handler = logging.getLogger("distributed"), logging.StreamHandler(shown)
+    logger.addHandler(handler)
+    request.addfinalizer(lambda: logger.removeHandler(handler))
     with engine(workers=2) as run:
+        assert list(run.args[0].nthreads().values()) == [1, 1]
+        with pytest.raises(ValueError, match="No client"):
+            default_client()  # what else the user does with Dask is left alone
         found = results(run, items)
-        assert results(run, [limit]) == {limit: (2**32, None)}
+        told = results(run, [memory + name for name in limits])
+        assert told == {memory + name: (value, None) for name, value in limits.items()}
         broken = results(run, ["1 / 0"])
         threads = results(run, [f"__import__('os').environ['{name}']" for name in names])
     reasons = {found.pop(item)[1] for item in (DEATH, f"{DEATH} or 1")}
@@ -57,6 +73,17 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     assert [value for value, _ in threads.values()] == [str(max(n_cores() // 2, 1))] * 4
     assert dict(os.environ) == before
     assert dict(vars(sys.modules["__main__"])) == main
+    assert shown.getvalue() == ""  # Dask would tell of every death
+
+
+def test_a_session_without_a_script_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    main = sys.modules["__main__"]
+    monkeypatch.delattr(main, "__file__", raising=False)
+    monkeypatch.setattr(main, "__spec__", "its own", raising=False)
+    with _engine._setting(1):
+        assert main.__spec__ is None
+    assert main.__spec__ == "its own"
+    assert not hasattr(main, "__file__")
 
 
 def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
@@ -148,6 +175,27 @@ def test_workers_that_do_not_come_are_told() -> None:
 def test_where_threads_are_many_each_takes_several_items(threads, tasks, items) -> None:
     client = SimpleNamespace(nthreads=lambda: {"one": threads})
     assert _engine._plan(client) == (_engine._TASKS_PER_THREAD * tasks, items)
+
+
+@pytest.mark.parametrize(("alone", "most"), [(False, 10 * _engine._TASKS_PER_THREAD), (True, 1)])
+def test_workers_that_come_later_have_work_too_unless_one_item_is_tried_alone(
+    monkeypatch: pytest.MonkeyPatch, alone: bool, most: int
+) -> None:
+    monkeypatch.setattr(_engine, "_HEARTBEAT_SECONDS", 1e-3)
+    threads, given = {"first": 1}, []
+
+    def submit(*task: object, **options: object) -> Future[None]:
+        given.append(Future())  # never done
+        return given[-1]
+
+    client = SimpleNamespace(nthreads=lambda: threads, submit=submit)
+    stream = _engine._stream(client, eval, itertools.repeat("1"), [], alone=alone)
+    next(stream)
+    assert len(given) == (1 if alone else _engine._TASKS_PER_THREAD)
+    threads["second"] = 9
+    for _ in range(50):
+        next(stream)
+    assert len(given) == most
 
 
 def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:

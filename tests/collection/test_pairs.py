@@ -71,8 +71,11 @@ def test_workers_are_those_asked_for(
 ) -> None:
     asked = idle_engine(_pairs)
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
-    three[0].match(None, tmp_path / "matches", **where)
-    assert asked == where
+    collection, paths = three
+    for pairs in (None, [(str(paths[0]), str(paths[1]))]):
+        asked.clear()
+        collection.match(pairs, tmp_path / "matches", **where)
+        assert asked == where
 
 
 def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:

@@ -1,0 +1,128 @@
+"""The table: what is committed is there for all, small files are merged, searches are exact."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from unbend.collection import _store
+from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._store import Store
+from unbend.errors import FileError
+
+
+def rows(*names: str) -> list[dict[str, Any]]:
+    """Rows that only differ in path, id and descriptor."""
+    chance = np.random.default_rng(len(names))
+    return [
+        {
+            "id": f"id of {name}",
+            "path": name,
+            "n_vertices": 4,
+            "n_faces": 4,
+            "area": 1.0,
+            "notes": "",
+            "version": "1",
+            "descriptor": np.float32(chance.normal(size=8)),
+            "form": np.zeros(FORM_POINTS * FORM_COMPONENTS, dtype=np.float32),
+            "thumbnail": b"",
+        }
+        for name in names
+    ]
+
+
+def test_what_another_has_open_is_seen_with_every_change(tmp_path: Path) -> None:
+    one = Store(tmp_path / "store")
+    one.commit(rows("first"))
+    other = Store(tmp_path / "store")
+    assert len(other) == 1
+    one.commit(rows("second", "third"))
+    assert len(other) == 3
+    one.remove(["id of second"])
+    assert other.known("path", ["first", "second", "third"]) == {"first", "third"}
+
+
+def test_two_may_make_one_table(tmp_path: Path) -> None:
+    one, other = (Store(tmp_path / "store") for _ in range(2))
+    one.commit(rows("first"))
+    other.commit(rows("first", "second"))
+    assert len(one) == len(other) == 2
+
+
+def test_its_size_is_that_of_its_files(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store")
+    store.commit(rows("first"))
+    files = [one for one in (tmp_path / "store").rglob("*") if one.is_file()]
+    assert store.n_bytes() == sum(len(one.read_bytes()) for one in files)
+
+
+def test_nobody_knows_the_size_of_an_object_store() -> None:
+    store = Store("memory://store")
+    store.commit(rows("first"))
+    assert len(store) == 1
+    assert store.n_bytes() is None
+
+
+def test_old_versions_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path / "store")
+    for name in ("first", "second", "third"):
+        store.commit(rows(name))
+    before = store.n_bytes()
+    store.tidy()  # none is old yet: someone may be reading one
+    assert store.n_bytes() > before
+    monkeypatch.setattr(_store, "_KEPT_VERSIONS", timedelta(milliseconds=1))
+    store.tidy()
+    assert len(list((tmp_path / "store" / "shapes.lance" / "data").iterdir())) == 1
+    assert len(store) == 3
+
+
+@pytest.mark.parametrize("told", ["Retryable commit conflict for version 3", "no space is left"])
+def test_merging_gives_way_to_another_but_hides_no_other_trouble(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: str
+) -> None:
+    store = Store(tmp_path / "store")
+    store.commit(rows("first"))
+
+    def fail(**options: object) -> None:
+        raise RuntimeError(f"lance error: {told}, /somewhere/in/lance.rs:12")
+
+    monkeypatch.setattr(store._table, "optimize", fail)
+    if "conflict" in told:
+        store.tidy()
+    else:
+        with pytest.raises(FileError, match=r"cannot be read or written \(no space is left\)"):
+            store.tidy()
+
+
+def test_an_index_has_all_rows(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store")
+    store.commit(rows(*map(str, range(300))))
+    store.tidy()
+    assert not store.indexed  # only what rows are named by
+    for n in (300, 600):
+        store.build_index()
+        assert store.indexed
+        (name,) = (
+            index.name for index in store._table.list_indices() if "descriptor" in index.columns
+        )
+        found = store._table.index_stats(name)
+        assert (found.num_indexed_rows, found.num_unindexed_rows) == (n, 0)
+        store.commit(rows(*map(str, range(600))))
+
+
+def test_only_an_approximate_search_leaves_cells_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lancedb.index import IvfFlat
+
+    monkeypatch.setattr(_store, "_PROBES", 1)
+    store = Store(tmp_path / "store")
+    store.commit(rows(*map(str, range(300))))
+    store._table.create_index("descriptor", config=IvfFlat(num_partitions=30))
+    query = np.ones(8, dtype=np.float32)
+    assert len(store.nearest(query, 300, index=False)) == 300
+    assert 0 < len(store.nearest(query, 300, index=True)) < 150
