@@ -80,6 +80,31 @@ def test_either_piece_of_a_twisted_map_is_held() -> None:
         assert min(one.mean() for one in off) < 0.02
 
 
+def test_the_rest_turns_with_what_is_held() -> None:
+    """Half of a turned box is held; the rest is where it belongs, even if it began unturned."""
+    ball = make_sphere(2)
+    places = ball.vertices * [2.4, 1.0, 0.7]
+    angle = np.radians(20)
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+    box, turned = (
+        prepare_shape(Mesh(one, ball.faces), 20, False).shape for one in (places, places @ turn.T)
+    )
+    every = np.arange(len(places))
+    right = mapped_start(box, turned, every, every, 1.0)
+    held = box.vertices[:, 0] > 0, turned.vertices @ turn[:, 0] > 0
+    unturned = [
+        pose._replace(rotations=np.tile(np.eye(3), (len(every), 1, 1))) for pose in right[2:]
+    ]
+    for found, off in ((right, 1e-12), (Registered(every, every, *unturned), 0.06)):
+        carried = continued(box, turned, found, held)
+        np.testing.assert_allclose(carried.source.places, turned.vertices, atol=off)
+        np.testing.assert_allclose(carried.target.places, box.vertices, atol=off)
+        np.testing.assert_array_equal(carried.forward, every)
+        np.testing.assert_array_equal(carried.backward, every)
+
+
 def test_where_nothing_has_a_partner_nothing_is_held(
     shapes: tuple[Shape, Shape], swapped: Registered
 ) -> None:

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from unbend import Mesh, read_mesh
+from unbend import Mesh, align, read_mesh, spectrum
 from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
-from unbend.matching import match, symmetry
+from unbend.matching import _match, match, prepare_spectrum, symmetry
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._judge import Candidate
 from unbend.matching._polish import refined
-from unbend.matching._solve import candidates, make_sides
+from unbend.matching._solve import Sides, candidates, make_sides
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -122,6 +123,57 @@ def test_symmetry_swaps_left_and_right() -> None:
     assert found.confidence > 0.5
 
 
+@pytest.mark.parametrize("options", [{}, {"refine": False}])
+def test_a_symmetry_is_polished_unless_asked_not_to(
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]
+) -> None:
+    ball = make_sphere(2)
+    x, y, z = ball.vertices.T
+    egg = np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
+    polished, told = [], []
+
+    def quick(sides: Sides, one: Candidate, *, polish: bool) -> Candidate:
+        polished.append(polish)
+        return refined(sides, one, polish=False)
+
+    monkeypatch.setattr(_match, "refined", quick)
+    found = symmetry(
+        (egg, ball.faces), n_eigenpairs=30, progress=lambda *stage: told.append(stage), **options
+    )
+    assert np.abs(egg[found.source_to_target] * MIRROR - egg).max() < 1e-9
+    assert polished == [not options]
+    assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
+
+
+def test_every_alternative_knows_all_hypotheses_its_own_first() -> None:
+    ball = make_sphere(2)
+    box = Mesh(ball.vertices * [1.6, 1, 0.7], ball.faces)  # the same after half turns
+    found = match(box, box, n_matches=3, n_eigenpairs=40, refine=False)
+    first, second, third, *rest = found.hypotheses
+    assert [one.hypotheses for one in found.alternatives] == [
+        (second, first, third, *rest),
+        (third, first, second, *rest),
+    ]
+    assert rest
+    maps = [one.source_to_target for one in (found, *found.alternatives)]
+    for one in maps:
+        signs = np.sign((box.vertices[one] * box.vertices).sum(axis=0))
+        np.testing.assert_allclose(box.vertices[one], box.vertices * signs, atol=1e-9)
+        assert signs.prod() == 1
+    assert len({tuple(one) for one in maps}) == 3
+
+
+def test_a_prepared_spectrum_is_not_computed_again(
+    blob: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    prepare_spectrum(blob)
+    kept = set(tmp_path.rglob("*.*"))
+    assert len(kept) == 1
+    match(blob, blob, refine=False)
+    assert set(tmp_path.rglob("*.*")) == kept
+
+
 def test_open_surface_and_small_mesh() -> None:
     sphere = make_sphere(2)
     points = sphere.vertices * [1.5, 1, 0.7] + 0.3 * np.roll(sphere.vertices, 1, axis=1) ** 2
@@ -153,7 +205,27 @@ def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> No
     assert one.hypotheses == two.hypotheses
     assert one.confidence < 0.5
     assert {stage for stage, _ in told} == {"spectrum", "search", "refine"}
-    assert told[-1] == ("refine", 1.0)
+    assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
+    assert all(0 < share <= 1 for _, share in told)
+
+
+def test_icp_aligns_forms_of_three_functions_and_tells_how_well(blob: Mesh) -> None:
+    ball = make_sphere(2)
+    egg = Mesh(ball.vertices * [1, 1.3, 2.2], ball.faces)
+    found = match(blob, egg, method="icp")
+    mine, other = (spectrum(mesh, 4) for mesh in (blob, egg))
+    forms = [
+        one.eigenfunctions[:, 1:] / one.eigenvalues[1:] / np.sqrt(one.areas.sum())
+        for one in (mine, other)
+    ]
+    size = np.sqrt((other.areas / other.areas.sum()) @ (forms[1] ** 2).sum(axis=1))
+    assert found.residual == pytest.approx(align(*forms).residual / size, rel=0.01)
+    assert found.functional_map.shape == (4, 4)
+    assert (len(found.source_to_target), len(found.target_to_source)) == (642, 162)
+    back = match(egg, blob, method="icp")
+    assert back.target_to_source.shape == found.source_to_target.shape
+    landed = egg.vertices[found.source_to_target]
+    assert np.linalg.norm(landed - egg.vertices[back.target_to_source], axis=1).mean() < 0.1
 
 
 def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
@@ -187,6 +259,9 @@ def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
         {"refine": True},
         {"refine": False},
         {"n_eigenpairs": 150},
+        {"n_matches": 2},
+        {"partial": "none"},
+        {"landmarks": [(0, 0)]},
     ],
 )
 def test_options_that_icp_cannot_use_are_refused(blob: Mesh, options: dict[str, Any]) -> None:

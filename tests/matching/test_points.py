@@ -9,8 +9,17 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import cut, make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._points import find_points, guess_points, sizes_to_try
+from unbend.matching._points import (
+    Points,
+    _unlike,
+    find_points,
+    guess_points,
+    point_maps,
+    sizes_to_try,
+)
 from unbend.matching._shape import Shape
+
+RADII = 0.07 * 2 ** (np.arange(9) / 4)  # of surroundings
 
 
 def shape_of(mesh: Mesh, partial: bool = True) -> Shape:
@@ -61,9 +70,7 @@ def test_surroundings_end_at_rims():
     body = make_sheet(21)
     points = find_points(shape_of(body), 30)
     nearest = points.fields[shape_of(body).on_rim].min(axis=0)
-    assert (
-        points.whole.sum(axis=1) == (0.07 * 2 ** (np.arange(9) / 4) < nearest[:, None]).sum(1)
-    ).all()
+    assert (points.whole.sum(axis=1) == (nearest[:, None] > RADII).sum(1)).all()
     assert find_points(shape_of(body, partial=False), 30).whole.all()
 
 
@@ -117,3 +124,110 @@ def test_a_part_is_smaller_than_the_whole():
     assert list(sizes_to_try(part, whole)) == list(range(-6, 1))
     assert list(sizes_to_try(whole, part)) == list(range(7))
     assert list(sizes_to_try(part, part)) == list(range(-3, 4))
+
+
+def test_ways_are_those_of_the_fields():
+    points = find_points(shape_of(make_biped("walking", n_vertices=600).mesh), 10)
+    own = points.fields.argmin(axis=0)
+    np.testing.assert_allclose(points.ways, points.fields[own], atol=1e-12)
+
+
+def test_around_a_point_of_a_sphere_is_a_cap():
+    points = find_points(shape_of(make_sphere(4)), 5)
+    radius = np.sqrt(1 / (4 * np.pi))  # of a sphere of unit area
+    # Ways along edges are longer: what is within a length of them is a smaller cap, and ragged.
+    found, radii = points.surroundings.mean(axis=0)[3:], RADII[3:]
+    shorter = np.arcsin(found[:, 0] * radii / (2 * radius)) * 2 * radius / radii
+    assert ((shorter > 0.9) & (shorter < 1)).all()
+    angle = shorter * radii / radius
+    high = radius * (1 - np.cos(angle))
+    np.testing.assert_allclose(found[:, 1], -high / radii, rtol=0.08)
+    np.testing.assert_allclose(found[:, 2], high / np.sqrt(3) / radii, rtol=0.08)
+    across = (radius * high - high**2 / 3) / 2  # the mean square of a coordinate in the cap
+    for wide in found[:, 3:5].T:
+        np.testing.assert_allclose(wide, 2 * np.sqrt(across) / radii, rtol=0.08)
+    np.testing.assert_allclose(found[:, 5], (1 + np.cos(angle)) / 2, rtol=0.01)
+
+
+def test_places_have_the_same_ways_to_points_whatever_the_size():
+    chance = np.random.default_rng(0)
+    ours, order = chance.uniform(0.1, 1, size=(50, 6)), chance.permutation(50)
+    for size in (0.5, 1.0, 1.7):
+        forward, backward = point_maps(ours, size * ours[order], size)
+        np.testing.assert_array_equal(forward, np.argsort(order))
+        np.testing.assert_array_equal(backward, order)
+
+
+def planted(count: int, step: int, copies: int = 1) -> tuple[Points, Points, np.ndarray]:
+    """Points and what they are on a shape that is so many steps larger, in another order.
+
+    The copies beside it, far away, are as far from each other, but look unlike.
+    """
+    chance = np.random.default_rng(count)
+    places = chance.uniform(0, 0.4, size=(count, 3))
+    ways = np.linalg.norm(places[:, None] - places, axis=2)
+    order = chance.permutation(count)
+    looks = chance.uniform(size=(count, 9, 6))
+    theirs = chance.uniform(size=(copies * count, 9, 6))
+    for i in range(max(0, -step), min(9, 9 - step)):
+        theirs[-count:, i + step] = looks[order, i]
+    far = np.full((copies, count, copies, count), 9.0)
+    far[range(copies), :, range(copies)] = 2 ** (step / 4) * ways[order][:, order]
+    n = copies * count
+    whole = np.ones((n, 9), dtype=bool)
+    return (
+        Points(ways, ways, looks, whole[:count]),
+        Points(far.reshape(n, n), far.reshape(n, n), theirs, whole),
+        order,
+    )
+
+
+@pytest.mark.parametrize("step", [-2, 0, 3])
+@pytest.mark.parametrize("copies", [1, 2])
+def test_what_is_the_same_at_another_size_is_found_before_what_looks_unlike(step, copies):
+    ours, theirs, order = planted(12, step, copies)
+    best, *rest = guess_points(ours, theirs, range(-3, 4), 24)
+    assert best.size == pytest.approx(2 ** (step / 4))
+    np.testing.assert_array_equal(order[best.target - 12 * (copies - 1)], best.source)
+    assert len(best.source) >= 6  # of the twelve
+    assert len(guess_points(ours, theirs, range(-3, 4), 5)) == 5 < len(rest)
+
+
+def test_a_guess_has_four_pairs_or_more_the_better_half():
+    ours, theirs, _ = planted(7, 0)
+    (guess,) = guess_points(ours, theirs, range(1), 24)
+    assert len(guess.source) == 4
+    assert guess_points(*planted(6, 0)[:2], range(1), 24) == []
+
+
+@pytest.mark.parametrize("step", [-2, 0, 3])
+def test_what_is_the_same_at_another_size_is_not_unlike(step):
+    ours, theirs, order = planted(12, step)
+    unlike = _unlike(ours, theirs, step)
+    np.testing.assert_allclose(unlike[order, np.arange(12)], 0, atol=1e-12)
+    assert np.median(unlike) > 1
+    brighter = theirs._replace(surroundings=theirs.surroundings + 0.1)
+    same = _unlike(ours, brighter, step)[order, np.arange(12)]
+    np.testing.assert_allclose(same, 0.6)  # all six differ by so much
+    # How much there is within a rim says nothing.
+    torn = brighter._replace(whole=np.zeros((12, 9), dtype=bool))
+    np.testing.assert_allclose(_unlike(ours, torn, step)[order, np.arange(12)], 0.5)
+
+
+def test_what_only_one_has_is_not_gathered():
+    """Ten of twenty points are on both; the others are elsewhere, and look otherwise."""
+    ours, theirs, order = planted(20, 0)
+    chance = np.random.default_rng(1)
+    elsewhere = chance.uniform(0, 0.4, size=(20, 3))
+    other = np.linalg.norm(elsewhere[:, None] - elsewhere, axis=2)
+    common = order < 10
+    theirs = theirs._replace(
+        ways=np.where(common[:, None] & common, theirs.ways, other),
+        surroundings=np.where(
+            common[:, None, None], theirs.surroundings, chance.uniform(size=(20, 9, 6))
+        ),
+    )
+    best = guess_points(ours, theirs, range(1), 1)[0]
+    np.testing.assert_array_equal(order[best.target], best.source)
+    assert 5 <= len(best.source) < 8  # the better half of what was gathered
+    assert (best.source < 10).all()
