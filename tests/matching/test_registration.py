@@ -19,8 +19,12 @@ from unbend.matching._registration import (
     _Moving,
     landing_places,
     lift,
+    local_covariances,
+    lower,
+    mapped_start,
     register,
     rough_start,
+    smooth_start,
     spectral_residual,
 )
 from unbend.matching._shape import Shape
@@ -231,3 +235,91 @@ def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
     smooth = shape.basis @ shape.position_coefficients
     np.testing.assert_allclose(start.source.places, smooth, atol=1e-9)
     assert np.linalg.norm(smooth - shape.vertices, axis=1).max() < 0.05
+
+
+def test_what_is_lifted_and_lowered_again_is_as_it_was(standing: Shape, walking: Shape) -> None:
+    coarse = make_proxy(standing, 300), make_proxy(walking, 200)
+    ours, theirs = (one.shape for one in coarse)
+    start = _registered(ours, theirs, _same_numbers(standing, walking, 12)[:12, :12])
+    half = np.arange(300) % 2 == 0
+    start = start._replace(source=start.source._replace(within=half, size=1.2))
+    fine = lift(start, *coarse, standing, walking)
+    assert fine.source.size == 1.2
+    np.testing.assert_array_equal(fine.source.within, half[coarse[0].parents])
+    again = lower(fine, *coarse)
+    np.testing.assert_array_equal(again.forward, start.forward)
+    np.testing.assert_array_equal(again.backward, start.backward)
+    for one, other in zip(again[2:], start[2:], strict=True):
+        for mine, theirs_ in zip(one, other, strict=True):
+            np.testing.assert_allclose(mine, theirs_)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_maps_begin_with_poses_that_are_turned_and_for_parts_larger(
+    standing: Shape, partial: bool
+) -> None:
+    every, turn = np.arange(700), _turn(3)
+    ours = replace(standing, partial=partial)
+    turned = replace(ours, vertices=standing.vertices @ turn.T)
+    found = mapped_start(ours, turned, every, every, 1.3)
+    assert found.source.size == (1.3 if partial else 1.0)
+    assert found.target.size == pytest.approx(1 / found.source.size)
+    for pose, shape, motion in ((found.source, turned, turn), (found.target, ours, turn.T)):
+        assert pose.within.all()
+        np.testing.assert_allclose(pose.rotations, np.tile(motion, (700, 1, 1)), atol=1e-6)
+        smooth = shape.patches.solve(shape.areas[:, None] * shape.vertices)
+        np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
+
+
+def test_how_much_longer_things_are_is_the_median_of_what_has_partners(standing: Shape) -> None:
+    every = np.arange(700) >= 0
+    upper = standing.vertices[:, 1] > 0
+    turns = np.tile(_turn(1), (700, 1, 1))
+    # The upper half grown by two, the lower one by one and a half; several poses side by side.
+    grown = standing.vertices * np.where(upper, 2, 1.5)[:, None] @ _turn(1).T
+    poses = [Pose(grown, turns, within) for within in (upper, ~upper, every)]
+    moving = _Moving(standing, standing, poses)
+    moving.covariances = local_covariances(standing, standing.vertices, moving.places)
+    larger, smaller, both = moving.stretch()
+    assert larger == pytest.approx(2, rel=0.02)
+    assert smaller == pytest.approx(1.5, rel=0.02)
+    assert smaller <= both <= larger
+
+
+def test_the_last_step_tells_where_the_next_may_lead(standing: Shape) -> None:
+    every = np.arange(700)[:, None]
+    turns = np.tile(np.eye(3), (700, 1, 1))
+    goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
+    moving = _Moving(standing, goal, [Pose(standing.vertices, turns, every[:, 0] >= 0)])
+    moving.step(300.0, every, every, every >= 0)
+    shares = (moving.ahead[:, 0] - goal.vertices) / (goal.vertices - standing.vertices)
+    np.testing.assert_allclose(shares, shares[0, 0], atol=1e-6)  # on the way, by one share of it
+    assert 0.3 < shares[0, 0] < 1
+
+
+def test_forms_are_compared_where_there_are_partners_by_functions_of_both(
+    standing: Shape,
+) -> None:
+    every = np.arange(700)
+    whole = Pose(standing.vertices, np.tile(np.eye(3), (700, 1, 1)), every >= 0)
+    none = whole._replace(within=every < 0)
+    few = replace(standing, eigenvalues=standing.eigenvalues[:20], basis=standing.basis[:, :20])
+    for ours, theirs in ((standing, few), (few, standing)):
+        assert spectral_residual(ours, theirs, Registered(every, every, whole, whole)) < 2e-3
+        for poses in ((none, whole), (whole, none)):
+            assert spectral_residual(ours, theirs, Registered(every, every, *poses)) == 1
+
+
+def test_a_smooth_start_has_maps_near_those_it_was_given(standing: Shape, walking: Shape) -> None:
+    """Of few functions, and from maps that are a neighbour off everywhere, or the truth."""
+    every = np.arange(700)
+    grown = _same_numbers(standing, walking, 30)
+    beside = standing.faces[np.unique(standing.faces.ravel(), return_index=True)[1] // 3, 0]
+    near = mapped_start(standing, walking, beside, beside, 1.0)
+    found = smooth_start(standing, walking, grown, near)
+    right = smooth_start(standing, walking, grown, mapped_start(standing, walking, every, every, 1))
+    for one in (found, right):
+        assert _mean_error(one.forward, walking) < 0.02
+        assert _mean_error(one.backward, standing) < 0.02
+        smooth = standing.basis[:, :30] @ (grown @ walking.position_coefficients[:30])
+        np.testing.assert_allclose(one.source.places, smooth, atol=1e-9)
