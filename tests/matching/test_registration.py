@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend.alignment import Pairs
 from unbend.datasets import make_biped, make_quadruped, make_sphere
@@ -16,6 +17,7 @@ from unbend.matching._registration import (
     PULLS,
     Pose,
     Registered,
+    _closest,
     _Moving,
     landing_places,
     lift,
@@ -323,3 +325,33 @@ def test_a_smooth_start_has_maps_near_those_it_was_given(standing: Shape, walkin
         assert _mean_error(one.backward, standing) < 0.02
         smooth = standing.basis[:, :30] @ (grown @ walking.position_coefficients[:30])
         np.testing.assert_allclose(one.source.places, smooth, atol=1e-9)
+
+
+def test_what_lands_on_a_rim_does_not_pull() -> None:
+    ours, theirs = (
+        prepare_shape(make_sheet(side), 20, False, partial=True).shape for side in (9, 12)
+    )
+    apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
+    maps = apart.argmin(axis=1), apart.argmin(axis=0)
+    moving = [
+        _Moving(one, other, [Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)])
+        for one, other, n in ((ours, theirs, 81), (theirs, ours, 144))
+    ]
+    _closest(*moving, *(one[:, None] for one in maps))
+    for one, goal, way in zip(moving, (theirs, ours), maps, strict=True):
+        np.testing.assert_array_equal(one.within[:, 0], ~goal.on_rim[way])
+
+
+def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: Shape) -> None:
+    """And what is whole has one where that leads back."""
+    part = replace(standing, partial=True)
+    every = np.arange(700)
+    shuffled = np.random.default_rng(0).permutation(700)
+    start = mapped_start(part, walking, every, shuffled, 1.0)
+    (found,) = register(part, walking, [start], PULLS[:1], 1)
+    assert found.source.within.all()
+    returned = walking.vertices[found.forward[found.backward]]
+    off = np.linalg.norm(walking.vertices - returned, axis=1) / walking.edge
+    assert (off > 3).any()
+    assert not found.target.within[off > 3].any()
+    assert found.target.within[off < 1].all()
