@@ -1,19 +1,29 @@
 """The matcher on plain arrays: what is chosen where a symmetry leaves the choice free."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from unbend import Mesh
-from unbend.datasets import make_biped, make_sphere
+from unbend.datasets import keep, make_biped, make_sphere, rest_map
 from unbend.matching import _solve
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import distinct
+from unbend.matching._judge import Candidate, distinct, ranked
 from unbend.matching._polish import with_partners
 from unbend.matching._proxy import make_proxy
+from unbend.matching._registration import mapped_start
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides
+from unbend.matching._solve import (
+    candidates,
+    follow_all,
+    functional_map,
+    is_clear,
+    make_sides,
+    mended,
+)
 from unbend.matching._tips import find_tips
 
 
@@ -100,3 +110,133 @@ def test_a_vertex_has_a_partner_where_most_around_it_have(boxes: list[Shape]) ->
     assert (smooth.source.within == right).mean() > 0.95
     assert smooth.target.within.all()
     assert with_partners(found, sides, 0.7).registered.source.within.all()
+
+
+def one_of(cost: float, orientation: float = 1.0) -> Candidate:
+    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("costs", "clear"),
+    [([0.1], True), ([0.3], False), ([0.1, 0.13], False), ([0.1, 0.15], True), ([0.1, 0.3], True)],
+)
+def test_clear_is_what_is_good_and_far_ahead(costs: list[float], clear: bool) -> None:
+    ways = [one_of(cost, orientation) for cost, orientation in zip(costs, (1, -1), strict=False)]
+    assert is_clear(ways) == clear
+    assert not is_clear([one_of(0.1, -0.5)])  # inside out
+
+
+def test_the_mirror_image_of_the_target_is_taken_at_every_level(boxes: list[Shape]) -> None:
+    sides = make_sides(boxes[0], boxes[0])
+    turned = sides.reflected()
+    assert turned.turned
+    assert not turned.reflected().turned
+    assert turned.source is sides.source
+    before, after = sides.target, turned.target
+    shapes = [(before.shape, after.shape)]
+    for one, other in zip(before[1:], after[1:], strict=True):
+        np.testing.assert_array_equal(other.kept, one.kept)
+        shapes.append((one.shape, other.shape))
+    assert [len(one.areas) for one, _ in shapes] == [642, 642, 400]
+    for one, other in shapes:
+        np.testing.assert_array_equal(other.vertices, one.vertices * [-1, 1, 1])
+
+
+def test_a_functional_map_has_no_more_functions_than_the_shapes(boxes: list[Shape]) -> None:
+    few = replace(boxes[0], eigenvalues=boxes[0].eigenvalues[:12], basis=boxes[0].basis[:, :12])
+    sides = make_sides(boxes[0], few)
+    every = np.arange(642)
+    same = replace(one_of(0.0), registered=mapped_start(boxes[0], few, every, every, 1.0))
+    for asked, size in ((6, 6), (120, 12)):
+        found = functional_map(sides, same, asked)
+        np.testing.assert_allclose(found, np.eye(size), atol=1e-9)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+@pytest.mark.parametrize("clear", [False, True])
+def test_whatever_finds_the_best_it_comes_first(
+    monkeypatch: pytest.MonkeyPatch, partial: bool, clear: bool
+) -> None:
+    """No stage of the search is in vain, and what is clear is gone on with alone."""
+    shape = SimpleNamespace(shape=None)
+    sides = SimpleNamespace(partial=partial, source=shape, target=shape, rough=None, proxies=None)
+    begun, followed = (
+        [one_of(cost) for cost in (0.1 if clear else 0.3, *range(1, 9))] for _ in range(2)
+    )
+    own, calls, answers = one_of(0.05), [], []
+
+    def stage(name: str) -> Callable:
+        def run(sides: object, given: list[Candidate], pulls: object = None) -> list[Candidate]:
+            calls.append(name)
+            if name != "mended":
+                assert len(given) == len(set(given))
+                assert len(given) == 1 if clear else 4 <= len(given) <= 8
+            found = answers.pop(0)
+            return ranked([*given, *found]) if name == "mended" else found
+
+        return run
+
+    monkeypatch.setattr(_solve, "search", lambda *given, **options: [])
+    monkeypatch.setattr(_solve, "distinct_on", lambda shapes, ranks: list(ranks))
+    monkeypatch.setattr(_solve, "from_maps", lambda *given: begun)
+    monkeypatch.setattr(_solve, "from_tips", lambda *given: [])
+    monkeypatch.setattr(_solve, "from_points", lambda *given: [])
+    monkeypatch.setattr(_solve, "follow_all", lambda *given: list(followed))
+    for name in ("mended", "regrown", "drawn_again", "continued_on"):
+        monkeypatch.setattr(_solve, name, stage(name))
+    stages = [] if clear else ["mended"]
+    stages += ["drawn_again"] if partial else ["regrown"]
+    stages += ["continued_on"] if partial and not clear else []
+    stages += ["drawn_again"]
+    for best in range(len(stages)):
+        calls.clear()
+        answers += [[own] if i == best else [] for i in range(len(stages))]
+        told: list[tuple[str, float]] = []
+        assert candidates(sides, lambda *how, told=told: told.append(how)) == [own, *followed]
+        assert calls == stages
+        assert told[-1] == ("search", 1.0)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_ways_mend_all_candidates_and_patches_those_of_parts(
+    monkeypatch: pytest.MonkeyPatch, partial: bool
+) -> None:
+    first, by_ways, by_patches = one_of(0.3), one_of(0.2), one_of(0.1)
+    monkeypatch.setattr(_solve, "distinct_on", lambda shapes, ranks: list(ranks))
+    monkeypatch.setattr(_solve, "relocated", lambda sides, found: [by_ways])
+    monkeypatch.setattr(_solve, "continued_on", lambda sides, found: [by_patches])
+    sides = SimpleNamespace(partial=partial, rough=(), proxies=())
+    assert mended(sides, [first]) == [by_patches] * partial + [by_ways, first]
+
+
+def test_nobody_is_followed_twice(boxes: list[Shape], monkeypatch: pytest.MonkeyPatch) -> None:
+    sides = make_sides(boxes[0], boxes[0])
+    every = np.arange(400)
+    start = mapped_start(*sides.rough, every, every, 1.0)
+    one, other = (replace(one_of(0.1), registered=start) for _ in range(2))
+    found = follow_all(sides, [one], [one, other])
+    assert len(found) == 2
+    for way in found:
+        np.testing.assert_array_equal(way.registered.forward, np.arange(642))
+        assert way.energy < 1e-6
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_among_guesses_is_the_truth(monkeypatch: pytest.MonkeyPatch, torn: bool) -> None:
+    """Of tips, and of points all over a part and the whole."""
+    source = make_biped("standing", n_vertices=800)
+    target = make_biped("walking", n_vertices=700, meshing=1)
+    truth = rest_map(source, target)
+    mesh = source.mesh
+    if torn:
+        part = keep(mesh, mesh.vertices[:, 1] > np.quantile(mesh.vertices[:, 1], 0.4))
+        mesh, truth = part.mesh, truth[part.origin]
+    sides = make_sides(
+        prepare_shape(mesh, 40, True, torn).shape, prepare_shape(target.mesh, 40, True).shape
+    )
+    monkeypatch.setattr(_solve, "from_guesses", lambda sides, guesses, maps, n: maps)
+    maps = _solve.from_points(sides) if torn else _solve.from_tips(sides, 60, 12)
+    ours, theirs = sides.source.rough, sides.target.rough
+    right = sides.target.shape.vertices[truth[sides.source.proxy.kept[ours.kept]]]
+    off = [np.linalg.norm(theirs.shape.vertices[one] - right, axis=1).mean() for one, _ in maps]
+    assert min(off) < 0.1
