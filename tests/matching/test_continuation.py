@@ -1,13 +1,17 @@
 """Hypotheses mended from what they explain best: truths that hold for a body that did not move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
-from unbend.matching._continuation import continued, patches_to_hold
+from unbend.matching import _continuation
+from unbend.matching._continuation import _best_explained, continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._polish import settled
 from unbend.matching._registration import Registered, mapped_start
@@ -130,3 +134,60 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     assert was.energy == pytest.approx(other.energy)
     for one in known:  # in the proxies' unit
         assert one.energy == pytest.approx(other.energy * fine[one].energy / fine[was].energy)
+
+
+def test_the_best_explained_half_of_what_has_a_partner_is_held() -> None:
+    areas = np.array([1.0, 0.0, 2.0, 1.0, 2.0, 2.0])
+    shares = np.array([0.1, 0.0, 0.5, 0.2, 0.3, 0.4])
+    held = _best_explained(areas, shares)  # one, one and two, of eight
+    np.testing.assert_array_equal(np.flatnonzero(held), [0, 3, 4])
+
+
+@pytest.mark.parametrize(
+    ("columns", "pieces"),
+    [
+        ([5, 3, 2], [5, 3]),  # all, and the two largest
+        ([2, 5, 3], [5, 3]),
+        ([9, 1], [9, 1]),  # a tenth is enough
+        ([9.05, 0.95], [9.05]),
+        ([10], []),  # all is there once
+    ],
+)
+def test_all_and_the_largest_pieces_are_held(
+    monkeypatch: pytest.MonkeyPatch, columns: list[float], pieces: list[float]
+) -> None:
+    """Of a sheet of twenty columns, ten of which are well explained, in strips."""
+    sheet = prepare_shape(make_sheet(20), 20, False, partial=True).shape
+    sheet = replace(sheet, areas=np.ones(400))
+    shares, strips, begun = np.ones(400), {}, 0
+    for width in columns:
+        strips[width] = begun + np.arange(round(20 * width))
+        shares[strips[width]] = 0
+        begun += 20 * int(width + 2)
+    theirs = np.arange(400) % 2.0  # every other one, on the other shape
+    monkeypatch.setattr(_continuation, "unexplained", lambda *given: (shares, theirs))
+    every = np.arange(400)
+    held = patches_to_hold(sheet, sheet, mapped_start(sheet, sheet, every, every, 1.0))
+    expected = [shares == 0, *(np.isin(every, strips[width]) for width in pieces)]
+    assert len(held) == len(expected)
+    for i, ((mine, other), wanted) in enumerate(zip(held, expected, strict=True)):
+        np.testing.assert_array_equal(mine, wanted)
+        np.testing.assert_array_equal(other, (theirs == 0) & (wanted if i else True))
+
+
+def test_the_rest_begins_turned_as_what_is_held_nearest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_continuation, "turn_rotations", lambda *given: None)
+    sheet = prepare_shape(make_sheet(8), 20, False).shape
+    every, x = np.arange(64), sheet.vertices[:, 0]
+    turns = np.zeros((64, 3, 3)) + every[:, None, None]
+    pose = mapped_start(sheet, sheet, every, every, 1.0).source._replace(
+        rotations=turns, within=every < 0
+    )
+    held = np.abs(x) > 0.49
+    assert held.sum() == 16
+    found = continued(sheet, sheet, Registered(every, every, pose, pose), (held, held)).source
+    nearest = np.where(x < 0, every % 8, 56 + every % 8)
+    np.testing.assert_array_equal(found.rotations[:, 0, 0], nearest)
+    assert found.within.all()
