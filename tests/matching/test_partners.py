@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from unbend._types import BoolArray
 from unbend.datasets import keep, make_sphere
 from unbend.matching._inputs import prepare_shape
@@ -70,6 +71,17 @@ def test_an_outline_much_longer_than_the_rim_is_none(bitten: Bitten) -> None:
 
 
 @pytest.mark.kernels
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
+    square = prepare_shape(make_sheet(12), 20, False, partial=True).shape
+    half = (square.vertices[:, axis] > 0)[:, None]
+    for rim, kept in ((0.49, True), (0.51, False)):
+        square.__dict__["rim_length"] = rim
+        within = keep_matched(square, square, ~half, np.ones(1))
+        np.testing.assert_array_equal(within, ~half | kept)
+
+
+@pytest.mark.kernels
 def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
     pricked = _bitten(0.97)
     wide = _cap(pricked.whole, (0.0, 0.0, -1.0), 0.3)
@@ -91,6 +103,8 @@ def test_a_map_and_its_inverse_lead_back_and_others_do_not(bitten: Bitten) -> No
     forward = np.random.default_rng(0).permutation(n)[:, None]
     backward = np.argsort(forward, axis=0)
     assert leads_back(bitten.whole, forward, backward).all()
-    far = np.argmax(np.linalg.norm(bitten.whole.vertices - bitten.whole.vertices[5], axis=1))
-    backward[forward[5]] = far
-    assert (~leads_back(bitten.whole, forward, backward)).ravel().nonzero()[0].tolist() == [5]
+    away = np.linalg.norm(bitten.whole.vertices - bitten.whole.vertices[5], axis=1)
+    for edges, others in ((1.9, []), (2.3, [5])):
+        backward[forward[5]] = np.argmin(np.abs(away - edges * bitten.whole.edge))
+        off = ~leads_back(bitten.whole, forward, backward)
+        assert off.ravel().nonzero()[0].tolist() == others
