@@ -16,7 +16,7 @@ from unbend.matching._shape import Shape
 # How far from its beginning a way there and back may end, in mean edges, where a pair draws.
 _WAY_BACK = 2.0
 # An outline may be so many times as long as the rim.
-_OUTLINE = 2.0
+_OUTLINE = 3.0
 
 
 def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
