@@ -23,8 +23,8 @@ from unbend.mesh import vertex_normals
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
-# share of the energy, that makes the odds between two maps 2.7 to 1: near the likeliest for pairs of
-# our own bodies (benchmarks/confidence.py), 177 of one draw, and for the last those of three.
+# share of the energy, that makes the odds between two maps 2.7 to 1: near the likeliest for pairs
+# of our own bodies (benchmarks/confidence.py), 177 of one draw, and for the last those of three.
 _EVEN, _SPREAD, _LEAD = 0.26, 0.025, 0.04
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
