@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from .case import Case, Refused
-from .good import beside, reading, square_text
+from unbend import write_mesh
+
+from .case import Answer, Case, Refused, Seen
+from .good import beside, reading, square_text, stone
 
 _PLY = (
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
@@ -24,6 +26,7 @@ def cases() -> Iterator[Case]:
     """Give a case for each damaged file."""
     for name, suffix, content, sentence in (*_off(), *_obj(), *_ply(), *_stl(), *_points()):
         yield _bad_file(name, suffix, content, sentence)
+    yield from _odd_but_whole()
 
 
 def _bad_file(name: str, suffix: str, content: str | bytes, sentence: str) -> Case:
@@ -35,6 +38,40 @@ def _bad_file(name: str, suffix: str, content: str | bytes, sentence: str) -> Ca
         (folder / bad).write_bytes(data)
 
     return Case(name, make, reading(bad), Refused(sentence, names=bad))
+
+
+def _odd_but_whole() -> Iterator[Case]:
+    """Give files that hold a whole mesh in a way that is easily misread."""
+    v, f = stone().vertices, stone().faces
+
+    def written(suffix: str, change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+        def make(folder: Path) -> None:
+            write_mesh(folder / f"bad{suffix}", (v, f))
+            data = (folder / f"bad{suffix}").read_bytes()
+            (folder / f"bad{suffix}").write_bytes(change(data))
+
+        return make
+
+    for name, suffix, change, note in (
+        ("OBJ, a comment that ends in a backslash", ".obj", lambda data: b"# C:\\\n" + data, ""),
+        ("PLY binary, more than promised", ".ply", lambda data: data + b"more", "4 bytes after"),
+        ("PLY, a byte order mark", ".ply", lambda data: b"\xef\xbb\xbf" + data, ""),
+    ):
+        yield Case(
+            name,
+            written(suffix, change),
+            (f"canonical bad{suffix} -o out.npy --no-cache",),
+            Answer(written(suffix, bytes), _same_form(note)),
+        )
+
+
+def _same_form(note: str) -> Callable[[Seen, Seen], str]:
+    def compare(seen: Seen, truth: Seen) -> str:
+        assert (seen.folder / "out.npy").read_bytes() == (truth.folder / "out.npy").read_bytes()
+        assert (note in seen.err) if note else not seen.err, seen.err
+        return f"the same, noting {note} the last row" if note else "the same to the last bit"
+
+    return compare
 
 
 _Row = tuple[str, str, str | bytes, str]
@@ -231,6 +268,7 @@ def _points() -> Iterator[_Row]:
     yield "XYZ, comments only", ".xyz", "# x y z\n", "holds no points"
     yield "XYZ, two columns", ".xyz", "0 0\n1 1\n2 2\n3 3\n", "point 0 has 2 numbers"
     yield "XYZ, words", ".xyz", "x y z\n1 2 3\n", "point 0 holds 'x'"
+    yield "XYZ, decimal commas", ".xyz", "0,5 1 2\n" * 4, "point 0 .*write decimal points"
     yield "XYZ, infinity", ".xyz", "0 0 0\n1 0 0\n0 inf 0\n0 0 1\n", "vertex 2 .*not a finite"
     good = _npy(np.eye(3))
     yield "NumPy, empty", ".npy", "", "is empty"

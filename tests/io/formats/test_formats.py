@@ -63,8 +63,12 @@ SAME_SQUARE = {
     "negative.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4/1 -2/1 -1/1\n",
     "colours.obj": "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3 4\n",
     "continued.obj": "v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\r\n 3 4 # quad\n",
+    "folder_in_a_comment.obj": (
+        "v 0 0 0\n# from C:\\shapes\\\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 \\\n4\n"
+    ),
     "faces_first.obj": "f 1 2 3\nf 1 3 4\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n",
     "plain.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}{TWO}",
+    "bom.ply": f"\ufeff{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}{TWO}",
     "windows.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}{TWO}".replace("\n", "\r\n"),
     "quad.ply": f"{ASCII}{PLY_VERTEX}{PLY_FACE}end_header\n{POINTS}4 0 1 2 3\n".replace(
         "face 2", "face 1"
@@ -227,6 +231,35 @@ class TestTrickyFiles:
         np.testing.assert_array_equal(mesh.faces, TRIANGLES)
         assert mesh.notes == ("1 line after the last face left out",)
 
+    @pytest.mark.parametrize("binary", [False, True])
+    def test_rows_after_the_last_of_a_ply_are_noted(self, tmp_path: Path, binary: bool) -> None:
+        encoding = "binary_little_endian" if binary else "ascii"
+        header = ply_header(4, 1, encoding).encode()
+        points = SQUARE.astype("<f4").tobytes() if binary else POINTS.encode()
+        faces = [b"\3" + one.astype("<i4").tobytes() for one in TRIANGLES]
+        rows = faces if binary else [f"{line}\n".encode() for line in TWO.splitlines()]
+        padding = b"\n\0\0" if binary else b"\n \n"
+        mesh = read_mesh(put(tmp_path, "m.ply", header + points + rows[0] + padding))
+        assert mesh.notes == ()
+        mesh = read_mesh(put(tmp_path, "m.ply", header + points + b"".join(rows)))
+        assert mesh.n_faces == 1
+        left = "13 bytes" if binary else "1 line"
+        assert mesh.notes == (f"{left} after the last row left out",)
+
+    def test_bytes_after_the_last_triangle_of_an_stl_are_noted(self, tmp_path: Path) -> None:
+        facet = bytes(12) + np.eye(3, dtype="<f4").tobytes() + bytes(2)
+        head = bytes(80) + struct.pack("<I", 1)
+        mesh = read_mesh(put(tmp_path, "m.stl", head + facet + facet))
+        assert mesh.n_faces == 1
+        assert mesh.notes[1:] == ("50 bytes after the last triangle left out",)
+        assert len(read_mesh(put(tmp_path, "m.stl", head + facet + bytes(9))).notes) == 1
+
+    def test_text_stl_in_capitals(self, tmp_path: Path) -> None:
+        corners = "VERTEX 0 0 0\nVERTEX 1 0 0\nVERTEX 1 1 0\n"
+        text = f"SOLID\nFACET NORMAL 0 0 1\nOUTER LOOP\n{corners}ENDLOOP\nENDFACET\nENDSOLID\n"
+        for content in (text, f"\ufeff{text}"):
+            assert read_mesh(put(tmp_path, "m.stl", content)).n_faces == 1
+
     def test_unknown_obj_lines_are_noted(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nw 1 0 0\nv 1 1 0\n"))
         assert mesh.n_vertices == 2
@@ -308,6 +341,8 @@ BAD_FILES = {
     "junk.stl": (b"\x00\x01\x02\xff", "not an STL file"),
     "junk.npy": (b"\x00\x01\x02\xff", "not a NumPy array file"),
     "junk.xyz": (b"\x01\x02\xff\xff", "point 0 has 1 numbers instead of 3"),
+    "decimal_commas.xyz": (b"0 0 0\n0,5 1 2,25\n", "point 1 holds '0,5 1 2,25'"),
+    "decimal_semicolons.xyz": (b"0,5;1,5;2,5\n", "write decimal points"),
     "utf16.off": ("OFF\n4 2 0\n".encode("utf-16"), "UTF-16"),
     "latin1.off": (b"OFF\n1 0 0\n0 0 \xe9\n", "vertex 0 holds '\ufffd', not a number"),
     "header.off": (b"OFF\n4\n", "lacks the line"),

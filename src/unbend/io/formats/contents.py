@@ -30,6 +30,7 @@ class Contents:
 
 
 NO_FACES: IntArray = np.empty((0, 3), dtype=np.int64)
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # with which some editors begin UTF-8
 
 
 def text_lines(data: bytes, format_name: str) -> list[str]:
@@ -40,7 +41,7 @@ def text_lines(data: bytes, format_name: str) -> list[str]:
         raise FileError(f"holds binary data, so it is not a text {format_name} file")
     # Old files carry comments and names in other encodings. They do no harm there; inside the
     # data, the replacement character fails as "not a number" and is reported with its place.
-    text = data.removeprefix(b"\xef\xbb\xbf").decode("utf-8", errors="replace")
+    text = data.removeprefix(BYTE_ORDER_MARK).decode("utf-8", errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
@@ -61,6 +62,11 @@ def count(token: str, what: str) -> int:
     if value < 0 or "_" in token:
         raise FileError(f"{token[:40]!r} is not a number of {what}; correct the header")
     return value
+
+
+def left_over(data: bytes) -> int:
+    """Count what follows the last row of a binary file; mere padding is nothing."""
+    return len(data) if data.strip(b"\0\r\n\t ") else 0
 
 
 def pythonic(words: Iterable[str]) -> bool:

@@ -54,10 +54,10 @@ def read(data: bytes) -> Contents:
 def _logical_lines(data: bytes) -> list[str]:
     """Lines without comments, continued lines joined."""
     lines = text_lines(data, "OBJ")
+    if b"#" in data:  # first: a comment may end in a backslash, as a folder's name does
+        lines = [line.partition("#")[0] for line in lines]
     if b"\\" in data:
         lines = "\n".join(lines).replace("\\\n", " ").split("\n")
-    if b"#" in data:
-        lines = [line.partition("#")[0] for line in lines]
     return lines
 
 

@@ -15,9 +15,11 @@ from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
 from unbend.io.formats.contents import (
+    BYTE_ORDER_MARK,
     NO_FACES,
     Contents,
     count,
+    left_over,
     polygon_rows,
     positions,
     text_lines,
@@ -58,7 +60,7 @@ class _Element:
 
 def read(data: bytes) -> Contents:
     """Read the positions and faces; all other properties are left out."""
-    encoding, elements, body = _header(data)
+    encoding, elements, body = _header(data.removeprefix(BYTE_ORDER_MARK))
     by_name = {element.name: element for element in elements}
     vertex, face = by_name.get("vertex"), by_name.get("face")
     if vertex is None or vertex.count == 0:
@@ -150,6 +152,7 @@ def _read_text(body: bytes, elements: list[_Element], order: str) -> Contents:
             face_rows = rows
     if face_rows:
         faces, notes = polygon_rows(face_rows, len(vertices))
+    notes += _unread(len(lines) - at, "line")
     return Contents(vertices, faces, tuple(notes))
 
 
@@ -201,7 +204,12 @@ def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
                 polygons = sizes, corners.ravel()
     if polygons is not None:
         faces, notes = triangulate(*polygons, len(vertices))
+    notes += _unread(left_over(body[at:]), "byte")
     return Contents(vertices, faces, tuple(notes))
+
+
+def _unread(count: int, what: str) -> list[str]:
+    return [f"{plural(count, what)} after the last row left out"] if count else []
 
 
 def _uniform_rows(body: bytes, at: int, element: _Element, order: str) -> npt.NDArray[Any] | None:

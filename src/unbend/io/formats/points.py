@@ -18,7 +18,15 @@ def read_xyz(data: bytes) -> Contents:
     lines = data_lines(data, "XYZ")
     if not lines:
         raise FileError("holds no points")
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+    rows = []
+    for index, line in enumerate(lines):
+        words = line.replace(";", " ").split()
+        if len(words) > 1 and any("," in word.strip(",") for word in words):
+            raise FileError(
+                f"point {index} holds {line.strip()[:40]!r}, whose commas may be decimal ones; "
+                "write decimal points"
+            )
+        rows.append(" ".join(words).replace(",", " ").split())
     widths = {len(row) for row in rows}
     notes = ("columns after the third left out",) if max(widths) > 3 else ()
     return Contents(positions(rows, "point"), NO_FACES, notes)

@@ -10,7 +10,13 @@ from unbend._arrays import first_equal_row
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
-from unbend.io.formats.contents import Contents, data_lines, positions
+from unbend.io.formats.contents import (
+    BYTE_ORDER_MARK,
+    Contents,
+    data_lines,
+    left_over,
+    positions,
+)
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes: 80 of free text and the number of triangles
@@ -19,19 +25,24 @@ _HEADER = 84  # bytes: 80 of free text and the number of triangles
 def read(data: bytes) -> Contents:
     """Read triangles and weld corners whose positions are exactly equal."""
     corners = _binary(data)
+    unread = 0
     if corners is None:
         corners = _text(data)
+    else:
+        unread = left_over(data[_HEADER + len(corners) // 3 * _TRIANGLE.itemsize :])
     if len(corners) == 0:
         raise FileError("holds no triangles")
     first = first_equal_row(corners)
     kept = np.flatnonzero(first == np.arange(len(first)))
     number = np.empty(len(first), dtype=np.int64)
     number[kept] = np.arange(len(kept))
-    note = (
+    notes = [
         f"{plural(len(first), 'corner')} of {plural(len(first) // 3, 'triangle')} welded into "
         f"{len(kept)} vertices where their positions are equal (STL does not store vertices)"
-    )
-    return Contents(corners[kept], number[first].reshape(-1, 3), (note,))
+    ]
+    if unread:
+        notes.append(f"{plural(unread, 'byte')} after the last triangle left out")
+    return Contents(corners[kept], number[first].reshape(-1, 3), tuple(notes))
 
 
 def _binary(data: bytes) -> FloatArray | None:
@@ -39,7 +50,8 @@ def _binary(data: bytes) -> FloatArray | None:
     n_triangles = int.from_bytes(data[80:_HEADER], "little")
     n_bytes = _HEADER + n_triangles * _TRIANGLE.itemsize
     if n_bytes > len(data) or n_triangles == 0:
-        if data.lstrip()[:5].lower() == b"solid" and (b"facet" in data or b"endsolid" in data):
+        words = data.removeprefix(BYTE_ORDER_MARK).lower()
+        if words.lstrip()[:5] == b"solid" and (b"facet" in words or b"endsolid" in words):
             return None
         raise FileError(
             f"truncated: it promises {plural(n_triangles, 'triangle')}, {n_bytes} bytes, "
