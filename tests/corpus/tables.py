@@ -121,6 +121,8 @@ def _values() -> Iterator[_Row]:
     yield "values, more rows", ".txt", _lines(*numbers, 1, 2), "44 rows"
     yield "values, rows of several lengths", ".csv", _lines(*numbers[:-1], "1,2"), "row 41 has 2 en"
     yield "values, words among numbers", ".csv", _lines(*["1,x"] * _N), "row 0 holds '1 x'"
+    yield "values, decimal commas", ".txt", _lines(*["0,5"] * _N), "row 0 holds '0,5'"
+    yield "values, semicolons", ".csv", _lines(*["0.5;7"] * _N), "row 0 holds '0.5;7'"
     yield "values, whole numbers of 30 digits", ".csv", _lines(*["9" * 30] * _N), "row 0 holds '999"
     yield "values, a word of a million letters", ".txt", _lines(*["a"] * 41, "b" * 10**6), "row 41"
     yield (

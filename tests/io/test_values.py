@@ -54,6 +54,46 @@ def test_what_is_no_table(tmp_path: Path, text: str, sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".txt"])
+def test_comments_are_lines_and_labels_keep_their_signs(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("# parts\n\npart#1\n  # more\npart#2\n")
+    assert read_values(path, n_vertices=2).tolist() == ["part#1", "part#2"]
+    path.write_text("0.5\n1.5 # last\n")
+    if suffix == ".txt":
+        assert read_values(path).tolist() == [0.5, 1.5]
+        return
+    with pytest.raises(FileError, match=r"row 1 holds '1.5 # last', neither a number"):
+        read_values(path, n_vertices=2)
+
+
+@pytest.mark.parametrize("row", ["0.5;7", "1;", "0.5\t7", '"0,5"'])
+def test_numbers_run_together_are_no_labels(tmp_path: Path, row: str) -> None:
+    (tmp_path / "a.csv").write_text(f"left;right\n{row}\n")
+    with pytest.raises(FileError, match=r"row 1 holds .* write decimal points"):
+        read_values(tmp_path / "a.csv", n_vertices=2)
+    (tmp_path / "a.txt").write_text("0,5\n")
+    with pytest.raises(FileError, match="row 0 holds '0,5'"):
+        read_values(tmp_path / "a.txt")
+
+
+LABELS = ["#ff0000", "upper arm, left", 'a "hand"', "", "two\nlines", "x;y", "plain"]
+
+
+def test_any_label_comes_back_from_csv(tmp_path: Path) -> None:
+    mesh = Mesh(np.zeros((len(LABELS), 3)))
+    write_values(tmp_path / "a.csv", LABELS, mesh, kind="label")
+    assert read_values(tmp_path / "a.csv", n_vertices=len(LABELS)).tolist() == LABELS
+    write_values(tmp_path / "a.csv", ["head"] * len(LABELS), mesh, kind="label")
+    assert (tmp_path / "a.csv").read_text() == "label\n" + "head\n" * len(LABELS)
+
+
+@pytest.mark.parametrize("label", ["#ff0000", "upper arm", ""])
+def test_a_word_for_each_vertex_in_txt(tmp_path: Path, label: str) -> None:
+    with pytest.raises(InputError, match=r"one word for each vertex.*write .csv"):
+        write_values(tmp_path / "a.txt", ["head", label], Mesh(np.zeros((2, 3))))
+
+
 def test_whole_numbers_only_where_all_are(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1 -2\n+3 2.5\n")
     assert read_values(tmp_path / "a.txt").tolist() == [[1, -2], [3, 2.5]]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, read_bytes
 from unbend.io._meshes import MeshLike, as_mesh, write_mesh
-from unbend.io.formats.contents import data_lines
+from unbend.io.formats.contents import text_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
 
@@ -123,11 +125,11 @@ def write_values(
             np.save(file, array)
             return
         columns = array.reshape(len(array), -1)
-        delimiter = "," if suffix == ".csv" else " "
-        names = _names(kind, columns.shape[1])
-        lines = [delimiter.join(names)] * (suffix == ".csv")
-        lines += [delimiter.join(map(_word, row)) for row in columns.tolist()]
-        file.write("\n".join([*lines, ""]).encode())
+        rows = [list(map(_word, row)) for row in columns.tolist()]
+        if suffix == ".csv":
+            file.write(_csv([_names(kind, columns.shape[1]), *rows]))
+        else:
+            file.write("".join(f"{' '.join(row)}\n" for row in rows).encode())
 
 
 def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
@@ -146,12 +148,32 @@ def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind:
             f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
             "write .ply"
         )
+    if suffix == ".txt" and values.dtype.kind == "U" and not _all_words(values):
+        raise InputError(
+            ".txt files hold one word for each vertex, and a label is empty or more than one; "
+            "write .csv"
+        )
     if suffix != ".npy" and values.ndim > 2:
         raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
 
 
 def _word(value: Any) -> str:
     return value if isinstance(value, str) else repr(value)
+
+
+def _all_words(labels: npt.NDArray[Any]) -> bool:
+    return all(re.fullmatch(r"[^#\s]\S*", label) for label in np.unique(labels).tolist())
+
+
+def _csv(rows: list[list[str]]) -> bytes:
+    text = io.StringIO()
+    # A line that begins with # would be read as a comment.
+    if any(row[0].startswith("#") for row in rows):
+        writer = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n")
+    else:
+        writer = csv.writer(text, lineterminator="\n")
+    writer.writerows(rows)
+    return text.getvalue().encode()
 
 
 def _names(kind: str, count: int) -> list[str]:
@@ -178,17 +200,18 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
 
 
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
-    lines = data_lines(data, suffix[1:])
+    lines = [line for line in text_lines(data, suffix[1:]) if not _says_nothing(line)]
     if suffix == ".csv":
         try:
-            rows = [[word.strip() for word in row] for row in csv.reader(lines)]
+            cells = csv.reader(f"{line}\n" for line in lines)
+            rows = [[word.strip() for word in row] for row in cells]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
         # Names over words look like the words; only the number of rows can tell then.
         if rows and not _are_numbers(rows[0]) and len(rows) != n_vertices:
             rows = rows[1:]
     else:
-        rows = [line.split() for line in lines]
+        rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
     widths = {len(row) for row in rows}
     if len(widths) > 1:
         row = next(i for i, one in enumerate(rows) if len(one) != len(rows[0]))
@@ -212,7 +235,24 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
     elif table.shape[1] > 1:
         row = next(i for i, one in enumerate(rows) if not _are_numbers(one))
         raise FileError(f"row {row} holds {' '.join(rows[row])[:40]!r}, not numbers")
+    else:
+        _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _says_nothing(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith("#")
+
+
+def _refuse_numbers_as_labels(words: list[str]) -> None:
+    """Refuse what begins with a number, as 0,5 or 1;2: a label would carry it in silence."""
+    for index, word in enumerate(words):
+        first, *more = re.split(r"[,;\t#]", word)
+        if more and _are_numbers([first]):
+            raise FileError(
+                f"row {index} holds {word[:40]!r}, neither a number nor a label; write decimal "
+                "points, and separate columns by commas in .csv, by blanks in .txt"
+            )
 
 
 def _are_numbers(words: list[str]) -> bool:
