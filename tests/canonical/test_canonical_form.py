@@ -209,7 +209,13 @@ def test_steps_are_timed_and_announced(blob):
         ({"n_coarse": 9999, "method": "sampled"}, "n_coarse is for exact"),
         ({"n_coarse": 9999, "weighting": "area"}, "n_coarse is for exact"),
         ({"n_coarse": 9999, "distance": "diffusion"}, "n_coarse is for exact"),
-        ({"n_samples": 0, "method": "sampled"}, "0 samples"),
+        ({"n_samples": 0, "method": "sampled"}, "n_samples must be a whole number of at least 2"),
+        ({"n_samples": 2.5, "method": "sampled"}, "n_samples must be a whole number"),
+        ({"n_samples": 3, "method": "sampled"}, "dimension must be 1 to 2 here, not 3"),
+        ({"n_eigenpairs": 1, "method": "sampled"}, "n_eigenpairs must be a whole number of at"),
+        ({"random_state": -1}, "random_state must be a whole number, not negative, and not -1"),
+        ({"random_state": 1.5}, "random_state must be"),
+        ({"time": 1e3, "distance": "diffusion"}, "all distances vanish; use"),
         ({"laplacian": "graph"}, "laplacian must be"),
     ],
 )
@@ -217,6 +223,11 @@ def test_bad_arguments_are_refused_in_one_sentence(blob, options, message):
     with pytest.raises(InputError, match=message) as error:
         canonical_form(blob, **options)
     assert "\n" not in str(error.value)
+
+
+def test_a_form_of_one_point_is_an_error(blob):
+    with pytest.raises(SolverError, match="all points of the form coincide"):
+        canonical_form(blob, method="sampled", mu=1e-300)
 
 
 @pytest.mark.parametrize("distance", ["biharmonic", "commute-time"])

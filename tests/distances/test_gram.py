@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import dense
-from unbend import Mesh, distance, laplacian, spectrum
+from unbend import Mesh, diagnose, distance, laplacian, spectrum
 from unbend.datasets import make_sphere
 from unbend.distances import gram_metric
 from unbend.errors import InputError, SolverError
@@ -93,6 +93,24 @@ def test_too_short_a_diffusion_time_is_refused_with_the_shortest(real_data):
     mesh = real_data / "tosca_remeshed" / "cat0.off"
     with pytest.raises(InputError, match=r"use .* of the area or more"):
         distance(mesh, 0, distance="diffusion", time=1e-9)
+
+
+def test_a_diffusion_time_is_right_until_it_is_refused(blob):
+    """Where it is long, the first eigenfunctions that differ from it alone are left."""
+    mesh = Mesh(blob.vertices / np.sqrt(diagnose(blob).area), blob.faces)
+    pairs = spectrum(mesh, 16)
+    longest = 660 / (2 * pairs.eigenvalues[1])
+    found = distance(mesh, 0, distance="diffusion", time=longest)[0]
+    filtered = np.exp(-longest * pairs.eigenvalues[1:])
+    apart = (pairs.eigenfunctions[:, 1:] - pairs.eigenfunctions[0, 1:]) * filtered
+    np.testing.assert_allclose(found / found.max(), np.linalg.norm(apart / found.max(), axis=1))
+    with pytest.raises(InputError, match="all distances vanish; use"):
+        distance(mesh, 0, distance="diffusion", time=1.02 * longest)
+
+
+def test_the_constant_eigenfunction_tells_no_distance(blob):
+    with pytest.raises(InputError, match="n_eigenpairs must be at least 2"):
+        distance(blob, 0, n_eigenpairs=1)
 
 
 def test_geodesic_cannot_be_truncated(blob):

@@ -180,6 +180,7 @@ def canonical_form(
     ((162, 3), 'exact')
     """
     chosen = _choose_method(method, distance)
+    _check_seed(random_state)
     if weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {weighting!r}')
     if chosen == "exact":
@@ -216,7 +217,7 @@ def canonical_form(
     steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
-    _check_dimension(n_components, surface, chosen, options.n_eigenpairs)
+    _check_dimension(surface, chosen, options)
     if detail is not None and surface.mesh.is_point_cloud:
         raise InputError(f"{surface.mesh.name}: detail needs faces, and this is a point cloud")
     large = n_coarse is not None and surface.n_vertices > n_coarse
@@ -281,23 +282,44 @@ def _check_detail(detail: str, n_components: int, n_coarse: int | None) -> None:
     refuse_given("is for forms without detail; leave it out", n_coarse=n_coarse)
 
 
-def _check_dimension(d: int, surface: Surface, method: str, n_eigenpairs: int) -> None:
+def _check_seed(random_state: int) -> None:
+    try:
+        np.random.default_rng(random_state)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"random_state must be a whole number, not negative, and not {random_state!r}"
+        ) from None
+
+
+def _check_dimension(surface: Surface, method: str, options: Options) -> None:
     most = surface.n_vertices - 1
     if method == "sampled":
-        most = min(most, n_eigenpairs - 1)
-    if not is_whole(d) or not 1 <= d <= most:
-        raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
+        # So many samples span a dimension less, and the first eigenfunction is constant.
+        for name in ("n_samples", "n_eigenpairs"):
+            number = getattr(options, name)
+            if not is_whole(number) or number < 2:
+                raise InputError(f"{name} must be a whole number of at least 2, not {number}")
+            most = min(most, number - 1)
+    if not is_whole(options.n_components) or not 1 <= options.n_components <= most:
+        raise InputError(
+            f"the form's dimension must be 1 to {most} here, not {options.n_components}"
+        )
 
 
 def _check_axes(
     points: FloatArray, eigenvalues: FloatArray, weights: FloatArray, name: str
 ) -> None:
     """Refuse a form that is not what classical scaling gives: centred, its columns its axes."""
+    if eigenvalues.max() <= 0:
+        raise SolverError(
+            f"{name}: all points of the form coincide: the distances it should keep are lost in "
+            "rounding"
+        )
     weighted = points * weights[:, None]
     apart = points.T @ weighted - np.diag(np.maximum(eigenvalues, 0))
     largest = float(eigenvalues.max())
-    middle = weighted.sum(axis=0) / np.sqrt(max(largest, 0.0) * weights.sum() or 1.0)
-    skew = max(float(np.abs(apart).max()) / (abs(largest) or 1.0), float(np.abs(middle).max()))
+    middle = weighted.sum(axis=0) / np.sqrt(largest * weights.sum())
+    skew = max(float(np.abs(apart).max()) / largest, float(np.abs(middle).max()))
     if not skew <= _SKEW:
         raise SolverError(
             f"{name}: the form's columns miss their eigenvalues, each other's right angles or the "

@@ -117,6 +117,11 @@ def distance(
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs
 
+        if n_eigenpairs == 1:
+            raise InputError(
+                "n_eigenpairs must be at least 2: the first eigenfunction, the constant one, tells "
+                "no distance"
+            )
         metric = truncated_metric(
             distance, eigenpairs(surface, n_eigenpairs, cache=cache), diffused
         )

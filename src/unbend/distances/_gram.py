@@ -25,6 +25,8 @@ SPECTRAL = ("biharmonic", "commute-time", "diffusion")
 
 # exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
 _NEGLIGIBLE = 1e-16
+# A kernel below this is rounded like numbers too small for float64, or is 0.
+_VANISHING = 1e-290
 # What two ways to one number may differ by, and squared distances may fall below zero, as shares of
 # the largest entry on the kernel's diagonal; where a solver is given that ends sooner, more.
 _ROUNDING, _ROUGH = 1e-8, 1e-3
@@ -42,6 +44,12 @@ def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) ->
     values = eigenvalues[1:]
     if kind == "diffusion":
         weights[1:] = np.exp(-2 * time * values)
+        if len(values) and weights.max() < _VANISHING:
+            longest = -np.log(_VANISHING) / (2 * values[0])
+            raise InputError(
+                f"after a diffusion time of {time:.2g} of the area all distances vanish; use "
+                f"{longest:.1g} or less"
+            )
     else:
         weights[1:] = values**-2.0 if kind == "biharmonic" else 1 / values
     return weights
