@@ -169,6 +169,9 @@ ONE = _match([0], [0])
         ([[0, 1], [1.5, -0.5]], _match([0, 0], [0]), {"kind": "weights"}, "row 1 .* least is -0.5"),
         ([0.5, 0.5], _match([0, 0], [0]), {"kind": "weights"}, "must be rows"),
         ([[256, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),
+        ([[0.5, 0, 1]], ONE, {"kind": "color"}, "from 0 to 1; multiply by 255"),
+        ([2**63], ONE, {}, "labels must be below 2.63, and one is 9223372036854775808"),
+        (np.ma.array([1.0], mask=[True]), ONE, {}, "masked; fill them first"),
         ([0.5], ONE, {"kind": "uv"}, "must have two columns"),
     ],
 )

@@ -104,6 +104,7 @@ def test_says_what_it_is():
         (VERTICES[:, :2], FACES, r"shape \(n, 3\), not \(4, 2\)"),
         ("abc", FACES, "not an array of numbers"),
         (VERTICES * 1j, FACES, "complex"),
+        (np.ma.masked_less(VERTICES, 0.5), FACES, "coordinates are masked"),
         (VERTICES, FACES[:, :2], r"shape \(m, 3\), not \(4, 2\)"),
         (VERTICES, FACES * 1.0, "whole numbers"),
         (VERTICES, FACES + 1, "face 1 names vertex 4, but the vertices are numbered 0 to 3"),

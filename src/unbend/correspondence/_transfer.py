@@ -82,6 +82,8 @@ def transfer(
     """
     source = None if source is None else as_mesh(source)
     target = None if target is None else as_mesh(target)
+    if np.ma.is_masked(values):
+        raise InputError("some of the values are masked; fill them first, for instance with NaN")
     array = np.asarray(values)
     corners, shares = _preimages(match, source, target)
     n_source = _source_size(match, source)
@@ -233,6 +235,10 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         numbers.ndim != 2 or not (np.isfinite(numbers) & (numbers >= 0) & (numbers <= 255)).all()
     ):
         raise InputError("colours must be rows of numbers from 0 to 255")
+    if kind == "color" and numbers.max(initial=0) <= 1 and (numbers % 1).any():
+        raise InputError(
+            "colours must be from 0 to 255, and these are from 0 to 1; multiply by 255"
+        )
     return numbers
 
 
@@ -266,6 +272,8 @@ def _vote(
     votes = np.stack([(shares * (labels == one[:, None])).sum(axis=1) for one in labels.T], axis=1)
     winners = np.take_along_axis(corners, first_largest(votes.T)[:, None], axis=1)[:, 0]
     if array.dtype.kind in "biu":
+        if array.max(initial=0) > np.iinfo(np.int64).max:
+            raise InputError(f"labels must be below 2^63, and one is {array.max()}")
         array = array.astype(np.int64)
     carried = array[winners]
     if lost.any():

@@ -100,6 +100,8 @@ class Mesh(Drawn):
 def _vertex_array(vertices: Any, name: str) -> FloatArray:
     if np.iscomplexobj(vertices):
         raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
+    if np.ma.is_masked(vertices):
+        raise MeshError(f"{name}: some coordinates are masked; fill them, or leave such points out")
     try:
         array = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
