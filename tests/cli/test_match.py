@@ -227,6 +227,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
         ("match a.ply b.ply --colored a.glb b.off", 'unknown suffix ".off"'),
+        ("match a.ply b.ply --colored c.glb ./c.glb", "--colored needs two files"),
         ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
         ("match a.ply b.ply --source-truth a.vts --target-truth b.vts", "shown by --report"),
         ("match a.ply b.ply --report r.html --source-truth a.vts", "both --source-truth and"),
@@ -239,6 +240,10 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         (
             "evaluate b.vts --target b.ply --source-truth long.vts --target-truth b.vts",
             "long.vts: row 799 is 801, but counted from 1 vertices are 1 to 800",
+        ),
+        (
+            "evaluate b.vts --target b.ply --source-truth none.txt --target-truth b.vts",
+            "none.txt: row 1 is -1, but each must be a source vertex",
         ),
         (
             "evaluate ab.npz --target a.vts --source-truth a.vts --target-truth b.vts",
@@ -254,7 +259,10 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("transfer a.ply b.ply --values words.txt --kind scalar -o o.csv --map b.vts", "averaged"),
         ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "maps 800 vertices"),
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
-        ("similarity a.ply b.ply --known-correspondence", "800 and 700 vertices"),
+        (
+            "similarity a.ply b.ply --known-correspondence",
+            "a.ply and b.ply have 800 and 700 vertices",
+        ),
         ("similarity a.ply b.ply --csv table.txt", 'unknown suffix ".txt"'),
         ("similarity a.ply b.ply --report page.pdf", 'unknown suffix ".pdf"'),
     ],
@@ -264,6 +272,7 @@ def test_mistakes_get_one_sentence_and_write_nothing(
 ) -> None:
     monkeypatch.chdir(folder)
     write_map("long.vts", np.append(np.arange(799), 800))
+    write_map("none.txt", [0, -1] * 400)
     Path("few.txt").write_text("1\n2\n")
     Path("words.txt").write_text("a\n" * 800)
     Path("other.txt").write_text("1\n" * 700)

@@ -69,6 +69,13 @@ def test_two_shapes_must_be_left(blob, registered):
         mean_shape([odd, odd], (blob.vertices, blob.faces))
 
 
+@pytest.mark.parametrize("share", [-0.1, 1.1, np.nan])
+def test_shares_are_from_0_to_1(blob, shapes, registered, share):
+    for name in ("min_confidence", "min_coverage"):
+        with pytest.raises(InputError, match=f"{name} must be from 0 to 1, not"):
+            mean_shape(shapes, blob, **{name: share})
+
+
 def test_what_ends_a_worker_is_left_out(blob, monkeypatch):
     @contextmanager
     def engine(**_):

@@ -64,6 +64,10 @@ def test_what_cannot_be_matched_is_named_once(
     assert set(reasons) == {"strip.ply", paths[2].name}
     assert "only one side" in reasons["strip.ply"]
     assert "is not what it was when it was added" in reasons[paths[2].name]
+    paths[2].unlink()
+    done = collection.match(None, tmp_path / "matches", workers=0)
+    reasons = {Path(one.path).name: one.reason for one in done.failures}
+    assert reasons[paths[2].name] == f"cannot read {paths[2]}: No such file or directory"
 
 
 def test_workers_are_those_asked_for(

@@ -162,6 +162,9 @@ def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntAr
     from unbend.io import read_map
 
     sources = read_map(paths[0], n_target=n_source)
+    if (sources < 0).any():
+        row = int((sources < 0).argmax())
+        raise InputError(f"{paths[0]}: row {row} is -1, but each must be a source vertex")
     truths = [read_map(path, n_target=n_target) for path in paths[1:]]
     for path, images in zip(paths[1:], truths, strict=True):
         if len(images) != len(sources):

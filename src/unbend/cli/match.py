@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -141,6 +142,7 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """  # noqa: D301
+    from unbend.errors import InputError
     from unbend.io import (
         MAP_SUFFIXES,
         VALUE_MESH_SUFFIXES,
@@ -159,6 +161,8 @@ def match(
         check_writable(report, (".html",))
     for path in colored or ():
         check_writable(path, VALUE_MESH_SUFFIXES)
+    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
+        raise InputError(f"--colored needs two files, and both are {colored[0]}")
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
     start = time.perf_counter()
     with steps_on_stderr() as progress:

@@ -107,6 +107,8 @@ def similarity(
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in paths]
+        if known:
+            _check_sizes(shapes)
         pairs = compare(shapes, known, matrix, n_components, distance, cache, progress)
         table = _matrix(pairs, len(shapes)) if matrix else None
         if csv is not None:
@@ -132,6 +134,18 @@ def similarity(
         _print_list([printable(path) for path in paths], pairs, known)
     if report is not None:
         typer.echo(f"next: open {report} in a browser")
+
+
+def _check_sizes(shapes: list[Mesh]) -> None:
+    from unbend.errors import InputError
+
+    for shape in shapes[1:]:
+        if shape.n_vertices != shapes[0].n_vertices:
+            raise InputError(
+                f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
+                f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
+                "--known-correspondence"
+            )
 
 
 def compare(

@@ -142,6 +142,9 @@ def mean_shape(
     >>> found.mean, found.left_out
     (Mesh(500 vertices, 996 faces), ())
     """
+    for name, share in (("min_confidence", min_confidence), ("min_coverage", min_coverage)):
+        if not 0 <= share <= 1:
+            raise InputError(f"{name} must be from 0 to 1, not {share}")
     template = as_mesh(template)
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")

@@ -144,7 +144,11 @@ def file_name(source: Entry, target: Entry) -> str:
 
 
 def _read(entry: Entry) -> Mesh:
-    if content_hash(entry.path) != entry.id:
+    try:
+        unchanged = content_hash(entry.path) == entry.id
+    except OSError as error:
+        raise FileError(f"cannot read {entry.path}: {error.strerror or error}") from error
+    if not unchanged:
         raise FileError(f"{entry.path} is not what it was when it was added; add it again")
     return read_mesh(entry.path)
 
