@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from unbend import Mesh
 from unbend.cli import app
 from unbend.io import write_mesh
 
@@ -70,6 +71,25 @@ def test_a_refusal_says_why(folder: Path) -> None:
     assert code == 2
     assert "unbend cannot work with this mesh: three.off: faces use only 3 vertices" in out
     assert "Next" not in out
+
+
+def test_a_strip_with_one_side_cannot_be_matched(folder: Path, moebius_strip: Mesh) -> None:
+    write_mesh("strip.off", moebius_strip)
+    code, out, _ = check("strip.off")
+    assert code == 0
+    assert "match refuses it" in out
+    assert "unbend can work with this mesh, but cannot match it." in out
+    assert json.loads(check("strip.off", "--json")[1])["one_sided"] is True
+
+
+@pytest.mark.parametrize("columns", ["0", "20"])
+def test_no_terminal_is_too_narrow_for_numbers(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    write_mesh("t.off", (VERTICES, FACES))
+    out = check("t.off")[1]
+    assert "edge length     1 / 1.21 / 1.41  min / median / max" in out
 
 
 def test_notes_of_the_reader_are_shown(folder: Path) -> None:

@@ -62,6 +62,7 @@ def test_a_cube() -> None:
         "non_manifold_edges": 0,
         "non_manifold_vertices": 0,
         "inconsistent_edges": 0,
+        "one_sided": False,
         "degenerate_faces": 0,
         "unreferenced_vertices": 0,
         "duplicate_vertices": 0,
@@ -75,6 +76,12 @@ def test_a_cube() -> None:
         "edge_max": pytest.approx(np.sqrt(2)),
     }
     assert not health.robust_needed
+
+
+def test_a_strip_has_one_side(moebius_strip: Mesh) -> None:
+    health = diagnose(moebius_strip)
+    assert (health.one_sided, health.boundary_loops, health.genus) == (True, 1, None)
+    assert health.inconsistent_edges > 0
 
 
 def test_a_torus_has_one_handle() -> None:
@@ -148,6 +155,7 @@ def test_a_flipped_face() -> None:
     faces[0] = faces[0, ::-1]
     health = diagnose(Mesh(CUBE_VERTICES, faces))
     assert (health.inconsistent_edges, health.closed, health.genus) == (3, True, None)
+    assert not health.one_sided
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-3, 1.0, 1e200])

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from unbend.preparation import Diagnosis
 
 
+# Columns without which numbers are cut; a terminal that has fewer breaks the lines itself.
+_LEAST_WIDTH = 72
+
+
 class Row(NamedTuple):
     """A line of the health table."""
 
@@ -47,7 +51,7 @@ def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
 
     shape = read_mesh(mesh)
     health = diagnose(shape)
-    verdict = judge(shape, mesh)
+    verdict = judge(shape, health, mesh)
     if as_json:
         print_json(
             {
@@ -66,7 +70,7 @@ def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
         raise typer.Exit(EXIT_REFUSED)
 
 
-def judge(shape: Mesh, path: str) -> Verdict:
+def judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
     """Try what computations will try."""
     from unbend.errors import InputError
     from unbend.preparation import prepare
@@ -85,6 +89,8 @@ def judge(shape: Mesh, path: str) -> Verdict:
             f"{command} --component largest",
         )
     all_of_it = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+    if health.one_sided:
+        return Verdict(True, "unbend can work with this mesh, but cannot match it.", command)
     sentence = "This mesh is healthy." if all_of_it else "unbend can work with this mesh."
     return Verdict(True, sentence, command)
 
@@ -105,11 +111,14 @@ def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
             Row("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max")
         )
     robust = "uses the robust Laplacian"
+    turned = "nothing; it does not matter"
+    if health.one_sided:
+        turned = "one side only: match refuses it"
     problems = (
         (health.degenerate_faces, "degenerate faces", f"{robust}, or leaves them out"),
         (health.non_manifold_edges, "non-manifold edges", robust),
         (health.non_manifold_vertices, "non-manifold vertices", robust),
-        (health.inconsistent_edges, "edges with flipped faces", "nothing; it does not matter"),
+        (health.inconsistent_edges, "edges with flipped faces", turned),
         (health.unreferenced_vertices, "unreferenced vertices", "gives them NaN"),
         (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),
         (health.duplicate_faces, "duplicate faces", "leaves them out"),
@@ -148,6 +157,7 @@ def _print_table(shape: Mesh, health: Diagnosis, verdict: Verdict) -> None:
         # Text: file names and notes may hold [brackets]
         table.add_row(*(Text(printable(cell)) for cell in row))
     console = Console(highlight=False)
+    console.width = max(console.width, _LEAST_WIDTH)
     console.print(table)
     console.print()
     style = "green" if verdict.usable else "red"
