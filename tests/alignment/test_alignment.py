@@ -108,6 +108,7 @@ def test_align_in_many_dimensions_limits_its_starts() -> None:
         (np.zeros((3, 2)), np.zeros((3, 3)), "one dimension"),
         (np.zeros((0, 3)), np.zeros((3, 3)), "source points"),
         (np.zeros((3, 3)), np.full((3, 3), np.nan), "target point 0 is not finite"),
+        (np.eye(3) * 1e200, np.eye(3), "the source is .* times as large as the target"),
     ],
 )
 def test_align_says_what_is_wrong(source: np.ndarray, target: np.ndarray, message: str) -> None:
@@ -169,6 +170,14 @@ def test_no_more_iterations_than_allowed(limit: int) -> None:
     found = align(_cloud(60, 3), _cloud(70, 3, 1), max_iterations=limit, tolerance=0)
     assert len(found.residuals) <= limit + 1
     assert (np.diff(found.residuals) <= 0).all()
+
+
+@pytest.mark.parametrize(
+    "options", [{"max_iterations": -1}, {"max_iterations": 1.5}, {"tolerance": np.nan}]
+)
+def test_options_out_of_range(options: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="must be a whole number and tolerance from 0 to 1"):
+        align(_cloud(60, 3), _cloud(70, 3, 1), **options)
 
 
 def test_every_iteration_is_a_motion_of_the_kind_allowed() -> None:

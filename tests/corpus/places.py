@@ -202,6 +202,14 @@ def _drawn() -> Iterator[Case]:
             Answer(make, lambda seen, truth: "a picture", "a picture"),
         )
 
+    yield Case(
+        "a backend for drawing that matplotlib has not",
+        beside,
+        ("canonical good.off --figure bad.png --no-cache",),
+        Refused("matplotlib does not start", names="MPLBACKEND"),
+        functools.partial(alone, shell="MPLBACKEND=none {}"),
+    )
+
 
 def _printable(seen: Seen, truth: Seen) -> str:
     assert not re.search(r"[\x00-\x09\x0b-\x1f]", seen.out + seen.err), seen

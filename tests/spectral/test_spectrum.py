@@ -227,6 +227,12 @@ def test_residuals_are_as_small_as_asked(tol):
     assert (size[1:] <= tol * found.eigenvalues[1:] + 1e-13 * found.eigenvalues[-1]).all()
 
 
+@pytest.mark.parametrize("tol", [-1e-8, 1, np.nan])
+def test_a_tolerance_is_a_share(blob, tol):
+    with pytest.raises(InputError, match="tolerance must be from 0 to 1, not"):
+        spectrum(blob, 3, tolerance=tol)
+
+
 def test_the_laplacian_is_the_one_asked_for(blob):
     for kind in ("cotangent", "robust"):
         assert spectrum(blob, 1, laplacian=kind).laplacian == kind

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import nearest_rows
+from unbend._arrays import is_whole, nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError, UnbendWarning
@@ -24,6 +24,8 @@ _REFINED_STARTS = 4
 _FOLLOWED_STARTS = 16
 # Misfits, as shares of the shape's size, that agree to this many digits are equal.
 _DIGITS = 8
+# The source in sizes of the target: squares of more overflow, and their products.
+_LARGEST = 1e75
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +182,8 @@ def align(
     Raises
     ------
     InputError
-        If the dimensions differ, a set is empty, or something is not finite.
+        If the dimensions differ, a set is empty, something is not finite, or an option is out of
+        range.
 
     Warns
     -----
@@ -205,10 +208,20 @@ def align(
         raise InputError(
             f"points to align must have one dimension, not {source.shape[1]} and {target.shape[1]}"
         )
+    if not is_whole(max_iterations) or max_iterations < 0 or not 0 <= tolerance < 1:
+        raise InputError(
+            "max_iterations must be a whole number and tolerance from 0 to 1, not "
+            f"{max_iterations} and {tolerance}"
+        )
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
     unit = _unit(right)
     left, right = left / unit, right / unit
+    if np.abs(left).max() > _LARGEST:
+        raise InputError(
+            f"the source is {np.abs(left).max():.0e} times as large as the target; bring both to "
+            "one unit"
+        )
     few = _subset(left), _subset(right)
     choices = np.array(_axis_choices(left, right, reflect))
     tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual

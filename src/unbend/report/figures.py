@@ -90,6 +90,8 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
     ------
     MissingExtraError
         If matplotlib is not installed.
+    InputError
+        If its settings are wrong.
 
     Examples
     --------
@@ -102,6 +104,8 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
         from matplotlib.figure import Figure
     except ImportError:
         raise MissingExtraError("matplotlib", "plot") from None
+    except ValueError as error:
+        raise InputError(f"matplotlib does not start; is MPLBACKEND set? {error}") from None
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure

@@ -95,7 +95,7 @@ def spectrum(
     Raises
     ------
     InputError
-        If `n_eigenpairs` is out of range.
+        If `n_eigenpairs` or `tolerance` is out of range.
     MeshError
         If the mesh cannot be used; the message names the vertex or face. If its computation does
         not fit into the memory that is free.
@@ -119,6 +119,8 @@ def spectrum(
     >>> spectrum(make_sphere(3), 4).eigenvalues.round(1)
     array([0., 2., 2., 2.])
     """
+    if not 0 <= tolerance < 1:
+        raise InputError(f"tolerance must be from 0 to 1, not {tolerance}")
     surface = make_surface(mesh, laplacian=laplacian, area_kind=area_kind, connected=False)
     unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance, cache=cache)
     expand = surface.prepared.expand
