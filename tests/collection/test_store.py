@@ -53,6 +53,14 @@ def test_two_may_make_one_table(tmp_path: Path) -> None:
     assert len(one) == len(other) == 2
 
 
+def test_what_a_full_disk_left_of_its_making_is_none_yet(tmp_path: Path) -> None:
+    (tmp_path / "store" / "shapes.lance" / "_versions").mkdir(parents=True)
+    store = Store(tmp_path / "store")
+    assert not store.exists
+    store.commit(rows("first"))
+    assert len(Store(tmp_path / "store")) == 1
+
+
 def test_its_size_is_that_of_its_files(tmp_path: Path) -> None:
     store = Store(tmp_path / "store")
     store.commit(rows("first"))

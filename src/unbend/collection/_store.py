@@ -67,7 +67,7 @@ class Store:
         )
         if "://" not in self.path:
             _check_folder(Path(self.path))
-            if not os.path.exists(self.path):
+            if not _begun(Path(self.path)):
                 return
         with self._told():
             database = self._connect(self.path)
@@ -230,6 +230,11 @@ def _opened(database: Any) -> Any:
                 raise
             time.sleep(wait)
     return database.open_table(_TABLE)
+
+
+def _begun(path: Path) -> bool:
+    """Whether there is a file: a disk that was full when it was made leaves empty folders."""
+    return any(files for _, _, files in os.walk(path / f"{_TABLE}.lance"))
 
 
 def _check_folder(path: Path) -> None:
