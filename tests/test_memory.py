@@ -8,8 +8,16 @@ from types import SimpleNamespace
 import pytest
 
 from unbend import canonical_form, spectrum
-from unbend._memory import _group_limits, _machine, available_memory, check_memory, needed_memory
-from unbend.errors import MeshError
+from unbend._memory import (
+    LIMIT_VARIABLE,
+    _group_limits,
+    _machine,
+    _user_limit,
+    available_memory,
+    check_memory,
+    needed_memory,
+)
+from unbend.errors import InputError, MeshError
 
 GIB = 2**30
 
@@ -42,6 +50,25 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
         spectrum(blob, 10, cache=False)
     monkeypatch.setattr("unbend._memory.available_memory", lambda: None)
     check_memory("huge", 10**9)
+
+
+def test_what_the_user_allows_counts_too(blob, monkeypatch, tmp_path):
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.5")
+    assert available_memory() < 0.5 * GIB
+    (tmp_path / "self").mkdir()
+    (tmp_path / "self" / "statm").write_text("9000 1000 500")
+    assert _user_limit(tmp_path) == 0.5 * GIB - 1000 * mmap.PAGESIZE
+    assert _user_limit(tmp_path / "nowhere") == 0.5 * GIB
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.001")
+    with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* 0.0 GiB are free"):
+        canonical_form(blob)
+
+
+@pytest.mark.parametrize("text", ["", "much", "0", "-1", "nan", "inf"])
+def test_a_limit_is_a_number(monkeypatch, text):
+    monkeypatch.setenv(LIMIT_VARIABLE, text)
+    with pytest.raises(InputError, match="UNBEND_MEMORY_GIB must be a number of GiB above 0, not"):
+        available_memory()
 
 
 @pytest.mark.parametrize("version", [1, 2])

@@ -8,7 +8,10 @@ import sys
 from pathlib import Path
 
 from unbend._cgroups import control_groups
-from unbend.errors import MeshError
+from unbend.errors import InputError, MeshError
+
+# Memory that a process may take in all, in GiB. Workers inherit it.
+LIMIT_VARIABLE = "UNBEND_MEMORY_GIB"
 
 # Entries of the factor for each vertex of a mesh of a million, and the power of the number of
 # vertices that they grow with. Measured on subdivided animals: 68 at 200,000 vertices, 80 at
@@ -49,9 +52,10 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
 def available_memory() -> int | None:
     """Count the bytes that this process may still take, or None where that cannot be known.
 
-    The least of what the machine has left and what each control group above this process allows.
+    The least of what the machine has left, what each control group above this process allows, and
+    what the user does.
     """
-    found = [_machine(), *_group_limits()]
+    found = [_machine(), _user_limit(), *_group_limits()]
     known = [size for size in found if size is not None]
     return min(known) if known else None
 
@@ -101,6 +105,23 @@ def _machine(proc: Path = Path("/proc")) -> int | None:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return None
+
+
+def _user_limit(proc: Path = Path("/proc")) -> int | None:
+    text = os.environ.get(LIMIT_VARIABLE)
+    if text is None:
+        return None
+    try:
+        limit = int(float(text) * 2**30)
+    except (ValueError, OverflowError):
+        limit = 0
+    if limit <= 0:
+        raise InputError(f"{LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}")
+    try:
+        pages = int((proc / "self" / "statm").read_text("ascii").split()[1])
+    except (OSError, ValueError, IndexError):  # other systems do not tell what is taken already
+        return limit
+    return max(limit - pages * os.sysconf("SC_PAGE_SIZE"), 0)
 
 
 class _WindowsMemory(ctypes.Structure):

@@ -16,7 +16,8 @@ import typer
 from typer.testing import CliRunner
 
 import unbend
-from unbend import write_mesh
+from unbend import Mesh, write_mesh
+from unbend._memory import LIMIT_VARIABLE
 from unbend.cli import _common, app, main
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
@@ -60,6 +61,22 @@ def test_every_command_shows_examples() -> None:
         lines = [line.strip() for line in result.output.splitlines()]
         example = lines[lines.index("Examples:") + 1]
         assert example.split()[:2] == ["unbend", command.callback.__name__]
+
+
+def test_a_memory_limit_refuses_with_both_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, blob: Mesh
+) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "1")  # what the option sets goes with the test
+    write_mesh(tmp_path / "blob.off", blob)
+    arguments = ["canonical", str(tmp_path / "blob.off"), "--no-cache"]
+    done = CliRunner().invoke(app, ["--memory-limit", "64", *arguments])
+    assert done.exit_code == 0
+    done = CliRunner().invoke(app, ["--memory-limit", "0.01", *arguments])
+    assert done.exit_code == 2
+    assert "GiB of memory are free" in done.stderr
+    assert done.stderr.count("\n") == 1
+    done = CliRunner().invoke(app, ["--memory-limit", "-1", *arguments])
+    assert "must be a number of GiB above 0, not '-1.0'" in done.stderr
 
 
 def test_version() -> None:

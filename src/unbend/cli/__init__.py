@@ -22,6 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 from unbend import __version__
+from unbend._memory import LIMIT_VARIABLE
 from unbend.cli import (
     cache,
     canonical,
@@ -135,8 +136,18 @@ def _options(
             "--version", callback=_print_version, is_eager=True, help="Show the version and exit."
         ),
     ] = False,
+    memory_limit: Annotated[
+        float | None,
+        typer.Option(
+            "--memory-limit",
+            metavar="GIB",
+            help="Refuse what would take more memory; by default, more than is free.",
+        ),
+    ] = None,
 ) -> None:
     """Take the options that come before a command."""
+    if memory_limit is not None:
+        os.environ[LIMIT_VARIABLE] = str(memory_limit)
 
 
 def _interrupt_again(ignored: Any) -> None:
