@@ -198,6 +198,8 @@ def test_shells_can_complete_commands_and_options(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["unbend"])
+    # python -m pytest makes it a module's program, which no shell completes.
+    monkeypatch.setattr(sys.modules["__main__"], "__package__", "")
     monkeypatch.setenv("_UNBEND_COMPLETE", "complete_bash")
     for typed, expected in (("unbend can", {"canonical"}), ("unbend match --par", {"--partial"})):
         monkeypatch.setenv("COMP_WORDS", typed)
