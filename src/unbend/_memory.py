@@ -118,7 +118,7 @@ def _user_limit(proc: Path = Path("/proc")) -> int | None:
     if limit <= 0:
         raise InputError(f"{LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}")
     try:
-        pages = int((proc / "self" / "statm").read_text("ascii").split()[1])
+        pages = int((proc / "self" / "statm").read_text("utf-8").split()[1])
     except (OSError, ValueError, IndexError):  # other systems do not tell what is taken already
         return limit
     return max(limit - pages * os.sysconf("SC_PAGE_SIZE"), 0)
