@@ -266,11 +266,15 @@ def _scaled() -> Iterator[Case]:
             Answer(_stone(), _same_form(1e-9), "the form of the mesh at size 1"),
         )
     # A biharmonic distance is measured in the unit of area.
-    for name, size in (("1e-30", 1e-30), ("1e+30", 1e30)):
+    for name, size in (("1e-50", 1e-50), ("1e-30", 1e-30), ("1e+30", 1e30), ("1e+50", 1e50)):
         yield Case(
             f"surface, distances at coordinates of {name}",
             _mesh(v * size, f),
-            (_FIELD, f"{_FIELD} --distance geodesic"),
+            (
+                _FIELD,
+                f"{_FIELD} --distance geodesic",
+                f"{_FIELD} --distance geodesic-exact",
+            ),
             Answer(
                 _stone(),
                 _same_field(1e-9, scale=size),

@@ -164,9 +164,12 @@ def _exact(mesh: Mesh) -> _FromVertex:
         raise MeshError(
             f"{mesh.name}: {what}, across which exact geodesics are not defined; use geodesic"
         )
-    solver = PyGeodesicAlgorithmExact(mesh.vertices, mesh.faces)
+    # It has tolerances of its own, for shapes about 1 across: a power of 2 rounds nothing.
+    unit = float(2.0 ** np.round(np.log2(np.ptp(mesh.vertices, axis=0).max())))
+    vertices = mesh.vertices / unit
+    solver = PyGeodesicAlgorithmExact(vertices, mesh.faces)
     tails, heads = edges.ends.T
-    lengths = np.linalg.norm(mesh.vertices[tails] - mesh.vertices[heads], axis=1)
+    lengths = np.linalg.norm(vertices[tails] - vertices[heads], axis=1)
     told = False
 
     def one(source: int) -> FloatArray:
@@ -190,6 +193,7 @@ def _exact(mesh: Mesh) -> _FromVertex:
                 UnbendWarning,
                 stacklevel=2,
             )
-        return distances
+        scaled: FloatArray = distances * unit
+        return scaled
 
     return one
