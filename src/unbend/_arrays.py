@@ -19,6 +19,23 @@ def is_whole(number: Any) -> TypeGuard[int]:
     return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
+def unit_of(points: npt.NDArray[Any]) -> float:
+    """Power of 2 about as large as points are across: dividing by it rounds nothing.
+
+    Rows that are not finite do not count. Without extent: 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._arrays import unit_of
+    >>> unit_of(np.array([[0.0, 0.0], [3e-30, np.nan], [1.1e-30, 0.0]])) == 2.0**-100
+    True
+    """
+    finite = points[np.isfinite(points).all(axis=1)]
+    size = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
+    return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
+
+
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     """Index of the first row equal to each row.
 

@@ -55,6 +55,17 @@ def test_what_lies_on_the_surface_stays_there() -> None:
     np.testing.assert_allclose(landed, ball.vertices, atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [2.0**-170, 2.0**-100, 2.0**170])
+def test_of_any_size(size: float) -> None:
+    ball = make_sphere(1)
+    points = 1.1 * np.random.default_rng(0).normal(size=(50, 3))
+    vertices = np.arange(50) % ball.n_vertices
+    at_one = closest_faces(points, ball.vertices, ball.faces, vertices)
+    found = closest_faces(points * size, ball.vertices * size, ball.faces, vertices)
+    for one, other in zip(found, at_one, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_a_face_without_area_is_a_line_or_a_point() -> None:
     places = np.array([[0.0, 0, 0], [2, 0, 0], [1, 0, 0]])
     face, first = np.array([[0, 1, 2]]), np.zeros(1, dtype=np.int64)

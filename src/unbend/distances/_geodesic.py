@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from unbend._arrays import unit_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.distances._metric import Metric
@@ -164,8 +165,8 @@ def _exact(mesh: Mesh) -> _FromVertex:
         raise MeshError(
             f"{mesh.name}: {what}, across which exact geodesics are not defined; use geodesic"
         )
-    # It has tolerances of its own, for shapes about 1 across: a power of 2 rounds nothing.
-    unit = float(2.0 ** np.round(np.log2(np.ptp(mesh.vertices, axis=0).max())))
+    # It has tolerances of its own, for shapes about 1 across.
+    unit = unit_of(mesh.vertices)
     vertices = mesh.vertices / unit
     solver = PyGeodesicAlgorithmExact(vertices, mesh.faces)
     tails, heads = edges.ends.T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._arrays import unit_of
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.matching._kernels import faces_around
@@ -30,6 +31,8 @@ def closest_faces(
         Barycentric coordinates: non-negative, each row sums to one.
     """
     fans = faces_around(triangles, len(positions))
+    unit = unit_of(positions)  # the eighth powers of lengths would not fit into float64
+    points, positions = points / unit, positions / unit
     return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
 
 
