@@ -128,6 +128,13 @@ def test_a_file_larger_than_memory_is_not_read(
         assert read_bytes(tmp_path / "a.txt", ()) == b"four"
 
 
+def test_the_longest_name_of_wide_letters_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / f"{'𝄞' * 62}.ply"  # 252 bytes of 255
+    with atomic_write(path) as file:
+        file.write(b"clef")
+    assert path.read_bytes() == b"clef"
+
+
 def test_a_name_that_is_too_long_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot write"):
         check_writable(tmp_path / ("a" * 300 + ".txt"), ())

@@ -155,7 +155,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     check_writable(path, ())
     # A symbolic link keeps pointing where it did: its target is what gets replaced.
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    # Systems limit a name to 255 bytes, of which a letter may take four.
+    temporary = target.with_name(f".{target.name[:50]}.{secrets.token_hex(4)}.part")
     try:
         with open(temporary, "xb") as file:
             yield file
