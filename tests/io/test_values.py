@@ -85,13 +85,18 @@ def test_any_label_comes_back_from_csv(tmp_path: Path) -> None:
     write_values(tmp_path / "a.csv", LABELS, mesh, kind="label")
     assert read_values(tmp_path / "a.csv", n_vertices=len(LABELS)).tolist() == LABELS
     write_values(tmp_path / "a.csv", ["head"] * len(LABELS), mesh, kind="label")
-    assert (tmp_path / "a.csv").read_text() == "label\n" + "head\n" * len(LABELS)
+    assert (tmp_path / "a.csv").read_bytes() == b"label\n" + b"head\n" * len(LABELS)
+    write_values(tmp_path / "a.csv", ["#1"] * len(LABELS), mesh, kind="label")
+    assert (tmp_path / "a.csv").read_bytes() == b'"label"\n' + b'"#1"\n' * len(LABELS)
 
 
 @pytest.mark.parametrize("label", ["#ff0000", "upper arm", ""])
 def test_a_word_for_each_vertex_in_txt(tmp_path: Path, label: str) -> None:
+    mesh = Mesh(np.zeros((2, 3)))
     with pytest.raises(InputError, match=r"one word for each vertex.*write .csv"):
-        write_values(tmp_path / "a.txt", ["head", label], Mesh(np.zeros((2, 3))))
+        write_values(tmp_path / "a.txt", ["head", label], mesh)
+    write_values(tmp_path / "a.txt", ["head", "tail#1"], mesh)
+    assert read_values(str(tmp_path / "a.txt")).tolist() == ["head", "tail#1"]
 
 
 def test_whole_numbers_only_where_all_are(tmp_path: Path) -> None:
