@@ -258,7 +258,8 @@ class TestTrickyFiles:
         corners = "VERTEX 0 0 0\nVERTEX 1 0 0\nVERTEX 1 1 0\n"
         text = f"SOLID\nFACET NORMAL 0 0 1\nOUTER LOOP\n{corners}ENDLOOP\nENDFACET\nENDSOLID\n"
         for content in (text, f"\ufeff{text}"):
-            assert read_mesh(put(tmp_path, "m.stl", content)).n_faces == 1
+            mesh = read_mesh(put(tmp_path, "m.stl", content))
+            assert (mesh.n_faces, len(mesh.notes)) == (1, 1)
 
     def test_unknown_obj_lines_are_noted(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nw 1 0 0\nv 1 1 0\n"))
@@ -342,6 +343,7 @@ BAD_FILES = {
     "junk.npy": (b"\x00\x01\x02\xff", "not a NumPy array file"),
     "junk.xyz": (b"\x01\x02\xff\xff", "point 0 has 1 numbers instead of 3"),
     "decimal_commas.xyz": (b"0 0 0\n0,5 1 2,25\n", "point 1 holds '0,5 1 2,25'"),
+    "decimal_pair.xyz": (b"0,5 1\n", "point 0 holds '0,5 1'"),
     "decimal_semicolons.xyz": (b"0,5;1,5;2,5\n", "write decimal points"),
     "utf16.off": ("OFF\n4 2 0\n".encode("utf-16"), "UTF-16"),
     "latin1.off": (b"OFF\n1 0 0\n0 0 \xe9\n", "vertex 0 holds '\ufffd', not a number"),
