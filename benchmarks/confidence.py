@@ -82,6 +82,7 @@ def run_one(number: int, options: Options) -> dict[str, Any]:
     except UnbendError as error:
         return row | {"refused": str(error)}
     row["energies"] = [one.energy for one in found.hypotheses]
+    row["overlap"] = [found.overlap_source, found.overlap_target]
     if name == "different kinds":
         return row | NOTHING
     return row | measure(case, found.source_to_target, found.target_to_source)

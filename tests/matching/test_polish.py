@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
-from unbend.datasets import keep, make_sphere
+from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching import _polish
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import Candidate, judge
 from unbend.matching._polish import grown_start, refined, settled
 from unbend.matching._registration import mapped_start
-from unbend.matching._solve import make_sides
+from unbend.matching._solve import candidates, make_sides
 
 
 def candidate(energy: float) -> Candidate:
@@ -23,26 +23,50 @@ def candidate(energy: float) -> Candidate:
 @pytest.mark.parametrize(
     ("rough", "fine", "order", "energies"),
     [
-        # All that cost at most 1.15 times the least, but no more than three.
+        # All that cost at most 1.15 times the least, but no more than five.
         ([0.1, 0.11, 0.12], [0.4, 0.2], [1, 0, 2], [0.05, 0.1, 0.12]),
         ([0.1, 0.114, 0.129], [0.2, 0.4], [0, 2, 1], [0.1, 0.129, 0.2]),
-        ([0.1, 0.101, 0.102, 0.103], [0.4, 0.6, 0.2], [2, 0, 3, 1], [0.05, 0.1, 0.103, 0.15]),
+        (
+            [0.1, 0.101, 0.102, 0.103, 0.104, 0.105],
+            [0.4, 0.6, 0.2, 0.5, 0.8],
+            [2, 0, 5, 3, 1, 4],
+            [0.05, 0.1, 0.105, 0.125, 0.15, 0.2],
+        ),
         ([0.1, 0.11], [0.0, 0.2], [0, 1], [0.0, 2e4]),
         ([0.1, 0.2], [], [0, 1], [0.1, 0.2]),
     ],
 )
-def test_of_parts_what_costs_nearly_the_same_is_told_apart_on_the_shapes(
-    monkeypatch: pytest.MonkeyPatch, rough, fine, order, energies
+@pytest.mark.parametrize(("partial", "finer"), [(True, False), (False, True), (False, False)])
+def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(
+    monkeypatch: pytest.MonkeyPatch, rough, fine, order, energies, partial, finer
 ) -> None:
     ranks = [candidate(one) for one in rough]
     known = {id(one): candidate(energy) for one, energy in zip(ranks, fine, strict=False)}
     monkeypatch.setattr(_polish, "refined", lambda sides, one: known[id(one)])
-    found, told = settled(SimpleNamespace(partial=True), ranks)
-    assert [one.energy for one in found] == pytest.approx(energies)
-    refinements = [told.get(one) for one in found]
-    assert refinements == [known.get(id(ranks[i])) for i in order]
-    # Whole shapes are told apart well enough by their coarse copies.
-    assert settled(SimpleNamespace(partial=False), ranks) == (ranks, {})
+    monkeypatch.setattr(_polish, "_by_details", lambda sides, one: one.energy)
+    found, told = settled(SimpleNamespace(partial=partial, finer=finer), ranks)
+    if partial or finer:
+        assert [one.energy for one in found] == pytest.approx(energies)
+        assert [told.get(one) for one in found] == [known.get(id(ranks[i])) for i in order]
+    else:  # whole shapes that are their own proxies show no more
+        assert (found, told) == (ranks, {})
+
+
+def test_small_eyes_tell_which_arm_is_which() -> None:
+    """Arms are alike; what their places differ by is small, and best seen on the shapes."""
+    source = make_octopus("floating", n_vertices=2000)
+    target = make_octopus("resting", n_vertices=2000, meshing=1)
+    truth = target.mesh.vertices[rest_map(source, target)]
+    ours, theirs = (prepare_shape(one.mesh, 100, False).shape for one in (source, target))
+    sides = make_sides(ours, theirs)
+    assert sides.finer
+    right, *others = candidates(sides)
+    found, fine = settled(sides, [*others[:2], right])
+    off = target.mesh.vertices[fine[found[0]].registered.forward] - truth
+    assert np.linalg.norm(off, axis=1).mean() < 0.05
+    assert found[0].registered is right.registered
+    # It is further ahead than on the proxies.
+    assert found[1].energy / found[0].energy > others[0].energy / right.energy
 
 
 @pytest.mark.parametrize("torn", [False, True])

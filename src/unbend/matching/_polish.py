@@ -27,9 +27,9 @@ from unbend.matching._zoomout import grow
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
 # Parts balance stiffness and pull over at least so many edges.
 _POLISHED_OVER = 2.0
-# For parts at most so many, which cost at most so many times the least, are told apart: rims are
-# coarse on proxies.
-_SETTLED, _NEARLY = 3, 1.15
+# At most so many, which cost at most so many times the least, are told apart on the shapes: rims
+# and small details, by which limbs that are alike differ, are coarse on proxies.
+_SETTLED, _NEARLY = 5, 1.15
 # Who has a partner is averaged so often with the neighbours, for rims are ragged.
 _SMOOTHED = 2
 
@@ -68,7 +68,9 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
 def settled(
     sides: Sides, ranks: list[Candidate]
 ) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
-    """Rank those candidates for parts anew, on the full meshes, that cost nearly the same.
+    """Rank those candidates anew, on the full meshes, that cost nearly the same.
+
+    Of whole shapes that are their own proxies nothing more is seen.
 
     Returns
     -------
@@ -79,15 +81,24 @@ def settled(
         Of those, what :func:`refined` makes of them.
     """
     nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * ranks[0].cost]
-    if not sides.partial or len(nearly) == 1:
+    if len(nearly) == 1 or not (sides.partial or sides.finer):
         return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
-    unit = ranks[0].energy / max(fine[0].energy, 10.0**-DIGITS)
+    energies = run_all(functools.partial(_by_details, sides, one) for one in fine)
+    unit = ranks[0].energy / max(energies[0], 10.0**-DIGITS)
     known = {
-        replace(rough, energy=unit * one.energy): one
-        for rough, one in zip(nearly, fine, strict=True)
+        replace(rough, energy=unit * energy): one
+        for rough, one, energy in zip(nearly, fine, energies, strict=True)
     }
     return ranked([*known, *ranks[len(nearly) :]]), known
+
+
+def _by_details(sides: Sides, candidate: Candidate) -> float:
+    """Energy of what :func:`refined` made, as of proxies: slides tell nothing of limbs."""
+    if candidate.reflected != sides.turned:
+        sides = sides.reflected()
+    shapes = sides.source.shape, sides.target.shape
+    return judge(*shapes, candidate.registered, candidate.reflected).energy
 
 
 def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
