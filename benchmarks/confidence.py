@@ -15,17 +15,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from hard import NOTHING, SURE, WRONG, measure
 from hard_sets import HARM, KINDS, Case, Chance, Options, draw, own_pair, unchanged
+from processes import run_all
 from scipy.optimize import minimize
 
 from unbend import match
@@ -92,14 +90,9 @@ def draw_all(file: Path, n_pairs: int, n_jobs: int, options: Options) -> None:
     """Match the pairs that the file lacks."""
     known = {row["number"] for row in read(file)} if file.exists() else set()
     missing = [number for number in range(n_pairs) if number not in known]
-    with (
-        ProcessPoolExecutor(n_jobs, mp_context=get_context("spawn")) as pool,
-        file.open("a") as out,
-    ):
-        waiting = [pool.submit(run_one, number, options) for number in missing]
-        for done, one in enumerate(as_completed(waiting), start=1):
-            print(json.dumps(one.result()), file=out, flush=True)
-            print(f"\r{done} of {len(missing)}", end="", file=sys.stderr, flush=True)
+    tasks = [(run_one, number, options) for number in missing]
+    with file.open("a") as out:
+        run_all(tasks, n_jobs, lambda row: print(json.dumps(row), file=out, flush=True))
 
 
 def read(file: Path) -> list[dict[str, Any]]:

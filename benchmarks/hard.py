@@ -19,16 +19,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from hard_sets import SETS, Case, Options, draw, list_cases
+from processes import run_all
 
 from unbend import Mesh, evaluate, match
 from unbend._types import BoolArray, IntArray
@@ -39,7 +37,7 @@ from unbend.mesh import vertex_areas
 WRONG = 0.08  # as in benchmarks/matching.py
 SURE = 0.9
 NOTHING = {"error": float("inf"), "mirrored_error": float("inf"), "iou": 0.0}
-_N_POINTS = 400  # points of a map that are measured: its mean is known to a thousandth
+N_POINTS = 400  # points of a map that are measured: its mean is known to a thousandth
 
 
 def run_one(name: str, shapes: str, done: str, number: int, options: Options) -> dict[str, Any]:
@@ -67,7 +65,7 @@ def measure(case: Case, there: IntArray, back: IntArray) -> dict[str, float]:
     rows = np.flatnonzero((truth >= 0) & (there >= 0))
     if len(rows) == 0:
         return NOTHING
-    rows = np.random.default_rng(0).permutation(rows)[:_N_POINTS]
+    rows = np.random.default_rng(0).permutation(rows)[:N_POINTS]
     images = np.where(there >= 0, target.origin[there], -1)
     truths = [
         one[source.origin[rows]]
@@ -169,22 +167,15 @@ def main() -> None:
     given = parser.parse_args()
     if unknown := set(given.sets) - set(SETS):
         parser.error(f"there is no set {unknown.pop()}; the sets are {', '.join(SETS)}")
-    if given.jobs > 1:
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
     options = Options(given.seed, given.vertices, given.tosca, given.species)
     sets = given.sets or [name for name in SETS if name != "species" or given.species]
-    jobs = [
-        (name, *line, number, options)
+    tasks = [
+        (run_one, name, *line, number, options)
         for name in sets
         for line in list_cases(name, options)
         for number in range(given.pairs)
     ]
-    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(run_one, *job) for job in jobs]
-        for done, _ in enumerate(as_completed(waiting), start=1):
-            print(f"\r{done} of {len(waiting)}", end="", file=sys.stderr, flush=True)
-        print(file=sys.stderr)
-        rows = [one.result() for one in waiting]
+    rows = run_all(tasks, given.jobs)
     groups = grouped(rows)
     print_table(groups)
     if given.json:

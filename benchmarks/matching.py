@@ -16,17 +16,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import re
-import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from processes import run_all
 
 WRONG = 0.08  # a map whose mean error is larger has a limb, a side or an end mistaken
 SHARES = (0.025, 0.05, 0.1)
@@ -130,8 +127,6 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="maps at a time")
     parser.add_argument("--only", metavar="CLASS", help="only this class")
     options = parser.parse_args()
-    if options.jobs > 1:
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
 
     lines = (options.folder / "pairs.txt").read_text().split("\n")
     pairs = [tuple(line.split()) for line in lines if line.strip()]
@@ -140,29 +135,19 @@ def main() -> None:
         pairs += [(target, source) for source, target in pairs]
     methods = ["unbend", "pyFM"] if options.peer else ["unbend"]
 
-    def everywhere(jobs: list[tuple[Any, ...]]) -> list[Any]:
-        with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-            waiting = [pool.submit(*job) for job in jobs]
-            for done, _ in enumerate(as_completed(waiting), start=1):
-                print(f"\r{done} of {len(waiting)}", end="", file=sys.stderr, flush=True)
-            print(file=sys.stderr)
-            return [one.result() for one in waiting]
-
-    everywhere(
-        [
-            (run_one, method, options.folder, source, target, options.out)
-            for source, target in pairs
-            for method in methods  # alternating, so that both meet the same machine
-        ]
-    )
+    tasks = [
+        (run_one, method, options.folder, source, target, options.out)
+        for source, target in pairs
+        for method in methods  # alternating, so that both meet the same machine
+    ]
+    run_all(tasks, options.jobs)
     onto = {target: [a for a, b in pairs if b == target] for _, target in pairs}
     for method in methods:
-        judged = everywhere(
-            [
-                (judge, method, options.folder, target, sources, options.out)
-                for target, sources in onto.items()
-            ]
-        )
+        tasks = [
+            (judge, method, options.folder, target, sources, options.out)
+            for target, sources in onto.items()
+        ]
+        judged = run_all(tasks, options.jobs)
         print_table(method, [row for rows in judged for row in rows])
 
 

@@ -14,18 +14,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import sys
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import fast_simplification
 import numpy as np
-from hard import SURE, WRONG
+from hard import N_POINTS, SURE, WRONG
+from processes import run_all
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -36,7 +33,6 @@ from unbend.errors import UnbendError
 SUFFIXES = (".obj", ".off", ".ply", ".stl")
 _MOST = 6000  # vertices that are left as they are
 _LEFT = (3500, 5500)
-_N_POINTS = 400  # points of a map that are measured
 
 
 def draw_pose(path: Path, chance: np.random.Generator) -> tuple[Mesh, IntArray, IntArray]:
@@ -72,7 +68,7 @@ def run_one(folder: Path, number: int, seed: int) -> dict[str, Any]:
     row["seconds"] = time.perf_counter() - start
     row["confidence"] = float(found.confidence)
     row["overlap"] = min(found.overlap_source, found.overlap_target)
-    rows = chance.permutation(np.flatnonzero(found.source_to_target >= 0))[:_N_POINTS]
+    rows = chance.permutation(np.flatnonzero(found.source_to_target >= 0))[:N_POINTS]
     errors = evaluate(found.source_to_target, target, rows, image[origin[rows]]).errors()
     # A vertex may be nearest to another component than the one that is matched.
     return row | {"error": float(errors[np.isfinite(errors)].mean())}
@@ -115,21 +111,13 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="pairs at a time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every pair")
     given = parser.parse_args()
-    if given.jobs > 1:
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
     folders = [given.folder / name for name in given.names] or sorted(
         path for path in given.folder.iterdir() if path.is_dir()
     )
-    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [
-            pool.submit(run_one, folder, number, given.seed)
-            for folder in folders
-            for number in range(given.pairs)
-        ]
-        for done, _ in enumerate(as_completed(waiting), start=1):
-            print(f"\r{done} of {len(waiting)}", end="", file=sys.stderr, flush=True)
-        print(file=sys.stderr)
-        rows = [one.result() for one in waiting]
+    tasks = [
+        (run_one, folder, number, given.seed) for folder in folders for number in range(given.pairs)
+    ]
+    rows = run_all(tasks, given.jobs)
     print_table(rows)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1))
