@@ -80,7 +80,7 @@ def run_one(number: int, options: Options) -> dict[str, Any]:
     except UnbendError as error:
         return row | {"refused": str(error)}
     row["energies"] = [one.energy for one in found.hypotheses]
-    row["overlap"] = [found.overlap_source, found.overlap_target]
+    row["overlap"] = min(found.overlap_source, found.overlap_target)
     if name == "different kinds":
         return row | NOTHING
     return row | measure(case, found.source_to_target, found.target_to_source)
@@ -102,8 +102,8 @@ def read(file: Path) -> list[dict[str, Any]]:
 
 def confidences(rows: list[dict[str, Any]], *constants: FloatArray) -> FloatArray:
     """Confidence of every row, with the constants as they are or with others."""
-    energies = [np.array(row["energies"]) for row in rows]
-    return np.array([probabilities(one, one, *constants)[0] for one in energies])
+    found = [(np.array(row["energies"]), row["overlap"]) for row in rows]
+    return np.array([probabilities(one, one, part, *constants)[0] for one, part in found])
 
 
 def fitted(rows: list[dict[str, Any]], right: FloatArray) -> FloatArray:
@@ -113,7 +113,7 @@ def fitted(rows: list[dict[str, Any]], right: FloatArray) -> FloatArray:
         said = np.clip(confidences(rows, np.exp(logs)), 1e-4, 1 - 1e-4)
         return float(-np.mean(right * np.log(said) + (1 - right) * np.log(1 - said)))
 
-    starts = [np.log([even, 0.05, 0.07]) for even in (0.25, 0.35, 0.45)]
+    starts = [np.log([even, 0.03, 0.04]) for even in (0.25, 0.35, 0.45)]
     best = min((minimize(loss, start, method="Nelder-Mead") for start in starts), key=_value)
     return np.exp(best.x)
 

@@ -105,7 +105,7 @@ def test_constants_of_the_confidence_are_found_again(scripts, capsys, tmp_path):
     for number in range(1500):
         energies = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
         rows.append({"number": number, "set": "cuts", "kind": "biped", "done": "", "iou": 1.0})
-        rows[-1]["energies"] = energies
+        rows[-1] |= {"energies": energies, "overlap": float(rng.uniform(0.3, 1))}
     given = np.array([0.35, 0.04, 0.1])
     trust = confidence.confidences(rows, given)
     right = (rng.random(len(rows)) < trust).astype(float)

@@ -93,6 +93,18 @@ def test_a_map_to_one_vertex_explains_nothing_and_noise_little() -> None:
     assert _loss(shape, shape.vertices[chance]) > 0.6
 
 
+def test_the_overlap_is_the_share_of_the_shape_of_which_less_has_a_partner() -> None:
+    shape = _person()
+    identity = _identity(shape)
+    most, few = shape.vertices[:, 1] > np.quantile(shape.vertices[:, 1], [[0.2], [0.7]])
+    less = identity.source._replace(within=few)
+    both = Registered(*identity[:2], less, identity.target._replace(within=most))
+    turned = Registered(*both[:2], both.target, both.source)
+    assert judge(shape, shape, identity).overlap == pytest.approx(1)
+    for one in (both, turned):
+        assert judge(shape, shape, one).overlap == pytest.approx(shape.areas[few].sum())
+
+
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     square = make_sheet(9)
     sheet = Mesh(square.vertices * [1.4, 1, 1], square.faces)
@@ -107,9 +119,9 @@ def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     assert found.energy < 1e-9
 
 
-def _judged(energy: float, orientation: float = 1.0) -> Candidate:
+def _judged(energy: float, orientation: float = 1.0, overlap: float = 1.0) -> Candidate:
     none = np.zeros(0, dtype=bool)
-    return Candidate(_identity(_person()), energy, orientation, False, none)
+    return Candidate(_identity(_person()), energy, orientation, False, none, overlap)
 
 
 def test_of_equals_the_first_stays_first() -> None:
@@ -129,6 +141,10 @@ def test_maps_of_one_energy_share_the_probability() -> None:
     ahead = [_trust([_judged(0.1), _judged(0.1 + lead)]) for lead in (0.0, 0.02, 0.1)]
     assert ahead == sorted(ahead)
     assert ahead[-1] > 0.98
+    # The less they have in common, the more of a lead is chance.
+    shares = [_trust([_judged(0.1, overlap=share), _judged(0.11)]) for share in (1, 0.5, 0.1, 0)]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[-1] == pytest.approx(_trust([_judged(0.1)]) / 2, rel=1e-3)
 
 
 def test_what_is_mostly_right_side_out_goes_before_what_is_not() -> None:

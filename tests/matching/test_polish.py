@@ -17,7 +17,7 @@ from unbend.matching._solve import candidates, make_sides
 
 
 def candidate(energy: float) -> Candidate:
-    return Candidate(None, energy, 1.0, False, np.zeros(0, dtype=bool))
+    return Candidate(None, energy, 1.0, False, np.zeros(0, dtype=bool), 1.0)
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_a_vertex_has_a_partner_where_most_around_it_have(boxes: list[Shape]) ->
 
 
 def one_of(cost: float, orientation: float = 1.0) -> Candidate:
-    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool))
+    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool), 1.0)
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,9 @@ from unbend.mesh import vertex_normals
 # than this, in sqrt(area): to another limb.
 _SHARE, _APART = 0.03, 0.22
 # The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
-# share of the energy, that makes the odds between two maps 2.7 to 1: near the likeliest for pairs
-# of our own bodies (benchmarks/confidence.py), 177 of one draw, and for the last those of three.
-_EVEN, _SPREAD, _LEAD = 0.26, 0.025, 0.04
+# share of the energy, that makes the odds between two maps 2.7 to 1 where they are of all of both
+# shapes: the likeliest for 626 pairs of our own bodies (benchmarks/confidence.py).
+_EVEN, _SPREAD, _LEAD = 0.27, 0.022, 0.0275
 # What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
@@ -48,6 +48,8 @@ class Candidate:
         Whether the target was taken as its mirror image.
     missed : (l,) ndarray of bool
         Which landmarks it leads elsewhere.
+    overlap : float
+        Share of the area that has a partner, of the shape of which less has one.
     """
 
     registered: Registered
@@ -55,6 +57,7 @@ class Candidate:
     orientation: float
     reflected: bool
     missed: BoolArray
+    overlap: float
 
     @property
     def cost(self) -> float:
@@ -77,7 +80,11 @@ def judge(
         _right_side_out(target, source, found.backward, found.target),
     )
     missed = _missed(source, target, *found[:2])
-    return Candidate(found, energy, orientation, reflected, missed)
+    overlap = min(
+        float(shape.areas @ pose.within)
+        for shape, pose in zip((source, target), found[2:], strict=True)
+    )
+    return Candidate(found, energy, orientation, reflected, missed, overlap)
 
 
 def unexplained(
@@ -133,20 +140,23 @@ def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) 
 def confidences(found: Sequence[Candidate]) -> FloatArray:
     """Probability of each of the distinct candidates, best first, that it is right as a whole."""
     costs, energies = np.array([(one.cost, one.energy) for one in found]).T
-    return probabilities(costs, energies)
+    return probabilities(costs, energies, found[0].overlap)
 
 
 def probabilities(
     costs: FloatArray,
     energies: FloatArray,
+    overlap: float,
     constants: Sequence[float] = (_EVEN, _SPREAD, _LEAD),
 ) -> FloatArray:
     """Probability of each of some maps, the least cost first, that it is right as a whole.
 
     Two things must hold: that it moves the surface as one body in two poses moves, and that no
-    other does so nearly as well. Maps of one cost share the probability.
+    other does so nearly as well. Maps of one cost share the probability. The less the shapes have
+    in common by the first, the more of a lead is chance.
     """
     even, spread, lead = constants
+    lead /= max(overlap, 10.0**-DIGITS)
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], 10.0**-DIGITS)))
     return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
 
