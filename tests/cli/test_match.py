@@ -91,6 +91,7 @@ def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
     assert "its largest component is matched, 800 of 1300 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
     assert "matched 800 of 1,300 vertices" in done.stdout
+    assert "500 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
 
 
@@ -124,7 +125,8 @@ def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Pat
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    warn_if_doubtful(0.9)
+    for confidence in (0.9, 0.4999, float("nan")):  # 0.4999 is shown as 0.50
+        warn_if_doubtful(confidence)
     assert capsys.readouterr().err == ""
     warn_if_doubtful(0.1)
     assert capsys.readouterr().err.startswith("warning: the match is doubtful (confidence 0.10)")

@@ -35,7 +35,7 @@ def test_unreferenced_vertices_become_nan() -> None:
     np.testing.assert_array_equal(prepared.mesh.vertices, VERTICES)
     np.testing.assert_array_equal(prepared.mesh.faces, FACES)
     assert prepared.kept.tolist() == [1, 2, 3, 4]
-    assert prepared.notes == ("2 unreferenced vertices are NaN in the result",)
+    assert prepared.notes == ("2 unreferenced vertices are NaN in the result, -1 in a map",)
     expanded = prepared.expand(VERTICES)
     np.testing.assert_array_equal(expanded[1:5], VERTICES)
     assert np.isnan(expanded[[0, 5]]).all()
@@ -58,8 +58,8 @@ def test_the_largest_component(component: str | int) -> None:
     np.testing.assert_array_equal(prepared.mesh.faces, FACES)
     assert prepared.mesh.name == "two.off"
     assert prepared.notes == (
-        "1 unreferenced vertex is NaN in the result",
-        "component 0 of 2 was kept, 4 of 8 vertices; the others are NaN in the result",
+        "1 unreferenced vertex is NaN in the result, -1 in a map",
+        "component 0 of 2 was kept, 4 of 8 vertices; the others are NaN in the result, -1 in a map",
     )
     np.testing.assert_array_equal(prepared.expand([1, 2, 3, 4])[[3, 4, 6, 7]], [1, 2, 3, 4])
 
@@ -152,7 +152,7 @@ def test_a_vertex_that_only_such_a_face_uses_is_left_out() -> None:
     mesh = Mesh(np.vstack([VERTICES, [[2, 2, 2]]]), np.vstack([FACES, [[0, 0, 4]]]))
     prepared = prepare(mesh)
     np.testing.assert_array_equal(prepared.kept, [0, 1, 2, 3])
-    assert prepared.notes[0] == "1 unreferenced vertex is NaN in the result"
+    assert prepared.notes[0] == "1 unreferenced vertex is NaN in the result, -1 in a map"
 
 
 def test_degenerate_faces_stay_and_call_for_the_robust_laplacian() -> None:

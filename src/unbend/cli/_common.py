@@ -94,8 +94,11 @@ def say(kind: str, sentence: str) -> None:
 
 
 def warn_if_doubtful(confidence: float) -> None:
-    """Warn of a match that is as likely wrong as right; NaN says that nobody knows."""
-    if confidence < _DOUBTFUL:
+    """Warn of a match that is as likely wrong as right; NaN says that nobody knows.
+
+    What counts is the confidence as it is shown: 0.4999 is 0.50, and no more doubtful than it.
+    """
+    if round(confidence, 2) < _DOUBTFUL:
         say(
             "warning",
             f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "

@@ -198,9 +198,11 @@ def _judged(one: Laid, min_confidence: float, min_coverage: float) -> Laid:
     if one.reason:
         return one
     if one.confidence < min_confidence:
-        return one._replace(reason=f"the match's confidence is {one.confidence:.2f}")
+        said = f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"
+        return one._replace(reason=said)
     if one.coverage < min_coverage:
-        return one._replace(reason=f"{one.coverage:.0%} of the template lies on it")
+        said = f"{100 * one.coverage:.4g}% of the template lies on it, less than"
+        return one._replace(reason=f"{said} {100 * min_coverage:g}%")
     return one
 
 

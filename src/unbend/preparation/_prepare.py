@@ -23,6 +23,7 @@ from unbend.mesh import (
 )
 
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
+_NO_RESULT = "NaN in the result, -1 in a map"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
 
 
@@ -125,7 +126,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     >>> vertices = [[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     >>> prepared = prepare(Mesh(vertices, [[0, 3, 2], [0, 2, 4], [0, 4, 3], [2, 3, 4]]))
     >>> prepared.notes
-    ('1 unreferenced vertex is NaN in the result',)
+    ('1 unreferenced vertex is NaN in the result, -1 in a map',)
     >>> prepared.expand([1, 2, 3, 4])
     array([ 1., nan,  2.,  3.,  4.])
     """
@@ -146,13 +147,13 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     n_unused = int((components.of_vertex < 0).sum())
     if n_unused:
         verb = "is" if n_unused == 1 else "are"
-        notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} NaN in the result")
+        notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} {_NO_RESULT}")
     keep = components.of_vertex >= 0
     if chosen is not None and n_components > 1:
         keep = components.of_vertex == chosen
         notes.append(
             f"component {chosen} of {n_components} was kept, {components.n_vertices[chosen]} of "
-            f"{mesh.n_vertices} vertices; the others are NaN in the result"
+            f"{mesh.n_vertices} vertices; the others are {_NO_RESULT}"
         )
     working, kept, kept_faces = restrict(mesh, keep)
     if len(kept) < _LEAST_VERTICES:
