@@ -158,6 +158,13 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("match shapes --pairs stones/stone00.ply -o out", 'unknown suffix ".ply"; use .csv'),
         ("match shapes --pairs bad.csv -o out", "bad.csv: needs a first line with source,target"),
         ("matrix shapes --csv out.txt", 'unknown suffix ".txt"; use .csv'),
+        ("matrix shapes --csv shapes/a.csv", "cannot write shapes/a.csv: the folder shapes is the"),
+        ("groups shapes --report shapes/a.html", "shapes is the collection's alone; write else"),
+        ("search shapes stones/stone00.ply --report shapes/a.html", "cannot write shapes/a.html"),
+        ("info shapes stones/stone00.ply --thumbnail shapes/a.png", "cannot write shapes/a.png"),
+        ("export shapes -o shapes/shapes.lance/a.csv", "cannot write shapes/shapes.lance/a.csv"),
+        ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
+        ("mean shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the folder"),
     ],
 )
 def test_mistakes_get_one_sentence(folder: Path, arguments: str, sentence: str) -> None:

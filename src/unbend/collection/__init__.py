@@ -9,6 +9,7 @@ from unbend.collection._mean_files import write_mean
 from unbend.collection._retrieval import Retrieval, retrieval_measures
 from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
 from unbend.collection._statistics import Statistics, shape_statistics
+from unbend.collection._store import check_outside
 
 __all__ = [
     "DESCRIPTOR_VERSION",
@@ -22,6 +23,7 @@ __all__ = [
     "MeanShape",
     "Retrieval",
     "Statistics",
+    "check_outside",
     "descriptor",
     "find_groups",
     "mean_shape",

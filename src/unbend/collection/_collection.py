@@ -19,7 +19,7 @@ from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched
-from unbend.collection._store import SMALL, Store, among
+from unbend.collection._store import SMALL, Store, among, check_outside
 from unbend.errors import FileError, InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
@@ -318,8 +318,9 @@ class Collection:
         InputError
             If a name is not in the collection.
         FileError
-            If the folder cannot be made.
+            If the folder cannot be made, or is inside the collection's.
         """
+        check_outside(self.path, out)
         options: Any = {"workers": workers, "scheduler": scheduler, "progress": progress}
         if pairs is None:
             entries = sorted(self, key=lambda entry: entry.path)
@@ -354,10 +355,11 @@ class Collection:
         Raises
         ------
         FileError
-            If the file cannot be written.
+            If the file cannot be written, or is inside the collection's folder.
         InputError
             If the collection is empty.
         """
+        check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))
         self._check_filled()
         return export(self._store, path)

@@ -232,6 +232,22 @@ def _opened(database: Any) -> Any:
     return database.open_table(_TABLE)
 
 
+def check_outside(store: str, out: str | os.PathLike[str]) -> None:
+    """Refuse to write into the folder of a collection, which may be removed as a whole.
+
+    Raises
+    ------
+    FileError
+        If a file or folder is, or would be, inside.
+    """
+    if "://" not in store:
+        folder, place = Path(os.path.realpath(store)), Path(os.path.realpath(out))
+        if place.is_relative_to(folder):
+            raise FileError(
+                f"cannot write {out}: the folder {store} is the collection's alone; write elsewhere"
+            )
+
+
 def _begun(path: Path) -> bool:
     """Whether there is a file: a disk that was full when it was made leaves empty folders."""
     return any(files for _, _, files in os.walk(path / f"{_TABLE}.lance"))

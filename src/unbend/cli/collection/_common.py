@@ -52,9 +52,9 @@ SchedulerOption = Annotated[
 ]
 
 
-def opened(store: str) -> Collection:
-    """Open a collection that must be there."""
-    from unbend.collection import Collection
+def opened(store: str, *outputs: str | None) -> Collection:
+    """Open a collection that must be there, and in whose folder nothing else shall be written."""
+    from unbend.collection import Collection, check_outside
     from unbend.errors import FileError
 
     found = Collection(store)
@@ -62,6 +62,9 @@ def opened(store: str) -> Collection:
         raise FileError(
             f"there is no collection at {store}: unbend collection add {store} MESHES makes one"
         )
+    for out in outputs:
+        if out is not None:
+            check_outside(store, out)
     return found
 
 

@@ -46,7 +46,7 @@ def groups(
         check_writable(csv, (".csv",))
     if report is not None:
         check_writable(report, (".html",))
-    entries, distances = opened(store).distances()
+    entries, distances = opened(store, csv, report).distances()
     numbers = find_groups(distances, n).tolist()
     pairs = [(entry.path, number) for entry, number in zip(entries, numbers, strict=True)]
     if csv is not None:

@@ -35,7 +35,7 @@ def info(
         if shape is None:
             raise InputError("--thumbnail is the picture of one shape: name it after STORE")
         check_writable(thumbnail, (".png",))
-    collection = opened(store)
+    collection = opened(store, thumbnail)
     if shape is None:
         found = collection.info()
         if as_json:

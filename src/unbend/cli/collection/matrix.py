@@ -44,7 +44,7 @@ def matrix(
         check_writable(csv, (".csv",))
     if report is not None:
         check_writable(report, (".html",))
-    entries, distances = opened(store).distances()
+    entries, distances = opened(store, csv, figure, report).distances()
     if csv is not None:
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
         write_table(csv, [["path", *(entry.path for entry in entries)], *rows])

@@ -64,7 +64,7 @@ def mean(
     """  # noqa: D301
     from unbend.collection import mean_shape, write_mean
 
-    collection = opened(store)
+    collection = opened(store, out)
     paths = sorted(entry.path for entry in collection)
     with bar_on_stderr() as progress:
         found = mean_shape(

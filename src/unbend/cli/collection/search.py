@@ -60,7 +60,7 @@ def search(
 
     if report is not None:
         check_writable(report, (".html",))
-    collection = opened(store)
+    collection = opened(store, report)
     start = time.perf_counter()
     with bar_on_stderr() as progress:
         hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
