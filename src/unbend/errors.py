@@ -50,6 +50,11 @@ class MissingExtraError(UnbendError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f"{package} is needed for this: pip install 'unbend[{extra}]'")
+        self._given = package, extra
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
+        """Travel between processes by what it was made of, which is not its message."""
+        return type(self), self._given
 
 
 class UnbendWarning(UserWarning):

@@ -76,6 +76,12 @@ class Mesh(Drawn):
         ):
             object.__setattr__(self, field, value)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Read-only after copying and pickling, too: both give arrays that may be written."""
+        self.__dict__.update(state)
+        self.vertices.setflags(write=False)
+        self.faces.setflags(write=False)
+
     @property
     def n_vertices(self) -> int:
         """Number of vertices, unreferenced ones included."""
@@ -98,14 +104,15 @@ class Mesh(Drawn):
 
 
 def _vertex_array(vertices: Any, name: str) -> FloatArray:
-    if np.iscomplexobj(vertices):
-        raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
     if np.ma.is_masked(vertices):
         raise MeshError(f"{name}: some coordinates are masked; fill them, or leave such points out")
     try:
-        array = np.array(vertices, dtype=np.float64, order="C")
+        given = np.asarray(vertices)
+        array = np.array(given.real, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise MeshError(f"{name}: vertices are not an array of numbers ({error})") from None
+    if np.iscomplexobj(given):
+        raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
     if array.ndim != 2 or array.shape[1] != 3:
         raise MeshError(f"{name}: vertices must have shape (n, 3), not {array.shape}")
     return array
@@ -114,7 +121,14 @@ def _vertex_array(vertices: Any, name: str) -> FloatArray:
 def _face_array(faces: Any, name: str) -> IntArray:
     if faces is None:
         return np.empty((0, 3), dtype=np.int64)
-    array = np.asarray(faces)
+    if np.ma.is_masked(faces):
+        raise MeshError(f"{name}: some faces are masked; leave such faces out")
+    try:
+        array = np.asarray(faces)
+    except ValueError:
+        raise MeshError(
+            f"{name}: faces name different numbers of vertices; triangulate them first"
+        ) from None
     if array.size == 0:
         return np.empty((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3:
