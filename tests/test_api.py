@@ -1,7 +1,29 @@
-"""The public names, as ``unbend/__init__.py`` has them."""
+"""The public names, as ``unbend/__init__.py`` has them, and what their users get wrong."""
 
+import copy
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import unbend
+from unbend.collection import find_groups
+from unbend.datasets import make_sphere
+from unbend.errors import FileError, InputError, MeshError, MissingExtraError, SolverError
+
+BALL = make_sphere(2)
+N = BALL.n_vertices
+EVERY = np.arange(N)
+RAGGED = [[1, 2], [3]]
+MATCH = unbend.Match(EVERY, EVERY, np.eye(4), 1.0, 0.0, 1.0)
+# The same vertices and more: every vertex that a map onto BALL names is there.
+LARGER = unbend.Mesh(np.vstack([BALL.vertices, [[2, 2, 2]]]), BALL.faces, name="larger")
+TABLE = np.ones((3, 3)) - np.eye(3)
+FORMS = np.stack([BALL.vertices * scale for scale in (1, 2, 3)])
 
 # None in sys.modules: the import fails as where the package is not installed.
 CORE_INSTALL = """
@@ -27,3 +49,87 @@ else:
 
 def test_every_public_name_can_be_had_from_a_core_install():
     subprocess.run([sys.executable, "-W", "error", "-c", CORE_INSTALL], check=True)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda out: unbend.spectrum(BALL, "5"), "asked for '5' eigenpairs"),
+        (lambda out: unbend.spectrum(BALL, 5, tolerance="x"), "tolerance must be from 0 to 1"),
+        (lambda out: unbend.spectrum(BALL, 5, tolerance=None), "not None"),
+        (lambda out: unbend.distance(BALL, 0, distance="diffusion", time="x"), "time must be pos"),
+        (lambda out: unbend.farthest_point_sampling(BALL, "3"), "asked for '3' samples"),
+        (lambda out: unbend.interpolate([1], [0], unbend.spectrum(BALL, 3), mu="1"), "mu must be"),
+        (lambda out: unbend.match(BALL, BALL, n_eigenpairs="9"), "n_eigenpairs must be a whole"),
+        (lambda out: unbend.match(BALL, BALL, landmarks=RAGGED), "landmarks: rows have different"),
+        (lambda out: unbend.symmetry(BALL, n_eigenpairs="9"), "n_eigenpairs must be a whole"),
+        (lambda out: unbend.similarity(BALL, BALL, n_components=None), "n_components must be"),
+        (lambda out: unbend.align(RAGGED, FORMS[0]), "source points: rows have different lengths"),
+        (lambda out: unbend.align("ab", FORMS[0]), "source points: needs real numbers, not <U2"),
+        (lambda out: unbend.align(FORMS[0], FORMS[0] * 1j), "target points: needs real numbers"),
+        (lambda out: unbend.align(FORMS[0], FORMS[0], tolerance="x"), "and 'x'"),
+        (lambda out: unbend.procrustes(FORMS[0], np.ma.masked_less(FORMS[0], 0)), "are masked"),
+        (lambda out: unbend.procrustes(FORMS[0], FORMS[0], weights="x"), "weights: needs real"),
+        (lambda out: unbend.morph(BALL, BALL, EVERY, "x"), "t must be a finite number, not 'x'"),
+        (lambda out: unbend.morph(BALL, BALL, EVERY, np.array([0.5])), "t must be a finite numb"),
+        (lambda out: unbend.morph(BALL, LARGER, MATCH, 0.5), "162 target vertices, but larger has"),
+        (lambda out: unbend.register(BALL, LARGER, MATCH), "162 target vertices, but larger has"),
+        (lambda out: unbend.evaluate(MATCH, LARGER, [0], [0]), "target vertices, but larger has"),
+        (lambda out: unbend.transfer(5, MATCH), "there is one value to carry"),
+        (lambda out: unbend.transfer(RAGGED, MATCH), "values: rows have different lengths"),
+        (lambda out: unbend.invert_map(RAGGED, BALL), "a map: rows have different lengths"),
+        (lambda out: unbend.shape_statistics([FORMS[0], FORMS[0][:5]]), "shapes: rows have diff"),
+        (lambda out: unbend.shape_statistics([BALL, BALL]), "shapes: needs real numbers"),
+        (lambda out: unbend.shape_statistics(FORMS).at(0, "x"), "deviations must be a number"),
+        (lambda out: unbend.retrieval_measures(["a", "b"], TABLE), "distances: needs real numbers"),
+        (lambda out: unbend.retrieval_measures(TABLE, None), "labels must be lists, with one"),
+        (lambda out: unbend.retrieval_measures(TABLE, TABLE), "labels must be lists, with one"),
+        (lambda out: find_groups(TABLE, 2.5), "make 1 to 3 groups, not 2.5"),
+        (lambda out: find_groups(RAGGED), "distances: rows have different lengths"),
+        (lambda out: unbend.write_mesh(out, BALL, scalars={3: EVERY}), "3 cannot name values"),
+        (lambda out: unbend.write_mesh(out, BALL, scalars={"a": ["x"] * N}), "scalars 'a': needs"),
+        (lambda out: unbend.write_mesh(out, BALL, uvs="x"), "uvs: needs real numbers"),
+        (lambda out: unbend.write_mesh(out, BALL, colors=RAGGED), "colors: rows have different"),
+        (lambda out: unbend.write_values(out, EVERY, BALL, kind="auto"), "kind must be scalar"),
+        (lambda out: unbend.write_values(out, RAGGED, BALL), "values: rows have different"),
+        (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a point map: rows have"),
+        (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),
+        (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
+        (lambda out: unbend.write_functional_map(out.with_suffix(".npz"), "x"), "a functional map"),
+    ],
+)
+def test_a_wrong_argument_gets_a_sentence(
+    call: Callable[[Path], object], sentence: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        call(tmp_path / "out.ply")
+    assert sentence in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2", "u4", "u8", ">i4", "i8"])
+def test_maps_may_be_whole_numbers_of_any_type(dtype: str, tmp_path: Path) -> None:
+    point_map = EVERY.astype(dtype)
+    np.testing.assert_array_equal(unbend.invert_map(point_map, BALL), EVERY)
+    np.testing.assert_array_equal(unbend.transfer(EVERY, point_map, target=BALL), EVERY)
+    assert unbend.evaluate(point_map, BALL, EVERY[:2], EVERY[:2]).mean() == 0
+    assert unbend.similarity(BALL, BALL, match=point_map) == pytest.approx(1)
+    unbend.write_map(tmp_path / "map.vts", point_map)
+    np.testing.assert_array_equal(unbend.read_map(tmp_path / "map.vts"), EVERY)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_mesh_stays_read_only_however_it_is_copied(again: Callable) -> None:
+    mesh = again(BALL)
+    np.testing.assert_array_equal(mesh.vertices, BALL.vertices)
+    for array in (mesh.vertices, mesh.faces):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    "error",
+    [MissingExtraError("dask", "collection"), FileError("a"), MeshError("a"), SolverError("a")],
+)
+def test_errors_travel_between_processes(error: Exception) -> None:
+    assert repr(pickle.loads(pickle.dumps(error))) == repr(error)

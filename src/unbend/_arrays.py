@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError
 
 # Values that a symmetry makes equal come out of a solver with errors far below this share.
 _ROUNDING = 1e-6
@@ -17,6 +18,57 @@ _GRID_BITS = 27
 def is_whole(number: Any) -> TypeGuard[int]:
     """Whether a number counts something: a whole number, and no truth value."""
     return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
+
+
+def is_number(number: Any) -> TypeGuard[float]:
+    """Whether it is a real number: no text, no truth value, no array."""
+    return is_whole(number) or isinstance(number, (float, np.floating))
+
+
+def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
+    """Turn rows into an array.
+
+    Raises
+    ------
+    InputError
+        If the rows have different lengths.
+
+    Examples
+    --------
+    >>> from unbend._arrays import array_of
+    >>> array_of([[1, 2], [3]], "landmarks")
+    Traceback (most recent call last):
+    unbend.errors.InputError: landmarks: rows have different lengths, and must have one
+    """
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise InputError(f"{what}: rows have different lengths, and must have one") from None
+
+
+def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
+    """Turn real numbers, whatever their type, into an array of float64.
+
+    Raises
+    ------
+    InputError
+        If they are something else, some are masked, or rows have different lengths.
+
+    Examples
+    --------
+    >>> from unbend._arrays import numbers_of
+    >>> numbers_of([1, 2], "weights")
+    array([1., 2.])
+    """
+    array = array_of(values, what)
+    if np.ma.is_masked(values):
+        raise InputError(f"{what}: some are masked; fill them, or leave them out")
+    try:
+        if array.dtype.kind not in "cSU":  # which NumPy would cut, or read
+            return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        pass
+    raise InputError(f"{what}: needs real numbers, not {array.dtype}")
 
 
 def unit_of(points: npt.NDArray[Any]) -> float:

@@ -183,6 +183,24 @@ def test_overlap_is_counted_in_closed_form() -> None:
     assert evaluate(EVERY, BALL, EVERY, EVERY).overlap.iou == 1
 
 
+def test_threads_may_evaluate_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_evaluation, "_kept", {})
+    monkeypatch.setattr(_evaluation, "_KEPT_BYTES", 0)
+
+    rows = {}
+
+    class Row:
+        @property
+        def nbytes(self) -> int:
+            rows[len(rows)] = self  # as another thread may, while sizes are summed up
+            return 1
+
+    rows.update({0: Row(), 1: Row()})
+    _evaluation._kept.update(one=rows, other=rows)
+    _evaluation._forget()
+    assert list(_evaluation._kept) == ["other"]
+
+
 def test_distances_are_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_evaluation, "_kept", {})
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import is_whole, nearest_rows
+from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError, UnbendWarning
@@ -106,7 +106,7 @@ def procrustes(
         raise InputError(
             f"corresponding points must have one shape, not {source.shape} and {target.shape}"
         )
-    mass = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
+    mass = np.ones(len(source)) if weights is None else numbers_of(weights, "weights")
     if mass.shape != (len(source),) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:
         raise InputError(f"weights must be {len(source)} finite non-negative numbers, not all 0")
     mass = mass / mass.sum()
@@ -208,10 +208,11 @@ def align(
         raise InputError(
             f"points to align must have one dimension, not {source.shape[1]} and {target.shape[1]}"
         )
-    if not is_whole(max_iterations) or max_iterations < 0 or not 0 <= tolerance < 1:
+    usual = is_number(tolerance) and 0 <= tolerance < 1
+    if not is_whole(max_iterations) or max_iterations < 0 or not usual:
         raise InputError(
             "max_iterations must be a whole number and tolerance from 0 to 1, not "
-            f"{max_iterations} and {tolerance}"
+            f"{max_iterations!r} and {tolerance!r}"
         )
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
@@ -267,7 +268,7 @@ def align(
 
 
 def _points(points: Any, name: str) -> FloatArray:
-    array = np.asarray(points, dtype=np.float64)
+    array = numbers_of(points, f"{name} points")
     if array.ndim != 2 or 0 in array.shape:
         raise InputError(f"{name} points must have shape (n, d), not {array.shape}")
     if not np.isfinite(array).all():

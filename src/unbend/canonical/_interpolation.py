@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
+from unbend._arrays import is_number
 from unbend._types import FloatArray, IntArray
 from unbend.choices import Interpolation
 from unbend.errors import InputError, SolverError
@@ -222,8 +223,8 @@ def _factor(system: FloatArray) -> tuple[FloatArray, bool]:
 
 
 def _at_samples(spectrum: Spectrum, samples: IntArray, mu: float) -> tuple[FloatArray, FloatArray]:
-    if not 0 < mu < np.inf:
-        raise InputError(f"mu must be positive, not {mu}")
+    if not is_number(mu) or not 0 < mu < np.inf:
+        raise InputError(f"mu must be positive, not {mu!r}")
     at_samples = spectrum.eigenfunctions[samples]
     if not np.isfinite(at_samples).all():
         raise InputError("a sample is a vertex that no face uses")

@@ -121,7 +121,7 @@ def spread_samples(
     """
     if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
         raise InputError(
-            f"asked for {n_samples} samples, but the surface has {n_vertices} vertices"
+            f"asked for {n_samples!r} samples, but the surface has {n_vertices} vertices"
         )
     indices = np.empty(n_samples, dtype=np.int64)
     distances = np.zeros((n_samples, n_samples))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import is_whole
 from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
@@ -188,8 +189,8 @@ class Collection:
         MeshError
             If the query cannot be described.
         """
-        if n < 1:
-            raise InputError(f"n must be at least 1, not {n}")
+        if not is_whole(n) or n < 1:
+            raise InputError(f"n must be a whole number of at least 1, not {n!r}")
         if rerank not in ("none", "form", "match"):
             raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
         self._check_filled()

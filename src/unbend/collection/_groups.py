@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._arrays import is_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 
@@ -47,10 +48,10 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
+    distances = np.atleast_1d(numbers_of(distances, "distances"))
     n = len(distances)
-    if n_groups is not None and not 1 <= n_groups <= n:
-        raise InputError(f"{n} shapes make 1 to {n} groups, not {n_groups}")
-    distances = np.asarray(distances, dtype=np.float64)
+    if n_groups is not None and not (is_whole(n_groups) and 1 <= n_groups <= n):
+        raise InputError(f"{n} shapes make 1 to {n} groups, not {n_groups!r}")
     if distances.shape != (n, n) or not (np.isfinite(distances) & (distances >= 0)).all():
         raise InputError("distances must be a square table of finite numbers, none negative")
     skew = np.abs(distances - distances.T).max(initial=0) + distances.diagonal().max(initial=0)

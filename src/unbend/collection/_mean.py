@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._arrays import is_number
 from unbend._types import FloatArray, Progress
 from unbend.alignment import procrustes
 from unbend.collection._engine import engine
@@ -143,8 +144,8 @@ def mean_shape(
     (Mesh(500 vertices, 996 faces), ())
     """
     for name, share in (("min_confidence", min_confidence), ("min_coverage", min_coverage)):
-        if not 0 <= share <= 1:
-            raise InputError(f"{name} must be from 0 to 1, not {share}")
+        if not is_number(share) or not 0 <= share <= 1:
+            raise InputError(f"{name} must be from 0 to 1, not {share!r}")
     template = as_mesh(template)
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of, numbers_of
 from unbend._types import FloatArray
 from unbend.errors import InputError
 
@@ -112,9 +113,11 @@ def retrieval_measures(
     >>> found.nearest_neighbor, found.second_tier
     (1.0, 1.0)
     """
-    matrix = np.array(distances, dtype=np.float64)
-    classes = np.asarray(labels)
-    asked = classes if query_labels is None else np.asarray(query_labels)
+    matrix = numbers_of(distances, "distances").copy()
+    classes = array_of(labels, "labels")
+    asked = classes if query_labels is None else array_of(query_labels, "query_labels")
+    if classes.ndim != 1 or asked.ndim != 1:
+        raise InputError("labels must be lists, with one label for each shape")
     if matrix.shape != (len(asked), len(classes)):
         raise InputError(
             f"distances of shape {matrix.shape} do not fit {len(asked)} queries and "

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_whole
+from unbend._arrays import is_number, is_whole, numbers_of
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.errors import InputError, UnbendWarning
@@ -64,6 +64,8 @@ class Statistics:
             raise InputError(
                 f"there is no component {component!r}; there are {len(self.components)}, from 0"
             )
+        if not is_number(deviations):
+            raise InputError(f"deviations must be a number, not {deviations!r}")
         moved: FloatArray = self.mean + deviations * self.components[component]
         return moved
 
@@ -123,7 +125,7 @@ def shape_statistics(
     >>> bool(found.variances[0] > 0.999 * found.total_variance)
     True
     """
-    points = np.array(shapes, dtype=np.float64)
+    points = numbers_of(shapes, "shapes").copy()
     if points.ndim != 3 or points.shape[2] != 3 or not np.isfinite(points).all():
         raise InputError(f"shapes must be finite, of shape (n_shapes, n, 3), not {points.shape}")
     if len(points) < 2:
@@ -133,7 +135,7 @@ def shape_statistics(
     if not is_whole(kept) or kept < 1:
         raise InputError(f"n_components must be at least 1, not {n_components!r}")
     n = points.shape[1]
-    mass = np.ones(n) if weights is None else np.array(weights, dtype=np.float64)
+    mass = np.ones(n) if weights is None else numbers_of(weights, "weights").copy()
     if mass.shape != (n,) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:
         raise InputError(f"weights must be {n} finite non-negative numbers, not all 0")
     mass /= mass.sum()

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of
 from unbend._display import Drawn
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
-from unbend.correspondence._transfer import as_point_map
+from unbend.correspondence._transfer import as_point_map, check_target
 from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
@@ -180,6 +181,7 @@ def evaluate(
     if distance not in GEODESIC:
         raise InputError(f"distance must be one of {', '.join(GEODESIC)}, not {distance!r}")
     target = _with_faces(target)
+    check_target(match, target)
     images = _indices(as_point_map(match), target.n_vertices, "match", least=-1)
     sources = _indices(source_points, len(images), "source_points")
     truths = [_indices(target_points, target.n_vertices, "target_points", least=-1)]
@@ -214,7 +216,7 @@ def evaluate(
 
 
 def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
-    array = np.asarray(values)
+    array = array_of(values, name)
     if array.ndim != 1 or not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must be a list of whole numbers, one for each row")
     outside = (array < least) | (array >= n)
@@ -256,11 +258,13 @@ def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> F
 
 
 def _forget() -> None:
+    """Forget the oldest; other threads may add and forget meanwhile."""
+
     def size() -> int:
-        return sum(row.nbytes for rows in _kept.values() for row in rows.values())
+        return sum(row.nbytes for rows in list(_kept.values()) for row in list(rows.values()))
 
     while len(_kept) > 1 and size() > _KEPT_BYTES:
-        _kept.pop(next(iter(_kept)))
+        _kept.pop(next(iter(_kept)), None)
 
 
 def _fingerprint(mesh: Mesh) -> bytes:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
+from unbend._arrays import is_number
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
@@ -76,8 +77,8 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     True
     """
     source, target = as_mesh(source), as_mesh(target)
-    if not np.isfinite(t):
-        raise InputError(f"t must be a finite number, not {t}")
+    if not is_number(t) or not np.isfinite(t):
+        raise InputError(f"t must be a finite number, not {t!r}")
     goal = positions_on_target(match, target)
     if len(goal) != source.n_vertices:
         raise InputError(

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of, is_whole
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form
 from unbend.choices import DistanceKind, Method
@@ -88,8 +89,8 @@ def similarity(
     """
     if weighting not in ("auto", "uniform", "area"):
         raise InputError(f'weighting must be "auto", "uniform" or "area", not {weighting!r}')
-    if n_components < 1:
-        raise InputError(f"n_components must be at least 1, not {n_components}")
+    if not is_whole(n_components) or n_components < 1:
+        raise InputError(f"n_components must be at least 1, not {n_components!r}")
     by_area = weighting == "area" or (weighting == "auto" and match is not None)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (
@@ -212,9 +213,10 @@ def _pairs(
 
 
 def _images(values: Any, n: int, m: int) -> IntArray:
-    array = np.asarray(values)
-    if array.shape != (n,) or array.dtype.kind not in "iu":
+    given = array_of(values, "the match")
+    if given.shape != (n,) or given.dtype.kind not in "iu":
         raise InputError(f"the match must have one vertex number for each of {n} vertices")
+    array = given.astype(np.int64)
     if array.min() < -1 or array.max() >= m:
         raise InputError(f"the match names a vertex that is not among the {m} of the other shape")
-    return array.astype(np.int64)
+    return array

@@ -7,7 +7,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_largest
+from unbend._arrays import array_of, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
@@ -84,13 +84,13 @@ def transfer(
     target = None if target is None else as_mesh(target)
     if np.ma.is_masked(values):
         raise InputError("some of the values are masked; fill them first, for instance with NaN")
-    array = np.asarray(values)
+    array = array_of(values, "values")
     corners, shares = _preimages(match, source, target)
     n_source = _source_size(match, source)
     if array.ndim == 0 or (n_source is not None and len(array) != n_source):
-        rows = "one value" if array.ndim == 0 else f"{len(array)} rows"
+        rows = "is one value" if array.ndim == 0 else f"are {len(array)} rows"
         raise InputError(
-            f"there are {rows} to carry, but the source has {n_source or 'several'} vertices"
+            f"there {rows} to carry, but the source has {n_source or 'several'} vertices"
         )
     if corners.max(initial=-1) >= len(array):
         raise InputError(
@@ -131,6 +131,7 @@ def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArra
         not sum to one.
     """
     images = as_point_map(match)
+    check_target(match, target)
     if images.max(initial=-1) >= target.n_vertices:
         raise InputError(
             f"the map names target vertex {images.max()}, but {target.name} has "
@@ -154,6 +155,12 @@ def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArra
         corners = target.vertices[target.faces[match.faces[there]]]
         positions[there] = np.einsum("ij,ijk->ik", weights, corners)
     return positions
+
+
+def check_target(match: Match | npt.ArrayLike, target: Mesh) -> None:
+    """Refuse the match of another target: it has a row for each of that target's vertices."""
+    if isinstance(match, Match):
+        _check_size("target", len(match.target_to_source), target)
 
 
 def _check_size(side: str, n: int, mesh: Mesh | None) -> None:
@@ -197,10 +204,11 @@ def _preimages(
 
 def as_point_map(match: Match | npt.ArrayLike) -> IntArray:
     """Target vertex of each source vertex, -1 for none, of a match or as it was given."""
-    array = np.asarray(match.source_to_target if isinstance(match, Match) else match)
-    if array.ndim != 1 or array.dtype.kind not in "iu" or array.min(initial=-1) < -1:
+    array = array_of(match.source_to_target if isinstance(match, Match) else match, "a map")
+    images = array.astype(np.int64) if array.dtype.kind in "iu" else None
+    if images is None or images.ndim != 1 or images.min(initial=-1) < -1:
         raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
-    return array.astype(np.int64)
+    return images
 
 
 def _source_size(match: Match | npt.ArrayLike, source: Mesh | None) -> int | None:

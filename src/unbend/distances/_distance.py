@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import is_number
 from unbend._options import refuse_given
 from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
@@ -24,8 +25,8 @@ def make_metric(
     disk.
     """
     check_kind(kind)
-    if not 0 < time < np.inf:
-        raise InputError(f"the diffusion time must be positive, not {time}")
+    if not is_number(time) or not 0 < time < np.inf:
+        raise InputError(f"the diffusion time must be positive, not {time!r}")
     if kind in GEODESIC:
         from unbend.distances._geodesic import geodesic_metric
 

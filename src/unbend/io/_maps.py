@@ -12,7 +12,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from unbend._arrays import snap
+from unbend._arrays import array_of, is_whole, snap
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
@@ -133,8 +133,9 @@ def write_map(
     path = check_writable(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    array = np.asarray(point_map)
-    if array.ndim != 1 or not len(array) or array.dtype.kind not in "iu" or array.min() < -1:
+    array = array_of(point_map, "a point map")
+    whole = array.ndim == 1 and len(array) > 0 and array.dtype.kind in "iu"
+    if not whole or array.astype(np.int64).min() < -1:
         raise InputError(
             "a point map must be a list of whole numbers, counted from 0, or -1 for no image"
         )
@@ -241,8 +242,9 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     array([1, 1, 0])
     """
     mesh = as_mesh(target)
-    images = np.asarray(point_map)
-    if images.ndim != 1 or images.dtype.kind not in "iu" or images.min(initial=-1) < -1:
+    given = array_of(point_map, "a map")
+    images = given.astype(np.int64) if given.dtype.kind in "iu" else None
+    if images is None or images.ndim != 1 or images.min(initial=-1) < -1:
         raise InputError("a map must be a list of vertex numbers, -1 for none")
     n = mesh.n_vertices
     if images.max(initial=-1) >= n:
@@ -264,7 +266,7 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
 
 
 def _base(base: int | None, suffix: str) -> int:
-    if base not in (None, 0, 1):
+    if base is not None and (not is_whole(base) or base not in (0, 1)):
         raise InputError(f"base must be 0 or 1, not {base!r}")
     return _BASES[suffix] if base is None else base
 

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError, MeshError
@@ -179,12 +180,13 @@ def write_mesh(
 def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
     arrays = {}
     for name, values in scalars.items():
-        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in (*"xyz", *_COLOR_NAMES):
+        word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
+        if not word or name in (*"xyz", *_COLOR_NAMES):
             raise InputError(
                 f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
                 "and none of x, y, z, red, green, blue"
             )
-        array = np.asarray(values, dtype=np.float64)
+        array = numbers_of(values, f"scalars {name!r}")
         if array.shape != (n_vertices,):
             raise InputError(
                 f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
@@ -195,7 +197,7 @@ def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str,
 
 
 def _uvs(uvs: npt.ArrayLike, n_vertices: int) -> FloatArray:
-    array = np.asarray(uvs, dtype=np.float64)
+    array = numbers_of(uvs, "uvs")
     if array.shape != (n_vertices, 2) or not np.isfinite(array).all():
         raise InputError(f"uvs must be finite numbers of shape ({n_vertices}, 2)")
     return array
@@ -205,7 +207,7 @@ _COLOR_NAMES = ("red", "green", "blue")
 
 
 def _colors(colors: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.uint8]:
-    array = np.asarray(colors)
+    array = array_of(colors, "colors")
     if array.shape != (n_vertices, 3) or array.dtype.kind not in "iu":
         raise InputError(
             f"colors must be whole numbers of shape ({n_vertices}, 3), not {array.dtype} of "

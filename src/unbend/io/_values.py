@@ -7,12 +7,14 @@ import io
 import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of
 from unbend._text import plural
+from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, read_bytes
@@ -113,7 +115,9 @@ def write_values(
     path = check_writable(path, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
-    array = np.asarray(values)
+    if kind == "auto" or kind not in get_args(ValueKind):
+        raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
+    array = array_of(values, "values")
     if array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
 from unbend.io import atomic_write, check_writable, counted_from_zero, read_bytes, whole_numbers
@@ -66,7 +67,7 @@ def write_functional_map(path: str | os.PathLike[str], functional_map: npt.Array
     array([[1., 0.],
            [0., 1.]])
     """
-    array = np.asarray(functional_map, dtype=np.float64)
+    array = numbers_of(functional_map, "a functional map")
     if array.ndim != 2 or not array.size or not np.isfinite(array).all():
         raise InputError("a functional map must be a table of finite numbers")
     _save(path, {"functional_map": array})
@@ -111,11 +112,15 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     ------
     FileError
         If the file cannot be written.
+    InputError
+        If it is no match.
 
     See Also
     --------
     read_match : The reverse.
     """
+    if not isinstance(match, Match):
+        raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")
     arrays = {name: np.asarray(getattr(match, name)) for name in _REQUIRED}
     arrays["hypotheses"] = np.reshape(
         [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)

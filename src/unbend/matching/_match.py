@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_whole
+from unbend._arrays import array_of, is_whole
 from unbend._options import refuse_given
 from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
@@ -155,8 +155,7 @@ def match(
         n_eigenpairs = _ICP_COMPONENTS + 1
     n_eigenpairs = _N_EIGENPAIRS if n_eigenpairs is None else n_eigenpairs
     polish = refine is None or refine
-    if n_eigenpairs < _LEAST_EIGENPAIRS:
-        raise InputError(f"n_eigenpairs must be at least {_LEAST_EIGENPAIRS}, not {n_eigenpairs}")
+    _check_count(n_eigenpairs)
     torn = [method != "icp" and partial in ("auto", "both", side) for side in ("source", "target")]
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, cache, torn)
     if progress is not None:
@@ -246,6 +245,7 @@ def symmetry(
     >>> bool(np.abs(swapped * [-1, 1, 1] - egg).max() < 0.1)
     True
     """
+    _check_count(n_eigenpairs)
     one = prepare_shape(mesh, n_eigenpairs, cache)
     if progress is not None:
         progress("spectrum", 1.0)
@@ -257,8 +257,16 @@ def symmetry(
     return _result(one, one, chosen, float(confidences(found)[0]), found)
 
 
+def _check_count(n_eigenpairs: int) -> None:
+    if not is_whole(n_eigenpairs) or n_eigenpairs < _LEAST_EIGENPAIRS:
+        raise InputError(
+            f"n_eigenpairs must be a whole number of at least {_LEAST_EIGENPAIRS}, not "
+            f"{n_eigenpairs!r}"
+        )
+
+
 def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
-    pairs = np.asarray(landmarks)
+    pairs = array_of(landmarks, "landmarks")
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
         raise InputError(
             "landmarks must be rows of two vertex numbers, of the source and of the target, not "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.csgraph as csgraph
 
-from unbend._arrays import is_whole
+from unbend._arrays import is_number, is_whole
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray
@@ -119,8 +119,8 @@ def spectrum(
     >>> spectrum(make_sphere(3), 4).eigenvalues.round(1)
     array([0., 2., 2., 2.])
     """
-    if not 0 <= tolerance < 1:
-        raise InputError(f"tolerance must be from 0 to 1, not {tolerance}")
+    if not is_number(tolerance) or not 0 <= tolerance < 1:
+        raise InputError(f"tolerance must be from 0 to 1, not {tolerance!r}")
     surface = make_surface(mesh, laplacian=laplacian, area_kind=area_kind, connected=False)
     unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance, cache=cache)
     expand = surface.prepared.expand
@@ -140,7 +140,7 @@ def eigenpairs(
     operator = surface.operator
     if not is_whole(k) or not 1 <= k <= surface.n_vertices:
         raise InputError(
-            f"{surface.mesh.name}: asked for {k} eigenpairs, but a mesh of "
+            f"{surface.mesh.name}: asked for {k!r} eigenpairs, but a mesh of "
             f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
         )
     values, functions = _at_least(surface, k, tolerance, cache)
