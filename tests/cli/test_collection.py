@@ -164,6 +164,7 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("info shapes stones/stone00.ply --thumbnail shapes/a.png", "cannot write shapes/a.png"),
         ("export shapes -o shapes/shapes.lance/a.csv", "cannot write shapes/shapes.lance/a.csv"),
         ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
+        ("mean shapes --template absent.ply -o stones/stone00.ply", "cannot make the folder sto"),
         ("mean shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the folder"),
     ],
 )

@@ -22,6 +22,9 @@ class Kept:
     def commit(self, rows: list[dict]) -> None:
         self.commits.append([row["id"] for row in rows])
 
+    def select(self, columns: list[str], where: str) -> list[dict]:
+        return []
+
     def known(self, column: str, values: list[str]) -> set[str]:
         return {one for commit in self.commits for one in commit}.intersection(values)
 

@@ -64,6 +64,10 @@ def test_what_cannot_be_matched_is_named_once(
     assert set(reasons) == {"strip.ply", paths[2].name}
     assert "only one side" in reasons["strip.ply"]
     assert "is not what it was when it was added" in reasons[paths[2].name]
+    pair = paths[1], str(paths[1])
+    assert collection.match([pair, pair[::-1]], tmp_path / "twice", workers=0).matched == 1
+    with pytest.raises(InputError, match="a pair is a source and a target, not"):
+        collection.match([pair[:1]], tmp_path / "none", workers=0)
     paths[2].unlink()
     done = collection.match(None, tmp_path / "matches", workers=0)
     reasons = {Path(one.path).name: one.reason for one in done.failures}

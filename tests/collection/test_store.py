@@ -42,7 +42,7 @@ def test_what_another_has_open_is_seen_with_every_change(tmp_path: Path) -> None
     assert len(other) == 1
     one.commit(rows("second", "third"))
     assert len(other) == 3
-    one.remove(["id of second"])
+    one.remove(["second"])
     assert other.known("path", ["first", "second", "third"]) == {"first", "third"}
 
 

@@ -13,7 +13,7 @@ from unbend.collection._entry import make_row
 from unbend.collection._files import count_files, find_files, hashed
 from unbend.collection._progress import counted
 from unbend.collection._rows import Added, Failure
-from unbend.collection._store import Store
+from unbend.collection._store import Store, among
 
 # Rows are committed as they come, but commits are to take no more than a twentieth of the time
 # (an object store is slow), and none follows another at once. No more rows than this wait.
@@ -71,23 +71,30 @@ class _Adding:
         self._next = 0.0  # when the next commit is due
         self._under_way: set[str] = set()  # hashes given out ...
         self._committed: set[str] = set()  # ... of which the store has got these since it was asked
+        self._changed: set[str] = set()  # paths whose old row is to be replaced
 
     @property
     def computed(self) -> int:
         return self.added + len(self._rows) + len(self.failures)
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
-        """Files whose content is nowhere yet, and None after each lot of files."""
+        """Files whose content is nowhere yet, or not their row's, and None after each lot."""
         for files in hashed(find_files(given)):
             self.failures += [one for one in files if isinstance(one, Failure)]
             readable = [one for one in files if not isinstance(one, Failure)]
             self._under_way -= self._committed
             self._committed.clear()
             known = self._store.known("id", [digest for _, digest in readable])
+            rows = self._store.select(["path", "id"], among("path", [one for one, _ in readable]))
+            kept = {row["path"]: row["id"] for row in rows}
             for path, digest in readable:
-                if digest in known or digest in self._under_way:
+                # What it has now may be known from another file: its row must not stay what it was.
+                changed = kept.get(path, digest) != digest and path not in self._changed
+                if not changed and (digest in known or digest in self._under_way):
                     self.skipped += 1
                 else:
+                    if changed:
+                        self._changed.add(path)
                     self._under_way.add(digest)
                     yield path, digest
             yield None

@@ -239,7 +239,7 @@ class Collection:
 
         return [Entry(**row) for row in rows], cdist(descriptors, descriptors)
 
-    def find(self, names: Sequence[str]) -> list[Entry]:
+    def find(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
 
         Raises
@@ -249,7 +249,8 @@ class Collection:
         """
         return [self._find(name) for name in names]
 
-    def _find(self, name: str) -> Entry:
+    def _find(self, name: str | os.PathLike[str]) -> Entry:
+        name = os.fspath(name)
         path = os.path.abspath(name)
         conditions = [among("path", [name, path])]
         if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
@@ -263,12 +264,12 @@ class Collection:
             )
         return Entry(**rows[0])
 
-    def remove(self, names: Sequence[str]) -> list[Entry]:
+    def remove(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
 
         Parameters
         ----------
-        names : sequence of str
+        names : sequence of str or path
             See :meth:`find`.
 
         Returns
@@ -281,13 +282,13 @@ class Collection:
         InputError
             If one is not there; then nothing is removed.
         """
-        entries = self.find(names)
-        self._store.remove([entry.id for entry in entries])
+        entries = list({entry.path: entry for entry in self.find(names)}.values())
+        self._store.remove([entry.path for entry in entries])
         return entries
 
     def match(
         self,
-        pairs: Iterable[tuple[str, str]] | None,
+        pairs: Iterable[tuple[str | os.PathLike[str], str | os.PathLike[str]]] | None,
         out: str | os.PathLike[str],
         *,
         workers: int | None = None,
@@ -298,7 +299,7 @@ class Collection:
 
         Parameters
         ----------
-        pairs : iterable of (str, str), or None
+        pairs : iterable of (str or path, str or path), or None
             Source and target, named as for :meth:`find`. None: each shape with each that follows
             it in the order of their paths.
         out : path
@@ -330,8 +331,10 @@ class Collection:
                 lambda: itertools.combinations(entries, 2), n * (n - 1) // 2, out, **options
             )
         named = [tuple(pair) for pair in pairs]
+        if wrong := [pair for pair in named if len(pair) != 2]:
+            raise InputError(f"a pair is a source and a target, not {wrong[0]}")
         known = {name: self._find(name) for name in dict.fromkeys(itertools.chain(*named))}
-        chosen = [(known[source], known[target]) for source, target in named]
+        chosen = list(dict.fromkeys((known[source], known[target]) for source, target in named))
         return match_pairs(lambda: iter(chosen), len(chosen), out, **options)
 
     def thumbnail(self, name: str) -> bytes:

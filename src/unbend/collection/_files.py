@@ -13,6 +13,7 @@ from pathlib import Path
 
 from unbend._parallel import run_all
 from unbend.collection._rows import Failure
+from unbend.errors import FileError
 
 # What a folder is searched through for: points and arrays are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl")
@@ -87,6 +88,24 @@ def _hash(path: str) -> tuple[str, str] | Failure:
         return Failure(path, "there is no such file")
     except OSError as error:
         return Failure(path, f"it cannot be read: {error.strerror or error}")
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """Make a folder for results, if there is none, before anything is computed.
+
+    Raises
+    ------
+    FileError
+        If it cannot be made, or we may not write into it.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FileError(f"cannot write into the folder {folder}: no permission")
+    return folder
 
 
 def content_hash(path: str | os.PathLike[str]) -> str:

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from unbend.collection._files import make_folder
 from unbend.collection._mean import MeanShape
-from unbend.errors import FileError, MissingExtraError
+from unbend.errors import MissingExtraError
 from unbend.io import atomic_write, value_colors, write_mesh
 
 DEVIATIONS = 3
@@ -39,11 +40,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     FileError
         If something cannot be written.
     """
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
+    folder = make_folder(folder)
     statistics = found.statistics
     k = len(statistics.variances)
     written = [folder / "mean.ply"]

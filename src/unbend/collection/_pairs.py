@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from unbend._types import Progress
 from unbend.collection._engine import Run, engine
-from unbend.collection._files import content_hash
+from unbend.collection._files import content_hash, make_folder
 from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.errors import FileError, UnbendWarning
@@ -65,7 +65,7 @@ def match_pairs(
     Matched
     """
     start = time.monotonic()
-    folder = _folder(out)
+    folder = make_folder(out)
     left = {entry.id: entry for pair in pairs() if not _done(folder, pair) for entry in pair}
     skipped = sum(1 for pair in pairs() if _done(folder, pair))
     failures: list[Failure] = []
@@ -155,15 +155,6 @@ def _read(entry: Entry) -> Mesh:
 
 def _done(folder: Path, pair: Pair) -> bool:
     return (folder / file_name(*pair)).exists()
-
-
-def _folder(out: str | os.PathLike[str]) -> Path:
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make the folder {folder}: {error.strerror or error}") from None
-    return folder
 
 
 def _write_table(folder: Path, pairs: Iterator[Pair]) -> None:

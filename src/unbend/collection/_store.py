@@ -187,11 +187,11 @@ class Store:
         found = {row["id"]: row for row in self.select(["id", *columns], among("id", ids))}
         return [found[one] for one in ids]
 
-    def remove(self, ids: Sequence[str]) -> None:
-        """Remove rows in one commit."""
-        if ids:
+    def remove(self, paths: Sequence[str]) -> None:
+        """Remove rows in one commit; others of the same content, which have their id, stay."""
+        if paths:
             with self._told():
-                self._table.delete(among("id", ids))
+                self._table.delete(among("path", paths))
 
     def nearest(
         self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool
@@ -249,8 +249,20 @@ def check_outside(store: str, out: str | os.PathLike[str]) -> None:
 
 
 def _begun(path: Path) -> bool:
-    """Whether there is a file: a disk that was full when it was made leaves empty folders."""
-    return any(files for _, _, files in os.walk(path / f"{_TABLE}.lance"))
+    """Whether there is a file: a disk that was full when it was made leaves empty folders.
+
+    So does, for a moment, another process that makes it.
+    """
+    folder = path / f"{_TABLE}.lance"
+    for wait in _WAITS:
+        if not folder.exists() or _has_files(folder):
+            break
+        time.sleep(wait)
+    return _has_files(folder)
+
+
+def _has_files(folder: Path) -> bool:
+    return any(files for _, _, files in os.walk(folder))
 
 
 def _check_folder(path: Path) -> None:

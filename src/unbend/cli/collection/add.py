@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, print_json
+from unbend.cli._common import JsonOption, print_json, quoted
 from unbend.cli.collection._common import (
     EXIT_SOME_FAILED,
     SchedulerOption,
@@ -67,6 +67,8 @@ def add(
             f"({done.seconds:.1f} s{rate})"
         )
         if len(collection):
-            typer.echo(f"next: unbend collection search {store} MESH, to find what is like it")
+            typer.echo(
+                f"next: unbend collection search {quoted(store)} MESH, to find what is like it"
+            )
     if done.failures:
         raise typer.Exit(EXIT_SOME_FAILED)

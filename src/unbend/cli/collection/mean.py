@@ -62,9 +62,10 @@ def mean(
       unbend collection mean people --template anna.ply -o statistics
       unbend collection mean skulls --template skull.ply -o form --scale --n-components 10
     """  # noqa: D301
-    from unbend.collection import mean_shape, write_mean
+    from unbend.collection import make_folder, mean_shape, write_mean
 
     collection = opened(store, out)
+    make_folder(out)
     paths = sorted(entry.path for entry in collection)
     with bar_on_stderr() as progress:
         found = mean_shape(
