@@ -116,7 +116,9 @@ def _user_limit(proc: Path = Path("/proc")) -> int | None:
     except (ValueError, OverflowError):
         limit = 0
     if limit <= 0:
-        raise InputError(f"{LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}")
+        raise InputError(
+            f"the memory limit {LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}"
+        )
     try:
         pages = int((proc / "self" / "statm").read_text("utf-8").split()[1])
     except (OSError, ValueError, IndexError):  # other systems do not tell what is taken already
