@@ -19,6 +19,7 @@ from unbend.matching._judge import (
     judge,
     ranked,
     rough_costs,
+    unexplained,
 )
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
@@ -145,6 +146,32 @@ def test_maps_of_one_energy_share_the_probability() -> None:
     shares = [_trust([_judged(0.1, overlap=share), _judged(0.11)]) for share in (1, 0.5, 0.1, 0)]
     assert shares == sorted(shares, reverse=True)
     assert shares[-1] == pytest.approx(_trust([_judged(0.1)]) / 2, rel=1e-3)
+
+
+def test_a_probability_falls_from_one_to_none_with_what_is_unexplained() -> None:
+    alone = [_trust([_judged(energy)]) for energy in np.linspace(0, 1, 21)]
+    assert alone == sorted(alone, reverse=True)
+    assert all(0 <= trust <= 1 for trust in alone)
+
+
+def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> None:
+    misses, equal = replace(_judged(0.1), missed=np.array([True])), _judged(0.1)
+    assert misses.cost > equal.cost == equal.energy
+    assert _trust([equal, misses]) > 0.99
+
+
+def test_both_ways_count_alike_and_the_worse_one_is_the_side_that_is_out() -> None:
+    shape = _person()
+    every, _, pose, _ = _identity(shape)
+    nowhere = pose._replace(places=np.zeros_like(shape.vertices))
+    collapsed = Registered(every, np.zeros_like(every), pose, nowhere)
+    turned = Registered(collapsed.backward, every, nowhere, pose)
+    for one in (collapsed, turned):
+        found = judge(shape, shape, one)
+        ways = [shape.areas @ shares for shares in unexplained(shape, shape, one)]
+        assert min(ways) < 0.1 < 0.5 < max(ways)
+        assert found.energy == pytest.approx(sum(ways) / 2)
+        assert abs(found.orientation) < 0.02
 
 
 def test_what_is_mostly_right_side_out_goes_before_what_is_not() -> None:
