@@ -71,6 +71,28 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     raise InputError(f"{what}: needs real numbers, not {array.dtype}")
 
 
+def point_map_of(values: npt.ArrayLike, what: str) -> IntArray | None:
+    """Turn vertex numbers of any whole type, -1 for none, into an array; None if they are not that.
+
+    Raises
+    ------
+    InputError
+        If the rows have different lengths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend._arrays import point_map_of
+    >>> point_map_of(np.array([2, 0], dtype=np.uint8), "a map")
+    array([2, 0])
+    """
+    array = array_of(values, what)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        return None
+    images = array.astype(np.int64)  # of uint64, what is too large turns negative
+    return None if images.min(initial=-1) < -1 else images
+
+
 def unit_of(points: npt.NDArray[Any]) -> float:
     """Power of 2 about as large as points are across: dividing by it rounds nothing.
 

@@ -7,7 +7,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, first_largest
+from unbend._arrays import array_of, first_largest, point_map_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
@@ -204,9 +204,8 @@ def _preimages(
 
 def as_point_map(match: Match | npt.ArrayLike) -> IntArray:
     """Target vertex of each source vertex, -1 for none, of a match or as it was given."""
-    array = array_of(match.source_to_target if isinstance(match, Match) else match, "a map")
-    images = array.astype(np.int64) if array.dtype.kind in "iu" else None
-    if images is None or images.ndim != 1 or images.min(initial=-1) < -1:
+    images = point_map_of(match.source_to_target if isinstance(match, Match) else match, "a map")
+    if images is None:
         raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
     return images
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from unbend._arrays import array_of, is_whole, snap
+from unbend._arrays import is_whole, point_map_of, snap
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
@@ -133,13 +133,12 @@ def write_map(
     path = check_writable(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    array = array_of(point_map, "a point map")
-    whole = array.ndim == 1 and len(array) > 0 and array.dtype.kind in "iu"
-    if not whole or array.astype(np.int64).min() < -1:
+    images = point_map_of(point_map, "a point map")
+    if images is None or not len(images):
         raise InputError(
             "a point map must be a list of whole numbers, counted from 0, or -1 for no image"
         )
-    rows = np.where(array < 0, -1, array.astype(np.int64) + first)
+    rows = np.where(images < 0, -1, images + first)
     with atomic_write(path) as file:
         if suffix == ".npy":
             np.save(file, rows)
@@ -242,9 +241,8 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     array([1, 1, 0])
     """
     mesh = as_mesh(target)
-    given = array_of(point_map, "a map")
-    images = given.astype(np.int64) if given.dtype.kind in "iu" else None
-    if images is None or images.ndim != 1 or images.min(initial=-1) < -1:
+    images = point_map_of(point_map, "a map")
+    if images is None:
         raise InputError("a map must be a list of vertex numbers, -1 for none")
     n = mesh.n_vertices
     if images.max(initial=-1) >= n:

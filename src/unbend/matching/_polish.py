@@ -95,6 +95,8 @@ def settled(
 
 def _by_details(sides: Sides, candidate: Candidate) -> float:
     """Energy of what :func:`refined` made, as of proxies: slides tell nothing of limbs."""
+    if sides.partial:  # judged so already
+        return candidate.energy
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     shapes = sides.source.shape, sides.target.shape
