@@ -128,6 +128,34 @@ def test_a_mesh_stays_read_only_however_it_is_copied(again: Callable) -> None:
 
 
 @pytest.mark.parametrize(
+    "result",
+    [
+        unbend.laplacian(BALL),
+        unbend.spectrum(BALL, 5),
+        unbend.canonical_form(BALL),
+        unbend.align(BALL.vertices, BALL.vertices),
+        unbend.evaluate(EVERY, BALL, EVERY, EVERY),
+        unbend.retrieval_measures(np.arange(16.0).reshape(4, 4), [0, 0, 1, 1]),
+        unbend.datasets.make_quadruped(n_vertices=500),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_a_result_is_told_in_a_few_lines(result: object) -> None:
+    told = repr(result)
+    assert told.startswith(f"{type(result).__name__}(")
+    assert len(told) < 400
+    assert "array" not in told
+
+
+def test_a_result_tells_how_large_its_arrays_are() -> None:
+    n = BALL.n_vertices
+    assert repr(unbend.spectrum(BALL, 5)) == (
+        f"Spectrum(eigenvalues=<5>, eigenfunctions=<{n} x 5>, areas=<{n}>, "
+        "laplacian='cotangent', notes=())"
+    )
+
+
+@pytest.mark.parametrize(
     "error",
     [MissingExtraError("dask", "collection"), FileError("a"), MeshError("a"), SolverError("a")],
 )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from importlib import import_module
 from typing import Any
+
+_LISTED = 3  # entries of a tuple that are shown
 
 
 class Drawn:
@@ -28,3 +31,23 @@ class Drawn:
         """Show this in a notebook."""
         html: str = import_module("unbend.report.display").html_of(self)
         return html
+
+
+class Brief:
+    """Dataclasses, made with ``repr=False``, that say of arrays and long tuples only how large."""
+
+    def __repr__(self) -> str:
+        shown = (f"{one.name}={_brief(getattr(self, one.name))}" for one in fields(self))  # type: ignore[arg-type]
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _brief(value: Any) -> str:
+    if hasattr(value, "shape") and value.shape:
+        return f"<{' x '.join(map(str, value.shape))}>"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key!r}: {_brief(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, tuple) and len(value) > _LISTED:
+        return f"<{len(value)}>"
+    return repr(value)

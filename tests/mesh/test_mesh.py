@@ -103,7 +103,10 @@ def test_says_what_it_is():
     [
         (VERTICES[:, :2], FACES, r"shape \(n, 3\), not \(4, 2\)"),
         ("abc", FACES, "not an array of numbers"),
-        (VERTICES * 1j, FACES, "complex"),
+        (VERTICES * 1j, FACES, "real numbers, not complex128"),
+        (VERTICES > 0, FACES, "real numbers, not bool"),
+        (VERTICES.astype(str), FACES, "real numbers, not <U"),
+        (VERTICES.astype("datetime64[s]"), FACES, "real numbers, not datetime64"),
         (np.ma.masked_less(VERTICES, 0.5), FACES, "coordinates are masked"),
         ([[0, 0, 0], [1, 1]], None, "not an array of numbers"),
         (VERTICES, [[0, 1, 2], [0, 1, 2, 3]], "different numbers of vertices; triangulate them"),

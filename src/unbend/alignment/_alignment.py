@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of
+from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError, UnbendWarning
@@ -28,8 +29,8 @@ _DIGITS = 8
 _LARGEST = 1e75
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Alignment(Brief):
     """A rigid motion ``x -> rotation @ x + translation`` from source to target.
 
     Attributes

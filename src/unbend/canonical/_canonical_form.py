@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import is_whole
-from unbend._display import Drawn
+from unbend._display import Brief, Drawn
 from unbend._options import refuse_given
 from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
@@ -28,8 +28,8 @@ _SKEW = 1e-6
 _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
 
-@dataclass(frozen=True, eq=False)
-class CanonicalForm(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class CanonicalForm(Brief, Drawn):
     """A shape's canonical form and how it was made.
 
     Attributes

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._arrays import is_number
+from unbend._display import Brief
 from unbend._types import FloatArray, Progress
 from unbend.alignment import procrustes
 from unbend.collection._engine import engine
@@ -23,8 +24,8 @@ from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_areas
 
 
-@dataclass(frozen=True, eq=False)
-class MeanShape:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeanShape(Brief):
     """Statistics of shapes, on the vertices of a template.
 
     Attributes

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
+from unbend._display import Brief
 from unbend._types import FloatArray
 from unbend.errors import InputError
 
@@ -23,8 +24,8 @@ _FIRST_PAGE = 32
 _RECALL_LEVELS = np.arange(1, 21) / 20
 
 
-@dataclass(frozen=True, eq=False)
-class Retrieval:
+@dataclass(frozen=True, eq=False, repr=False)
+class Retrieval(Brief):
     """How well shapes of a class are found, as means over all queries; fractions, 1 is best.
 
     Of a query, R other shapes are of its class.

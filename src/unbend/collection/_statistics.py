@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import is_number, is_whole, numbers_of
+from unbend._display import Brief
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.errors import InputError, UnbendWarning
@@ -25,8 +26,8 @@ _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision ca
 _NOTHING = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class Statistics:
+@dataclass(frozen=True, eq=False, repr=False)
+class Statistics(Brief):
     """Mean and variation of shapes whose points correspond.
 
     Attributes

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of
-from unbend._display import Drawn
+from unbend._display import Brief, Drawn
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._transfer import as_point_map, check_target
@@ -46,8 +46,8 @@ class Overlap:
     iou: float
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Brief, Drawn):
     """Geodesic errors of a point map, by three protocols.
 
     Errors are geodesic distances on the target, divided by the square root of its area; infinite

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import snap
+from unbend._display import Brief
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.datasets._measures import along_edges, area
 from unbend.errors import InputError
@@ -21,8 +22,8 @@ _N_DRAWS = 20
 _MISSED = 0.01
 
 
-@dataclass(frozen=True, eq=False)
-class Damaged:
+@dataclass(frozen=True, eq=False, repr=False)
+class Damaged(Brief):
     """A surface to which something was done.
 
     Attributes

@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from unbend._arrays import nearest_rows
+from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._reference import carry
 from unbend.datasets._rigidity import restore_lengths
@@ -18,8 +19,8 @@ from unbend.errors import InputError
 from unbend.mesh import Mesh
 
 
-@dataclass(frozen=True, eq=False)
-class Shape:
+@dataclass(frozen=True, eq=False, repr=False)
+class Shape(Brief):
     """A posed synthetic body with everything that is known about it.
 
     Attributes

@@ -111,8 +111,8 @@ def _vertex_array(vertices: Any, name: str) -> FloatArray:
         array = np.array(given.real, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise MeshError(f"{name}: vertices are not an array of numbers ({error})") from None
-    if np.iscomplexobj(given):
-        raise MeshError(f"{name}: vertices are complex numbers; give real coordinates")
+    if given.dtype.kind not in "iufO":
+        raise MeshError(f"{name}: vertices must be real numbers, not {given.dtype}")
     if array.ndim != 2 or array.shape[1] != 3:
         raise MeshError(f"{name}: vertices must have shape (n, 3), not {array.shape}")
     return array

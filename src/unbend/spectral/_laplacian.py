@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._display import Brief
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
@@ -20,8 +21,8 @@ from unbend.preparation import Prepared, check_size, prepare
 _SUMS, _LOST = 1e-9, 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Laplacian:
+@dataclass(frozen=True, eq=False, repr=False)
+class Laplacian(Brief):
     """A discrete Laplace-Beltrami operator ``diag(areas)^-1 stiffness``.
 
     Attributes

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse.csgraph as csgraph
 
 from unbend._arrays import is_number, is_whole
+from unbend._display import Brief
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray
@@ -35,8 +36,8 @@ _EQUAL, _ROUNDING = 0.1, 1e-11
 _MEAN_DISTANCE = 4 * np.pi  # at unit area, by Weyl's law
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(Brief):
     """The lowest eigenpairs ``W phi = lambda A phi`` of a Laplacian.
 
     Attributes
