@@ -27,6 +27,15 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
+def test_components_of_an_earlier_mean_go_and_all_else_stays(found, tmp_path):
+    for name in ("component_2_plus.ply", "component_3_plus.ply", "component_3_notes.ply"):
+        (tmp_path / name).write_text("of another mean")
+    write_mean(tmp_path, found)
+    assert not (tmp_path / "component_3_plus.ply").exists()
+    assert (tmp_path / "component_3_notes.ply").exists()
+    assert read_mesh(tmp_path / "component_2_plus.ply").n_vertices == found.mean.n_vertices
+
+
 def test_everything_is_written(found, tmp_path):
     written = write_mean(str(tmp_path / "new" / "out"), found)
     assert [path.name for path in written] == [

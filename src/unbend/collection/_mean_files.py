@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -79,6 +80,9 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     with suppress(MissingExtraError):
         draw_components(found, folder / "components.png")
         written.append(folder / "components.png")
+    for old in folder.glob("component_*_*.ply"):  # of an earlier mean that had more of them
+        if re.fullmatch(r"component_\d+_(minus|plus)\.ply", old.name) and old not in written:
+            old.unlink()
     return tuple(written)
 
 
