@@ -54,6 +54,10 @@ def test_every_public_name_can_be_had_from_a_core_install():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
+        (lambda out: unbend.interpolate([1.0], [0], BALL), "needs a Spectrum, not Mesh"),
+        (lambda out: unbend.write_mesh(out, BALL, scalars=[1]), "scalars must be a dictionary"),
+        (lambda out: unbend.similarity_page([BALL] * 2, "12"), "values: needs real numbers"),
+        (lambda out: unbend.search_page(BALL, [BALL], ["1"]), "values: needs real numbers"),
         (lambda out: unbend.spectrum(BALL, "5"), "asked for '5' eigenpairs"),
         (lambda out: unbend.spectrum(BALL, 5, tolerance="x"), "tolerance must be from 0 to 1"),
         (lambda out: unbend.spectrum(BALL, 5, tolerance=None), "not None"),

@@ -119,7 +119,7 @@ def test_too_few_samples_are_reported(sampled, interpolation):
         (1.0, [0, 1, 2], "one row for each"),
         (np.ones((3, 1, 1)), [0, 1, 2], "one row for each"),
         ([1.0, np.nan, 1.0], [0, 1, 2], "value 1 is not finite"),
-        (["a", "b", "c"], [0, 1, 2], "must be numbers"),
+        (["a", "b", "c"], [0, 1, 2], "needs real numbers"),
     ],
 )
 def test_samples_and_values_that_cannot_be_used_are_refused(blob, values, samples, message):

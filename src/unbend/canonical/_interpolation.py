@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from unbend._arrays import is_number
+from unbend._arrays import is_number, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import Interpolation
 from unbend.errors import InputError, SolverError
@@ -89,8 +89,8 @@ def interpolate(
     Raises
     ------
     InputError
-        If `mu` is not positive, a sample is not a vertex in use, or there is not one row of finite
-        numbers for each.
+        If `spectrum` is not a Spectrum, `mu` is not positive, a sample is not a vertex in use, or
+        there is not one row of finite numbers for each.
     SolverError
         If the samples do not determine the functions, or a constant is not reproduced.
 
@@ -105,6 +105,8 @@ def interpolate(
     >>> bool(np.allclose(found, 7.0))
     True
     """
+    if not isinstance(spectrum, Spectrum):
+        raise InputError(f"interpolate needs a Spectrum, not {type(spectrum).__name__}")
     unit = _at_unit_area(spectrum)
     ids = vertex_ids(samples, len(spectrum.areas), "samples")
     operator = interpolation_operator(unit, ids, mu)
@@ -113,10 +115,7 @@ def interpolate(
 
 
 def _rows(values: Any, n_samples: int) -> FloatArray:
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError("values to interpolate must be numbers") from None
+    array = numbers_of(values, "values to interpolate")
     if array.ndim not in (1, 2):
         raise InputError(f"values must have one row for each sample, not shape {array.shape}")
     if len(array) != n_samples:

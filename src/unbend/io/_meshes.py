@@ -179,6 +179,8 @@ def write_mesh(
 
 def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
     arrays = {}
+    if not isinstance(scalars, Mapping):
+        raise InputError("scalars must be a dictionary of names and values")
     for name, values in scalars.items():
         word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
         if not word or name in (*"xyz", *_COLOR_NAMES):

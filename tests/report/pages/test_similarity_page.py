@@ -101,6 +101,14 @@ def test_what_does_not_fit_is_refused(
     assert not list(tmp_path.iterdir())
 
 
+def test_shapes_may_come_one_by_one(three: list[Mesh]) -> None:
+    values = np.eye(3)
+    page = similarity_page(iter(three), values)
+    assert page.html == similarity_page(three, values).html
+    found = search_page(three[0], iter(three), values[0])
+    assert found.html == search_page(three[0], three, values[0]).html
+
+
 def test_a_search_needs_something_found(blob: Mesh, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="one at least"):
         search_page(blob, [], [])

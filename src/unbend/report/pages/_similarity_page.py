@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable
 from html import escape
 from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
@@ -25,7 +26,7 @@ _MOST_TOLD = 30
 
 
 def similarity_page(
-    shapes: Sequence[MeshLike],
+    shapes: Iterable[MeshLike],
     values: npt.ArrayLike,
     path: str | os.PathLike[str] | None = None,
     *,
@@ -43,7 +44,7 @@ def similarity_page(
 
     Parameters
     ----------
-    shapes : sequence of mesh-like
+    shapes : iterable of mesh-like
         Of n shapes, 2 to 300, anything :func:`unbend.as_mesh` accepts. One without faces has no
         picture.
     values : (n, n) array_like of float
@@ -90,6 +91,7 @@ def similarity_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
+    shapes = list(shapes)
     array, numbers = _checked(len(shapes), values, measure, groups)
     meshes = parts.read_shapes(shapes, up)
     names = [one.name for one in meshes]
@@ -156,7 +158,7 @@ _MEANING = {
 
 def search_page(
     query: MeshLike,
-    found: Sequence[MeshLike],
+    found: Iterable[MeshLike],
     values: npt.ArrayLike,
     path: str | os.PathLike[str] | None = None,
     *,
@@ -173,7 +175,7 @@ def search_page(
     ----------
     query : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
-    found : sequence of mesh-like
+    found : iterable of mesh-like
         In the order of the pictures, the most alike first; 299 at most. One without faces has no
         picture.
     values : (n,) array_like of float
@@ -213,7 +215,7 @@ def search_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    numbers = np.asarray(values, dtype=np.float64)
+    found, numbers = list(found), numbers_of(values, "values")
     if numbers.shape != (len(found),) or not len(found):
         raise InputError(f"{len(found)} shapes need as many values, and there must be one at least")
     meshes = parts.read_shapes([query, *found], up)
@@ -248,7 +250,7 @@ def search_page(
 def _checked(
     n: int, values: npt.ArrayLike, measure: str, groups: npt.ArrayLike | None
 ) -> tuple[FloatArray, IntArray | None]:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers_of(values, "values")
     if measure not in get_args(Measure):
         raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
     if n < 2 or array.shape != (n, n):
@@ -264,7 +266,7 @@ def _checked(
         raise InputError("values must be symmetric, finite and not negative, or NaN where unknown")
     if groups is None:
         return array, None
-    numbers = np.asarray(groups)
+    numbers = array_of(groups, "groups")
     if numbers.shape != (n,) or numbers.dtype.kind not in "iu" or numbers.min() < 0:
         raise InputError(f"groups must be {n} whole numbers from 0")
     return array, numbers.astype(np.int64)
