@@ -238,10 +238,11 @@ def test_a_tolerance_is_a_share(blob, tol):
         spectrum(blob, 3, tolerance=tol)
 
 
-def test_no_tolerance_at_all_may_be_asked_for(blob):
+def test_no_tolerance_at_all_may_be_asked_for():
+    egg = Mesh(make_sphere(1).vertices * [1, 0.7, 0.5], make_sphere(1).faces)
     with contextlib.suppress(SolverError):  # rounding may leave more
-        found = spectrum(blob, 5, tolerance=0, cache=False)
-        values = dense_eigenpairs(laplacian(blob))[0]
+        found = spectrum(egg, 5, tolerance=0, cache=False)
+        values = dense_eigenpairs(laplacian(egg))[0]
         np.testing.assert_allclose(found.eigenvalues, values[:5], rtol=1e-9, atol=1e-12)
 
 
