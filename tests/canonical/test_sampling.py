@@ -14,7 +14,7 @@ from unbend.errors import InputError, UnbendWarning
         {"distance": "geodesic"},
         {"distance": "commute-time"},
         {"distance": "diffusion"},
-        {"distance": "diffusion", "time": 0.01},
+        {"distance": "diffusion", "time": 0.04},
         {"distance": "biharmonic", "laplacian": "robust"},
     ],
 )
