@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unbend.alignment import align, nearest_rotation, procrustes
-from unbend.alignment._alignment import _principal_axes, closest_points
+from unbend.alignment import align, icp, nearest_rotation, procrustes
+from unbend.alignment._alignment import _axis_choices, _principal_axes, closest_points
 from unbend.errors import InputError, UnbendWarning
 
 
@@ -108,7 +108,11 @@ def test_align_in_many_dimensions_limits_its_starts() -> None:
         (np.zeros((3, 2)), np.zeros((3, 3)), "one dimension"),
         (np.zeros((0, 3)), np.zeros((3, 3)), "source points"),
         (np.zeros((3, 3)), np.full((3, 3), np.nan), "target point 0 is not finite"),
+        (np.diag([1, 1, np.inf]), np.zeros((3, 3)), "source point 2 is not finite"),
+        (np.diag([1, 1, 1e301]), np.eye(3), "source points have coordinates of 1e.301; give them"),
+        (np.eye(3), np.diag([1, -1e305, 1]), "target points have coordinates of 1e.305; give them"),
         (np.eye(3) * 1e200, np.eye(3), "the source is .* times as large as the target"),
+        (np.diag([1e200, 0, 0]), np.eye(3), "the source is .* times as large as the target"),
     ],
 )
 def test_align_says_what_is_wrong(source: np.ndarray, target: np.ndarray, message: str) -> None:
@@ -119,8 +123,9 @@ def test_align_says_what_is_wrong(source: np.ndarray, target: np.ndarray, messag
 def test_procrustes_says_what_is_wrong() -> None:
     with pytest.raises(InputError, match="one shape"):
         procrustes(np.zeros((3, 2)), np.zeros((4, 2)))
-    with pytest.raises(InputError, match="weights"):
-        procrustes(np.eye(3), np.eye(3), weights=[1, -1, 1])
+    for weights in ([1, -1, 1], [0, 0, 0], [1, np.inf, 1], [1, np.nan, 1], [1, 1]):
+        with pytest.raises(InputError, match="weights must be 3 finite non-negative numbers"):
+            procrustes(np.eye(3), np.eye(3), weights=weights)
 
 
 @pytest.mark.parametrize("d", [2, 3, 5])
@@ -149,10 +154,47 @@ def test_units_do_not_matter(unit: float) -> None:
     assert found.residual < 1e-12 * unit
 
 
-def test_a_search_that_is_ended_early_says_so() -> None:
+@pytest.mark.parametrize("limit", [1, 3])
+def test_a_search_that_is_ended_early_says_so(limit: int) -> None:
     left, right = (np.random.default_rng(seed).normal(size=(300, 3)) for seed in (0, 1))
-    with pytest.warns(UnbendWarning, match="in the last of 3 iterations; allow more"):
-        align(left, right, max_iterations=3)
+    with pytest.warns(UnbendWarning, match=f"in the last of {limit} iterations; allow more"):
+        align(left, right, max_iterations=limit)
+
+
+def test_points_in_one_place_are_brought_there_at_once() -> None:
+    for source, target in (([[1, 2, 3]], [[4, 5, 6]]), (np.ones((4, 3)), np.zeros((3, 3)))):
+        found = align(source, target, max_iterations=1)
+        np.testing.assert_array_equal(
+            found.apply(source), np.broadcast_to(target[0], (len(source), 3))
+        )
+        assert found.residual == 0
+
+
+def _whole_numbers() -> np.ndarray:
+    """64 points whose sums and mean are exact; their middle, 0, is one of them."""
+    rows = np.random.default_rng(0).integers(-999, 1000, size=(62, 3))
+    return np.vstack([rows, -rows.sum(axis=0), np.zeros(3)]).astype(float)
+
+
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def test_far_from_the_origin_nothing_is_lost() -> None:
+    points = _whole_numbers()
+    for far in (0, 2.0**46):
+        rotation, translation = procrustes(points + far, points @ QUARTER.T - far)
+        np.testing.assert_allclose(rotation, QUARTER, atol=1e-12)
+        middle = rotation @ np.full(3, far) + translation
+        np.testing.assert_allclose(middle, -far, atol=1e-12 * far + 1e-9)
+
+
+@pytest.mark.parametrize("exponent", [-600, 600])
+def test_units_do_not_matter_where_a_point_is_the_middle(exponent: int) -> None:
+    points = _whole_numbers() * 2.0**exponent
+    np.testing.assert_allclose(procrustes(points, points @ QUARTER.T)[0], QUARTER, atol=1e-12)
+    found = align(points, points @ QUARTER.T)
+    np.testing.assert_allclose(found.rotation, QUARTER, atol=1e-9)
+    assert found.residual < 1e-9 * 2.0**exponent
 
 
 def test_the_residual_counts_both_directions_alike() -> None:
@@ -169,11 +211,19 @@ def test_the_residual_counts_both_directions_alike() -> None:
 def test_no_more_iterations_than_allowed(limit: int) -> None:
     found = align(_cloud(60, 3), _cloud(70, 3, 1), max_iterations=limit, tolerance=0)
     assert len(found.residuals) <= limit + 1
+    assert found.residual == found.residuals[-1]
     assert (np.diff(found.residuals) <= 0).all()
 
 
 @pytest.mark.parametrize(
-    "options", [{"max_iterations": -1}, {"max_iterations": 1.5}, {"tolerance": np.nan}]
+    "options",
+    [
+        {"max_iterations": -1},
+        {"max_iterations": 1.5},
+        {"tolerance": np.nan},
+        {"tolerance": 1},
+        {"tolerance": 1.5},
+    ],
 )
 def test_options_out_of_range(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match="must be a whole number and tolerance from 0 to 1"):
@@ -194,3 +244,83 @@ def test_principal_axes_are_orthonormal_and_follow_the_points() -> None:
         np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
         turn = _orthogonal(3, seed, -1)
         np.testing.assert_allclose(_principal_axes(points @ turn.T), turn @ axes, atol=1e-9)
+
+
+def test_principal_axes_are_the_longest_first_and_point_to_the_heavier_side() -> None:
+    for seed in range(20):
+        points = np.random.default_rng(seed).normal(size=(50, 3)) * [1, 3, 2]
+        points -= points.mean(axis=0)
+        along = points @ _principal_axes(points)
+        assert (np.diff((along**2).sum(axis=0)) < 0).all()
+        assert ((along**3).sum(axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("d", [2, 3, 9])
+def test_each_choice_of_signs_is_a_motion_of_its_own(d: int) -> None:
+    source, target = _cloud(50, d), _cloud(60, d, 1)
+    both, turns = (np.array(_axis_choices(source, target, reflect)) for reflect in (True, False))
+    for choices, count in ((both, 2 ** min(d, 8)), (turns, 2 ** (min(d, 8) - 1))):
+        assert choices.shape == (count, d, d)
+        products = choices @ choices.transpose(0, 2, 1)
+        np.testing.assert_allclose(products, np.broadcast_to(np.eye(d), products.shape), atol=1e-9)
+        assert len(np.unique(choices.reshape(count, -1).round(6), axis=0)) == count
+    np.testing.assert_allclose(np.linalg.det(turns), 1)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_what_is_sampled_more_densely_elsewhere_is_aligned(seed: int) -> None:
+    """The denser side decides where axes point to, and so which choice of signs is right."""
+    points = np.random.default_rng(seed).normal(size=(60, 3)) * [4, 2, 1]
+    truth = _orthogonal(3, 2, -1)
+    for heights in points.T:
+        upper = heights > np.median(heights)
+        source = np.vstack([points, points[upper], points[upper]])
+        target = np.vstack([points, points[~upper], points[~upper]])
+        found = align(source, target @ truth.T)
+        assert found.residual < 1e-9
+        np.testing.assert_allclose(found.rotation, truth, atol=1e-9)
+
+
+def test_what_is_found_is_said_in_units_of_the_points() -> None:
+    source, target = 1000 * _cloud(60, 3), 1000 * _cloud(70, 3, 1) + 5000
+    found = align(source, target)
+    forward, backward, residual = closest_points(found.apply(source), target)
+    np.testing.assert_array_equal(found.source_to_target, forward)
+    np.testing.assert_array_equal(found.target_to_source, backward)
+    assert found.residual == pytest.approx(residual, rel=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1e-3, 0.05])
+def test_iterations_go_on_while_the_residual_falls_by_the_share_asked_for(tolerance) -> None:
+    source, target = _cloud(60, 3), _cloud(70, 3, 1)
+    starts = [np.eye(3), _orthogonal(3, 0, 1), _orthogonal(3, 1, -1)]
+    for residuals in (
+        align(source, target, tolerance=tolerance).residuals,
+        *(icp(source, target, start, tolerance=tolerance)[2] for start in starts),
+    ):
+        falls = 1 - residuals[1:] / residuals[:-1]
+        assert (falls[:-1] > tolerance).all()
+        assert falls[-1] <= tolerance + 1e-12
+        assert len(falls) < 100
+
+
+def test_at_the_end_both_directions_pull_alike() -> None:
+    """The derivative of the residual by the translation: the mean pull of either side, summed."""
+    source, target = _cloud(30, 3), _cloud(80, 3, 1)
+    rotation, translation, residuals = icp(source, target, np.eye(3), tolerance=0.0)
+    moved = source @ rotation.T + translation
+    forward, backward, residual = closest_points(moved, target)
+    pull = (target[forward] - moved).mean(axis=0) + (target - moved[backward]).mean(axis=0)
+    np.testing.assert_allclose(pull, 0, atol=1e-9)
+    assert residual == pytest.approx(residuals[-1])
+
+
+def test_closest_points_reflect_unless_they_must_not() -> None:
+    points = _cloud(40, 3) * [0.01, 1, 1]  # so thin that the mirrored are nearest to their own
+    mirrored = points * [-1, 1, 1]
+    rotation, _, residuals = icp(points, mirrored, np.eye(3))
+    np.testing.assert_allclose(rotation, np.diag([-1, 1, 1]), atol=1e-9)
+    assert residuals[-1] < 1e-9
+    rotation, _, residuals = icp(points, mirrored, np.eye(3), reflect=False)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    assert residuals[-1] > 1e-3

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.kernels
 @pytest.mark.parametrize("with_base", [False, True])
 def test_pairs_are_the_nearest_of_all(monkeypatch, block_bytes: int, with_base: bool) -> None:
     monkeypatch.setattr(_nearest, "_BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr(_nearest, "_TASK", block_bytes)
     rng = np.random.default_rng(0)
     source, target = rng.normal(size=(5, 30, 4)), rng.normal(size=(20, 4))
     base = rng.random((30, 20)).astype(np.float32) if with_base else None
@@ -33,6 +34,16 @@ def test_of_equals_the_first_is_taken() -> None:
     found = nearest_pairs(source, np.array([[1.0], [-1.0], [4.0], [4.0]]))
     np.testing.assert_array_equal(found.forward, [[0, 0, 2]])
     np.testing.assert_array_equal(found.backward, [[0, 0, 2, 2]])
+
+
+def test_of_one_point_the_nearest_is_it_alone() -> None:
+    source, target = np.ones((2, 1, 3)), np.random.default_rng(0).normal(size=(3000, 3))
+    lengths = np.linalg.norm(target - 1, axis=1)
+    found = nearest_pairs(source, target)
+    assert (found.backward == 0).all()
+    np.testing.assert_allclose(lengths[found.forward], lengths.min(), rtol=1e-4)
+    expected = np.sqrt(((lengths**2).mean() + lengths.min() ** 2) / 2)
+    np.testing.assert_allclose(found.residual, expected, rtol=1e-5)
 
 
 def test_points_upon_each_other_have_no_residual() -> None:

@@ -1,3 +1,5 @@
+import time as clock
+
 import numpy as np
 import pytest
 import scipy.spatial.transform
@@ -179,10 +181,12 @@ def test_point_cloud_form_is_close_to_the_surface_s(blob):
 
 
 def test_steps_are_timed_and_announced(blob):
-    announced = []
+    announced, begun = [], clock.perf_counter()
     form = canonical_form(
         blob, method="sampled", progress=lambda stage, share: announced.append(stage)
     )
+    assert min(form.seconds.values()) >= 0
+    assert sum(form.seconds.values()) <= clock.perf_counter() - begun
     assert list(form.seconds) == list(dict.fromkeys(announced))
     assert {"laplacian", "factorisation", "spectrum", "sampling", "scaling"} <= set(announced)
 
@@ -282,11 +286,64 @@ def test_a_form_that_is_not_on_its_axes_is_an_error(blob, monkeypatch, options, 
         canonical_form(blob, **options)
 
 
+@pytest.mark.parametrize("shift", [[1e-5, -1e-5, 0], [0, 0, -1e-5]])
+def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, shift):
+    """A shift so small that the columns' lengths and angles do not show it."""
+    route = _canonical_form.exact
+    largest = canonical_form(blob).eigenvalues[0]
+    monkeypatch.setattr(
+        _canonical_form,
+        "exact",
+        lambda *args: (lambda way: way._replace(points=way.points + shift))(route(*args)),
+    )
+    with pytest.raises(SolverError, match=f"the middle by {1e-5 * (642 / largest) ** 0.5:.1e} of"):
+        canonical_form(blob)
+
+
 @pytest.mark.filterwarnings("ignore:.*sampled")
 def test_a_shape_too_long_for_two_levels_is_refused_in_a_sentence():
     ball = make_sphere(4)
     with pytest.raises(SolverError):
         canonical_form((ball.vertices * [1, 1e6, 1], ball.faces), n_coarse=200)
+
+
+def test_no_more_samples_and_eigenpairs_than_vertices_are_used(blob):
+    small = Mesh(make_sphere(1).vertices * [1, 1.5, 2] + 0.1, make_sphere(1).faces)
+    form = canonical_form(small, method="sampled")
+    for options in ({"n_samples": 42}, {"n_eigenpairs": 42}):
+        same = canonical_form(small, method="sampled", **options)
+        np.testing.assert_array_equal(form.points, same.points)
+    for options in ({"n_samples": 100}, {"n_eigenpairs": 50}):
+        other = canonical_form(blob, method="sampled", **options)
+        assert abs(other.points - canonical_form(blob, method="sampled").points).max() > 0
+
+
+def test_what_is_not_said_is_as_documented(blob):
+    documented = {"n_eigenpairs": 100, "n_samples": 200, "mu": 1e4, "interpolation": "projection"}
+    found = canonical_form(blob, method="sampled")
+    same = canonical_form(blob, method="sampled", **documented)
+    np.testing.assert_array_equal(found.points, same.points)
+    for seed in range(3):
+        form = canonical_form(blob, random_state=seed)
+        assert (form.stress == canonical_form(blob).stress) == (seed == 0)
+
+
+def test_two_samples_span_a_line(blob):
+    options = {"n_samples": 2, "n_eigenpairs": 2, "n_components": 1}
+    form = canonical_form(blob, method="sampled", **options)
+    assert np.corrcoef(form.points[:, 0], canonical_form(blob).points[:, 0])[0, 1] ** 2 > 0.9
+
+
+def test_coordinates_of_distances_that_are_not_euclidean_are_left_out_and_counted(blob):
+    mesh = Mesh(blob.vertices, blob.faces, name="bent")
+    with pytest.warns(UnbendWarning, match="^bent: .* leading eigenvalues are negative") as told:
+        form = canonical_form(mesh, distance="geodesic", n_eigenpairs=50, n_components=45)
+    negative = form.eigenvalues < 0
+    sentence = f"{negative.sum()} of the 45 leading eigenvalues are negative"
+    assert sentence in str(told[0].message)
+    assert sentence in form.notes[-1]
+    assert 0 < negative.sum() < 45
+    np.testing.assert_array_equal((form.points == 0).all(axis=0), form.eigenvalues <= 0)
 
 
 @pytest.mark.parametrize("method", ["exact", "sampled"])
@@ -301,13 +358,29 @@ def test_every_stage_is_begun_and_ended(blob, method):
         assert shares == sorted(shares)
 
 
-@pytest.mark.parametrize("method", ["exact", "sampled"])
-def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, method):
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"distance": "diffusion", "method": "exact"},
+        {"distance": "diffusion", "method": "sampled"},
+        {"weighting": "area"},
+        {"method": "sampled"},
+    ],
+)
+def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, options):
     monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    canonical_form(blob, distance="diffusion", method=method, cache=False)
+    canonical_form(blob, cache=False, **options)
     assert list(tmp_path.rglob("*.*")) == []
-    canonical_form(blob, distance="diffusion", method=method)
+    canonical_form(blob, **options)
     assert list(tmp_path.rglob("*.*"))
+
+
+def test_a_form_that_does_not_fit_into_memory_is_refused_with_the_remedy(blob, monkeypatch):
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
+    with pytest.raises(MeshError, match=r"are free; give n_coarse \(--n-coarse\), or reduce"):
+        canonical_form(blob)
+    with pytest.raises(MeshError, match="are free; reduce the mesh to fewer vertices first"):
+        canonical_form(blob, n_coarse=100)
 
 
 @pytest.mark.parametrize("height", [1e9, 1e15, 1e20, 1e29])

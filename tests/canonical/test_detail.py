@@ -91,6 +91,26 @@ def test_where_the_form_lies_and_its_unit_change_nothing(blob):
     assert apart(laid_into(3 * form + [5, -7, 9]), laid_into(form)) < 1e-6
 
 
+def test_of_more_dimensions_the_first_three_are_the_pose(blob):
+    assert apart(laid(blob, n_components=5), laid(blob)) < 1e-4
+
+
+def test_the_share_that_is_done_grows_to_all_of_it():
+    surface, told = make_surface(make_sphere(1)), []
+    points = surface.mesh.vertices
+    lay_into_pose(
+        points / np.sqrt(surface.area),
+        surface.mesh.faces,
+        surface.operator.areas,
+        points,
+        lambda stage, share: told.append((stage, share)),
+    )
+    assert {stage for stage, _ in told} == {"detail"}
+    np.testing.assert_allclose(
+        [share for _, share in told], np.arange(1, len(told) + 1) / len(told)
+    )
+
+
 def test_what_is_no_part_of_the_surface_is_nan(blob):
     loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
     with pytest.warns(match="unreferenced"):

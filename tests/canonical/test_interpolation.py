@@ -1,4 +1,5 @@
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 
 from unbend import farthest_point_sampling, interpolate, spectrum
 from unbend.canonical import distance_coefficients
-from unbend.canonical._interpolation import interpolation_operator
+from unbend.canonical._interpolation import _factor, interpolation_operator
 from unbend.distances import make_metric
 from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.spectral import eigenpairs, make_surface
@@ -71,10 +72,10 @@ def test_projection_interpolates_rows_then_columns(sampled):
 def test_operator_minimises_smoothness_plus_misfit(sampled):
     spectrum, samples, squared = sampled
     at_samples, values = spectrum.eigenfunctions[samples], squared[0]
-    best = interpolation_operator(spectrum, samples, 10.0) @ values
-
-    gradient = spectrum.eigenvalues * best + 10.0 * at_samples.T @ (at_samples @ best - values)
-    assert np.linalg.norm(gradient) < 1e-9 * np.linalg.norm(at_samples.T @ values)
+    for mu in (0.5, 10.0):
+        best = interpolation_operator(spectrum, samples, mu) @ values
+        gradient = spectrum.eigenvalues * best + mu * at_samples.T @ (at_samples @ best - values)
+        assert np.linalg.norm(gradient) < 1e-9 * np.linalg.norm(at_samples.T @ values)
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])
@@ -89,8 +90,9 @@ def test_recovers_a_smooth_function_from_samples_in_any_unit(blob, scale):
 
 def test_bad_arguments_are_refused(blob, sampled):
     spectrum, samples, squared = sampled
-    with pytest.raises(InputError, match="mu must be positive"):
-        distance_coefficients(squared, samples, spectrum, mu=0)
+    for mu in (0, -1, np.inf, np.nan, "large"):
+        with pytest.raises(InputError, match="mu must be positive, not"):
+            distance_coefficients(squared, samples, spectrum, mu=mu)
     with pytest.raises(InputError, match="projection"):
         distance_coefficients(squared, samples, spectrum, interpolation="linear")
 
@@ -119,6 +121,7 @@ def test_too_few_samples_are_reported(sampled, interpolation):
         (1.0, [0, 1, 2], "one row for each"),
         (np.ones((3, 1, 1)), [0, 1, 2], "one row for each"),
         ([1.0, np.nan, 1.0], [0, 1, 2], "value 1 is not finite"),
+        ([[1.0, 1], [1, 1], [np.inf, 1]], [0, 1, 2], "value 2 is not finite"),
         (["a", "b", "c"], [0, 1, 2], "needs real numbers"),
     ],
 )
@@ -128,13 +131,48 @@ def test_samples_and_values_that_cannot_be_used_are_refused(blob, values, sample
 
 
 def test_what_does_not_keep_constants_is_no_interpolation(blob):
-    """As with eigenpairs whose constant is missing."""
-    found = spectrum(blob, 12)
+    """As with eigenpairs whose constant is missing: the sample that is missed by most counts."""
+    found = eigenpairs(make_surface(blob), 12)
     rest = replace(
         found, eigenvalues=found.eigenvalues[1:], eigenfunctions=found.eigenfunctions[:, 1:]
     )
-    with pytest.raises(SolverError, match="misses a constant by"):
-        interpolate(np.ones(40), np.arange(0, 640, 16), rest)
+    samples = np.arange(0, 640, 16)
+    rows = rest.eigenfunctions[samples]
+    system = np.diag(rest.eigenvalues) + MU * rows.T @ rows
+    missed = abs(rows @ np.linalg.solve(system, MU * rows.T @ np.ones(40)) - 1).max()
+    with pytest.raises(SolverError, match=re.escape(f"misses a constant by {missed:.1e}:")):
+        interpolate(np.ones(40), samples, rest)
+
+
+def test_the_unit_of_length_changes_no_interpolation(blob, sampled):
+    _, samples, squared = sampled
+    expected = interpolate(squared, samples, spectrum(blob, 12))
+    for size in (1e-2, 1e2):
+        known = spectrum((blob.vertices * size, blob.faces), 12)
+        found = interpolate(squared, samples, known)
+        np.testing.assert_allclose(found, expected, atol=1e-8 * abs(expected).max())
+
+
+def test_samples_weigh_ten_thousand_unless_told_otherwise(blob, sampled):
+    known, samples, squared = sampled
+    for compute in (
+        lambda **options: interpolate(squared, samples, known, **options),
+        lambda **options: distance_coefficients(squared, samples, known, **options),
+    ):
+        np.testing.assert_array_equal(compute(), compute(mu=1e4))
+        assert abs(compute() - compute(mu=2e4)).max() > 0
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_what_is_singular_but_for_rounding_is_so_in_any_unit(unit):
+    for apart, is_singular in ((1e-14, True), (1e-13, True), (1e-10, False)):
+        system = np.array([[1, 1 - apart], [1 - apart, 1]]) * unit
+        if is_singular:
+            with pytest.raises(SolverError, match="do not determine"):
+                _factor(system)
+        else:
+            upper = np.triu(_factor(system)[0])
+            np.testing.assert_allclose(upper.T @ upper, system, rtol=1e-9)
 
 
 def test_a_sample_off_the_surface_is_refused(blob):

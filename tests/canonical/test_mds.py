@@ -4,7 +4,7 @@ import pytest
 import dense
 from unbend import canonical_form, laplacian
 from unbend.canonical import sampled_scaling
-from unbend.canonical._mds import area_scaling
+from unbend.canonical._mds import area_scaling, exact_scaling, refined_scaling
 from unbend.datasets import make_quadruped, make_sphere
 
 FILTERS = {
@@ -136,9 +136,31 @@ def test_a_diffusion_time_is_that_of_both_methods(time):
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
 def test_what_is_equal_is_so_in_any_unit(unit):
     chance = np.random.default_rng(0)
-    frame = np.linalg.qr(chance.standard_normal((50, 4)))[0]
-    turn = np.eye(4)
-    turn[1:, 1:] = np.linalg.qr(chance.standard_normal((3, 3)))[0]
-    values = np.array([0, 1, 1 - 1e-11, 1 - 2e-11]) * unit
+    frame = np.linalg.qr(chance.standard_normal((50, 5)))[0]
+    turn = np.eye(5)
+    turn[1:4, 1:4] = np.linalg.qr(chance.standard_normal((3, 3)))[0]
+    values = np.array([0, 1, 1 - 1e-11, 1 - 2e-11, 1e-5]) * unit
     one, other = (area_scaling(values, x, np.ones(50))[0] for x in (frame, frame @ turn))
     np.testing.assert_allclose(other, one, atol=1e-9 * np.sqrt(unit))
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_what_rounding_leaves_of_an_eigenvalue_is_zero_in_any_unit(unit):
+    """Of three columns the last stands for nothing; however small, the second does not."""
+    frame = np.linalg.qr(np.random.default_rng(0).standard_normal((40, 3)))[0]
+    frame -= frame.mean(axis=0)
+    frame = np.linalg.qr(frame)[0]
+    values = np.array([1.0, 1e-6, 1e-17]) * unit
+
+    def gram(block):
+        return (frame * values) @ (frame.T @ block)
+
+    for points, found in (
+        exact_scaling(gram, 40, 3),
+        refined_scaling(lambda block, guesses, tol: [gram(block)], frame, 3, tol=1e-6)[:2],
+        sampled_scaling(np.diag(-2 * values), frame, np.full(40, 1 / 40), 3, "uniform"),
+    ):
+        np.testing.assert_allclose(found[:2], values[:2], rtol=1e-6)
+        assert found[2] == 0
+        np.testing.assert_array_equal(points[:, 2], 0)
+        np.testing.assert_allclose((points**2).sum(axis=0), found, rtol=1e-6)

@@ -2,14 +2,26 @@ import numpy as np
 import pytest
 
 from unbend import Mesh, distance, farthest_point_sampling
-from unbend.datasets import make_octopus, make_quadruped
-from unbend.errors import InputError
+from unbend.canonical._sampling import spread_samples
+from unbend.datasets import make_octopus, make_quadruped, make_sphere
+from unbend.errors import InputError, UnbendWarning
 
 
-@pytest.mark.parametrize("kind", ["biharmonic", "geodesic", "commute-time", "diffusion"])
-def test_each_sample_is_the_farthest_from_those_before(blob, kind):
-    samples = farthest_point_sampling(blob, 8, distance=kind)
-    rows = distance(blob, samples, distance=kind)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"distance": "biharmonic"},
+        {"distance": "geodesic"},
+        {"distance": "commute-time"},
+        {"distance": "diffusion"},
+        {"distance": "diffusion", "time": 0.04},
+        {"distance": "biharmonic", "laplacian": "robust"},
+    ],
+)
+def test_each_sample_is_the_farthest_from_those_before(blob, options):
+    blob = Mesh(blob.vertices * [1, 1, 0.2], blob.faces)  # triangles on which Laplacians differ
+    samples = farthest_point_sampling(blob, 8, **options)
+    rows = distance(blob, samples, **options)
     for i in range(1, 8):
         nearest = rows[:i].min(axis=0)
         assert nearest[samples[i]] == pytest.approx(nearest.max(), rel=1e-6)
@@ -71,3 +83,45 @@ def test_impossible_numbers_of_samples_are_refused(blob, n_samples):
 def test_options_that_a_distance_cannot_use_are_refused(blob, options, message):
     with pytest.raises(InputError, match=message):
         farthest_point_sampling(blob, 3, **options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"laplacian": "robust"}, {"distance": "biharmonic", "start": 3, "laplacian": "robust"}],
+)
+def test_the_laplacian_may_be_chosen_where_it_is_used(blob, options):
+    assert len(set(farthest_point_sampling(blob, 5, **options).tolist())) == 5
+
+
+def test_all_samples_are_of_the_component_chosen(blob):
+    sphere = make_sphere(2)
+    both = Mesh(
+        np.vstack([blob.vertices, sphere.vertices + 9]),
+        np.vstack([blob.faces, sphere.faces + blob.n_vertices]),
+    )
+    with pytest.warns(UnbendWarning, match="component 1 of 2"):
+        found = farthest_point_sampling(both, 10, component=1)
+    np.testing.assert_array_equal(found - blob.n_vertices, farthest_point_sampling(sphere, 10))
+
+
+@pytest.mark.parametrize("options", [{}, {"distance": "diffusion", "start": 0}])
+def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch, options):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    farthest_point_sampling(make_sphere(1), 3, cache=False, **options)
+    assert list(tmp_path.rglob("*.*")) == []
+    farthest_point_sampling(make_sphere(1), 3, **options)
+    assert list(tmp_path.rglob("*.*"))
+
+
+def test_points_in_one_place_are_taken_once_each():
+    found = spread_samples(lambda sources: np.zeros((1, 5)), 5, 5, 2)
+    assert sorted(found.indices.tolist()) == [0, 1, 2, 3, 4]
+    assert found.indices[0] == 2
+
+
+def test_distances_between_samples_come_with_them():
+    places = np.array([0.0, 4.0, 1.0, 9.0, 6.0])
+    found = spread_samples(lambda sources: abs(places[sources, None] - places), 5, 4, 2)
+    assert found.indices.tolist() == [2, 3, 1, 4]
+    chosen = places[found.indices]
+    np.testing.assert_array_equal(found.distances, abs(chosen[:, None] - chosen))

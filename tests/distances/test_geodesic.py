@@ -14,6 +14,7 @@ from unbend.errors import (
     SolverError,
     UnbendWarning,
 )
+from unbend.mesh import edge_ends
 from unbend.spectral import make_surface
 
 
@@ -137,9 +138,14 @@ def test_no_exact_geodesics_where_sheets_meet():
         np.vstack([sphere.vertices, 2 * sphere.vertices[0] - sphere.vertices[1:]]),
         np.vstack([sphere.faces, beyond]),
     )
-    for shape, what in ((fin, "1 non-manifold edge"), (twins, "1 non-manifold vertex")):
-        with pytest.raises(MeshError, match=what):
-            geodesic_solver(Mesh(*shape), exact=True)(1)
+    again = fin[0], np.vstack([fin[1], fin[1][:3]])
+    for shape, what in (
+        (fin, "1 non-manifold edge"),
+        (again, "1 non-manifold edge"),
+        (twins, "1 non-manifold vertex"),
+    ):
+        with pytest.raises(MeshError, match=f"^sheets: {what}"):
+            geodesic_solver(Mesh(*shape, name="sheets"), exact=True)(1)
 
 
 def needled(mesh, share, seed):
@@ -193,6 +199,81 @@ def test_heat_that_is_not_finite_is_an_error(monkeypatch):
     monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", Broken)
     with pytest.raises(SolverError, match="not finite"):
         geodesic_solver(make_sphere(1), exact=False)(0)
+
+
+def given(distances):
+    """A solver of the heat method, or an exact one, that knows these distances alone."""
+
+    class Given:
+        def __init__(self, *args, **options):
+            pass
+
+        def compute_distance(self, source):
+            return distances
+
+        def geodesicDistances(self, sources, targets):  # noqa: N802
+            return distances, None
+
+    return Given
+
+
+def test_heat_is_measured_from_the_source_and_never_negative(monkeypatch):
+    import potpourri3d
+
+    sphere, heat = make_sphere(1), np.full(42, 40.5)
+    heat[[4, 7]] = 0.5, 0.25
+    monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", given(heat))
+    found = geodesic_solver(sphere, exact=False)(4)
+    assert found[[4, 7]].tolist() == [0, 0]
+    np.testing.assert_array_equal(np.delete(found, [4, 7]), 40)
+
+
+@pytest.mark.parametrize(("factor", "share"), [(0.5, "50%"), (2.0, "25%")])
+def test_what_heat_lacks_is_a_share_of_the_largest_distance(monkeypatch, factor, share):
+    """The other end of the sphere comes out at half of the straight line, the rest at `factor`."""
+    import potpourri3d
+
+    sphere = make_sphere(2)
+    straight = np.linalg.norm(sphere.vertices - sphere.vertices[0], axis=1)
+    far = straight > 1.99
+    heat = np.where(far, 0.5, factor) * straight
+    heat[np.argmin(abs(straight - 1.95))] = 2 * factor
+    monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", given(heat))
+    with pytest.warns(UnbendWarning, match=f"by up to {share} of the largest"):
+        geodesic_solver(sphere, exact=False)(0)
+
+
+def test_what_is_too_steep_is_a_share_of_the_largest_distance(monkeypatch):
+    from pygeodesic import geodesic
+
+    sphere = make_sphere(2)
+    points = sphere.vertices * 1.4  # in a unit of 2
+    straight = np.linalg.norm(points - points[0], axis=1) / 2
+    farther = straight + 1.0 * (np.arange(162) == straight.argmax())
+    monkeypatch.setattr(geodesic, "PyGeodesicAlgorithmExact", given(farther))
+    edges = edge_ends(sphere.faces, 162)
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) / 2
+    steep = (abs(farther[edges[:, 0]] - farther[edges[:, 1]]) - lengths).max() / farther.max()
+    with pytest.warns(UnbendWarning, match=f"by up to {steep:.1g} of the largest"):
+        found = geodesic_solver(Mesh(points, sphere.faces), exact=True)(0)
+    np.testing.assert_allclose(found, 2 * farther)
+
+
+def test_heat_crosses_long_sheared_faces_straight():
+    """On the intrinsic Delaunay triangulation; along the edges given it goes astray."""
+    side = 20
+    x, y = (one.ravel() / side for one in np.mgrid[:side, :side])
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.vstack(
+        [
+            np.stack([corner, corner + side, corner + side + 1], axis=1),
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+        ]
+    )
+    sheet = np.stack([x + 4 * y, y / 5, 0 * x], axis=1)
+    found = geodesic_solver(Mesh(sheet, faces), exact=False)(0)
+    straight = np.linalg.norm(sheet - sheet[0], axis=1)
+    assert abs(found - straight).max() < 0.05 * straight.max()
 
 
 @pytest.mark.parametrize("exact", [False, True])

@@ -1,11 +1,13 @@
+import re
+
 import numpy as np
 import pytest
 
 import dense
 from unbend import Mesh, diagnose, distance, laplacian, spectrum
 from unbend.datasets import make_sphere
-from unbend.distances import gram_metric
-from unbend.errors import InputError, SolverError
+from unbend.distances import _gram, gram_metric, make_metric, truncated_metric
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.spectral import make_surface
 
@@ -104,8 +106,11 @@ def test_a_diffusion_time_is_right_until_it_is_refused(blob):
     filtered = np.exp(-longest * pairs.eigenvalues[1:])
     apart = (pairs.eigenfunctions[:, 1:] - pairs.eigenfunctions[0, 1:]) * filtered
     np.testing.assert_allclose(found / found.max(), np.linalg.norm(apart / found.max(), axis=1))
-    with pytest.raises(InputError, match="all distances vanish; use"):
+    with pytest.raises(InputError, match="all distances vanish; use") as refused:
         distance(mesh, 0, distance="diffusion", time=1.02 * longest)
+    advised = float(re.search(r"use (\S+) or less", str(refused.value))[1])
+    assert 0.9 * longest < advised < 1.02 * longest
+    distance(mesh, 0, distance="diffusion", time=advised)
 
 
 def test_the_constant_eigenfunction_tells_no_distance(blob):
@@ -146,3 +151,146 @@ def test_as_many_eigenpairs_as_a_diffusion_time_needs(length, time):
     expected = dense.distances(kernel)
     found = distance(mesh, [0, 50], distance="diffusion", time=time)
     np.testing.assert_allclose(found, expected[[0, 50]], atol=1e-10 * expected.max())
+
+
+@pytest.mark.parametrize("operator", ["cotangent", "robust"])
+def test_all_that_a_metric_offers_is_of_one_kernel(blob, kind, operator):
+    surface = make_surface(blob, laplacian=operator)
+    kernel = dense.kernel(surface.operator, FILTERS[kind])
+    metric = gram_metric(kind, surface, TIME)
+    block = np.random.default_rng(0).standard_normal((blob.n_vertices, 3))
+    np.testing.assert_allclose(
+        metric.gram(block), kernel @ block, atol=1e-9 * abs(kernel @ block).max()
+    )
+    expected = dense.distances(kernel)
+    samples = np.arange(3, 642, 8)
+    between = expected[np.ix_(samples, samples)]
+    np.testing.assert_allclose(metric.between(samples), between, atol=1e-6 * expected.max())
+    found = metric.from_sources(samples[:4])
+    np.testing.assert_allclose(found, expected[samples[:4]], atol=1e-6 * expected.max())
+
+
+def test_the_laplacian_is_the_one_asked_for():
+    sphere = make_sphere(2)  # made so flat that no two Laplacians agree on its triangles
+    mesh = Mesh(sphere.vertices * [1, 0.7, 0.2], sphere.faces)
+    for operator in ("cotangent", "robust"):
+        surface = make_surface(mesh, laplacian=operator)
+        expected = dense.distances(dense.kernel(surface.operator, FILTERS["biharmonic"]))[9]
+        found = distance(mesh, 9, laplacian=operator)[0] / np.sqrt(surface.area)
+        np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
+    assert abs(found - distance(mesh, 9)[0] / np.sqrt(surface.area)).max() > 1e-3 * found.max()
+
+
+def test_distances_are_those_of_the_component_chosen(blob):
+    sphere = make_sphere(2)
+    both = Mesh(
+        np.vstack([blob.vertices, sphere.vertices + 9]),
+        np.vstack([blob.faces, sphere.faces + blob.n_vertices]),
+    )
+    with pytest.warns(UnbendWarning, match="component 1 of 2"):
+        found = distance(both, blob.n_vertices, component=1)[0]
+    assert np.isnan(found[: blob.n_vertices]).all()
+    np.testing.assert_allclose(found[blob.n_vertices :], distance(sphere, 0)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda mesh, **options: distance(mesh, 0, distance="diffusion", **options),
+        lambda mesh, **options: distance(mesh, 0, n_eigenpairs=5, **options),
+        lambda mesh, **options: make_metric("diffusion", make_surface(mesh), **options),
+        lambda mesh, **options: gram_metric("diffusion", make_surface(mesh), TIME, **options),
+    ],
+)
+def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch, compute):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    compute(make_sphere(1), cache=False)
+    assert list(tmp_path.rglob("*.*")) == []
+    compute(make_sphere(1))
+    assert list(tmp_path.rglob("*.*"))
+
+
+def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
+    with pytest.raises(MeshError, match="blob: 642 vertices need about"):
+        distance(Mesh(blob.vertices, blob.faces, name="blob"), 0)
+
+
+def test_only_a_spectral_distance_can_be_truncated(blob):
+    with pytest.raises(InputError, match="the geodesic distance has no expansion"):
+        truncated_metric("geodesic", spectrum(blob, 5), TIME)
+
+
+def test_unknown_kinds_and_times_without_end_are_refused(blob):
+    with pytest.raises(InputError, match="there is no distance 'euclidean'"):
+        make_metric("euclidean", make_surface(blob))
+    for time in (np.inf, np.nan, 0, -1, "long"):
+        with pytest.raises(InputError, match="time must be positive, not"):
+            make_metric("diffusion", make_surface(blob), time=time)
+
+
+@pytest.mark.parametrize("time", [0.1, 0.02, 0.004])
+def test_eigenpairs_that_a_diffusion_time_leaves_out_are_below_rounding(blob, time):
+    values = _gram._diffusion_spectrum(make_surface(blob), time, True).eigenvalues
+    assert len(values) == 642 or np.exp(-2 * time * (values[-1] - values[1])) <= 1e-16
+
+
+def strip():
+    """As long as 80 squares in a row, at unit area."""
+    x, y = np.meshgrid(np.arange(81.0), [0, 1], indexing="ij")
+    corner = 2 * np.arange(80)[:, None]
+    faces = np.vstack([corner + np.array([0, 2, 3]), corner + np.array([0, 3, 1])])
+    return Mesh(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1) / np.sqrt(80), faces)
+
+
+@pytest.mark.parametrize("mesh", [make_sphere(2), strip()])
+@pytest.mark.parametrize("time", [5e-324, 1e-6, 0.1, 0.3])
+def test_the_diffusion_time_advised_is_not_too_short(mesh, time, monkeypatch):
+    """Where the first eigenpairs do not suffice, as on what is long, as many as may be do."""
+    monkeypatch.setattr(_gram, "_MOST_EIGENPAIRS", 24)
+    advised, found = time, None
+    while found is None:
+        try:
+            found = distance(mesh, 0, distance="diffusion", time=advised)[0]
+        except InputError as refused:
+            told = re.search(r"needs over 24 eigenpairs; use (\S+) of the area", str(refused))
+            before, advised = advised, float(told[1])
+            assert before < advised < 0.5
+    if advised > time:
+        with pytest.raises(InputError, match="needs over 24 eigenpairs"):
+            distance(mesh, 0, distance="diffusion", time=0.8 * advised)
+    surface = make_surface(mesh)
+    kernel = dense.kernel(surface.operator, lambda values: np.exp(-2 * advised * values))
+    expected = dense.distances(kernel)[0] / np.sqrt(surface.area)
+    np.testing.assert_allclose(found, expected, atol=1e-10 * expected.max())
+
+
+def test_one_vertex_where_two_ways_to_a_kernel_differ_is_enough(blob, monkeypatch):
+    """By a thousandth, on another column than the first; with the figure."""
+    surface = make_surface(blob)
+    kernel = dense.kernel(surface.operator, FILTERS["biharmonic"]).diagonal()
+
+    def wrong(stiffness, areas):
+        right = green_operator(stiffness, areas)
+        return lambda block: right(block) * (1 + 1e-3 * (block[9] == 1))
+
+    monkeypatch.setattr("unbend.distances._gram.green_operator", wrong)
+    figure = f"{(1.001**2 - 1.001) * kernel[9] / np.delete(kernel, 9).max():.1e}"
+    with pytest.raises(SolverError, match=f"differ by {figure} of its largest"):
+        distance(blob, [0, 9])
+    monkeypatch.undo()
+    assert distance(blob, [0, 9])[1, 9] == 0
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_what_rounding_leaves_of_a_squared_distance_is_a_share_of_the_kernel(unit):
+    diagonal = np.array([1.0, 100.0]) * unit
+
+    def apart(more):  # than what makes both points one
+        kernel = np.diag(diagonal) + np.array([[0, 50.5 + more], [50.5 + more, 0]]) * unit
+        return _gram._distances(kernel, diagonal, diagonal, 1e-8)
+
+    np.testing.assert_array_equal(apart(2e-7), 0)
+    np.testing.assert_allclose(apart(-2)[0, 1], 2 * np.sqrt(unit))
+    with pytest.raises(SolverError, match=r"came out at -2.0e-05 of the kernel's largest"):
+        apart(1e-3)

@@ -6,7 +6,9 @@ from hypothesis import strategies as st
 from unbend import Mesh, laplacian
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, SolverError
+from unbend.preparation import prepare
 from unbend.spectral import _laplacian
+from unbend.spectral._laplacian import choose_kind
 
 
 def face_areas(mesh):
@@ -79,6 +81,13 @@ def test_scale_leaves_the_stiffness_and_squares_the_areas(blob):
     small, large = laplacian(blob), laplacian(Mesh(blob.vertices * 1e3, blob.faces))
     assert abs(small.stiffness - large.stiffness).max() < 1e-9
     np.testing.assert_allclose(large.areas, small.areas * 1e6)
+
+
+def test_a_kind_that_is_asked_for_is_taken(blob):
+    prepared = prepare(blob)
+    for kind in ("cotangent", "robust"):
+        assert choose_kind(kind, prepared) == kind
+    assert choose_kind("auto", prepared) == "cotangent"
 
 
 def test_auto_chooses_robust_for_a_degenerate_face(blob):
@@ -166,12 +175,45 @@ def test_sizes_beyond_double_precision_are_refused(kind, size):
         laplacian(ball.vertices * size, laplacian="robust")
 
 
+def test_one_corner_beyond_double_precision_is_refused():
+    ball = make_sphere(1)
+    size = np.ones((ball.n_vertices, 1))
+    size[7] = 1e200
+    with pytest.raises(MeshError, match=r"its area is .*; give coordinates in a sensible unit"):
+        laplacian((ball.vertices * size, ball.faces), laplacian="cotangent")
+
+
+def test_points_on_a_line_are_refused():
+    with pytest.raises(MeshError, match="span no surface: round some of them they lie on one line"):
+        laplacian(np.arange(20)[:, None] * [1.0, 2, 3])
+
+
 def test_area_that_is_lost_is_an_error(blob, monkeypatch):
     monkeypatch.setattr(
         _laplacian, "_mixed_voronoi", lambda squared, cotangents, areas: areas[:, None] / [4, 4, 4]
     )
-    with pytest.raises(SolverError, match=r"share out an area of .*, but its faces have"):
-        laplacian(blob)
+    again = Mesh(blob.vertices, np.vstack([blob.faces, blob.faces[:3]]), name="again")
+    for mesh in (Mesh(blob.vertices, blob.faces, name="once"), again):
+        lost = rf"^{mesh.name}: its vertices share out an area of .*, but its faces have"
+        with pytest.raises(SolverError, match=lost):
+            laplacian(mesh)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-4, 1e4, 1e5, 1e6, 1e7])
+def test_rounding_of_large_and_small_areas_is_not_taken_for_a_loss(blob, size):
+    found = laplacian(Mesh(blob.vertices * size, blob.faces)).areas
+    np.testing.assert_allclose(found, laplacian(blob).areas * size**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e-5, 1e-7])
+def test_rounding_of_large_weights_is_not_taken_for_a_fault(blob, share):
+    """Faces as thin as needles have cotangents as large as 1 / share."""
+    points = blob.vertices.copy()
+    here, there = blob.faces[::20, 0], blob.faces[::20, 1]
+    points[there] = points[here] + share * (points[there] - points[here])
+    stiffness = laplacian(Mesh(points, blob.faces), laplacian="cotangent").stiffness
+    assert abs(stiffness).max() > 0.1 / share
+    assert abs(stiffness @ np.ones(642)).max() < 1e-12 * abs(stiffness).max()
 
 
 @pytest.mark.parametrize(

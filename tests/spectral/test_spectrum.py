@@ -1,3 +1,7 @@
+import contextlib
+import shutil
+import warnings
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -8,9 +12,9 @@ from hypothesis import strategies as st
 from dense import eigenpairs as dense_eigenpairs
 from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError, SolverError, UnbendWarning
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.spectral import Laplacian, _spectrum
+from unbend.spectral import Laplacian, _spectrum, eigenpairs, make_surface
 from unbend.spectral._laplacian import _stiffness
 from unbend.spectral._spectrum import whole_eigenpairs
 
@@ -163,6 +167,7 @@ def test_more_components_than_eigenpairs():
     )
     few, all_zeros, more = (spectrum(many, k, cache=False) for k in (5, n, n + 5))
     np.testing.assert_array_equal(all_zeros.eigenvalues, 0)
+    np.testing.assert_array_equal(few.eigenvalues, 0)
     np.testing.assert_array_equal(few.eigenfunctions, all_zeros.eigenfunctions[:, :5])
     np.testing.assert_array_equal(more.eigenfunctions[:, :n], all_zeros.eigenfunctions)
     np.testing.assert_allclose(
@@ -233,9 +238,102 @@ def test_a_tolerance_is_a_share(blob, tol):
         spectrum(blob, 3, tolerance=tol)
 
 
+def test_no_tolerance_at_all_may_be_asked_for():
+    egg = Mesh(make_sphere(1).vertices * [1, 0.7, 0.5], make_sphere(1).faces)
+    with contextlib.suppress(SolverError):  # rounding may leave more
+        found = spectrum(egg, 5, tolerance=0, cache=False)
+        values = dense_eigenpairs(laplacian(egg))[0]
+        np.testing.assert_allclose(found.eigenvalues, values[:5], rtol=1e-9, atol=1e-12)
+
+
 def test_the_laplacian_is_the_one_asked_for(blob):
     for kind in ("cotangent", "robust"):
         assert spectrum(blob, 1, laplacian=kind).laplacian == kind
+
+
+@pytest.mark.parametrize("areas", ["voronoi", "barycentric"])
+def test_areas_are_of_the_kind_asked_for(blob, areas):
+    operator = laplacian(blob, area_kind=areas)
+    found = spectrum(blob, 5, area_kind=areas)
+    np.testing.assert_allclose(found.areas, operator.areas)
+    np.testing.assert_allclose(
+        found.eigenvalues, dense_eigenpairs(operator)[0][:5], rtol=1e-9, atol=1e-12
+    )
+
+
+def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    ball = make_sphere(1)
+    for compute in (
+        spectrum,
+        lambda ball, k, **options: eigenpairs(make_surface(ball), k, **options),
+    ):
+        compute(ball, 3, cache=False)
+        assert list(tmp_path.rglob("*.*")) == []
+        compute(ball, 3)
+        assert list(tmp_path.rglob("*.*"))
+        shutil.rmtree(tmp_path)
+
+
+def test_what_was_kept_is_not_computed_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    kept = spectrum(make_sphere(1), 3)
+    monkeypatch.delattr(_spectrum, "whole_eigenpairs")
+    found = spectrum(make_sphere(1), 3)
+    np.testing.assert_array_equal(found.eigenfunctions, kept.eigenfunctions)
+    with pytest.raises(NameError):
+        spectrum(make_sphere(1), 3, cache=False)
+
+
+def test_what_does_not_fit_into_memory_is_refused(blob, monkeypatch):
+    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
+    with pytest.raises(MeshError, match="642 vertices need about"):
+        spectrum(blob, 3, cache=False)
+
+
+def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob, monkeypatch):
+    """Of two components, as the smallest values that are not 0 may be after many digits lost."""
+    ball = make_sphere(2)
+    both = Mesh(
+        np.vstack([blob.vertices, ball.vertices + 9]),
+        np.vstack([blob.faces, ball.faces + blob.n_vertices]),
+    )
+    surface = make_surface(both, connected=False)
+    right = _spectrum.smallest_eigenpairs
+    expected = eigenpairs(surface, 8, cache=False)
+
+    def mixed(*args, **options):
+        values, functions = right(*args, **options)
+        null = expected.eigenfunctions[:, :2]
+        functions[:, 4] = 0.8 * functions[:, 4] + 0.6 * null[:, 1]
+        functions[:, 6] = 0.6 * functions[:, 6] - 0.8 * null[:, 0]
+        return values, functions
+
+    monkeypatch.setattr(_spectrum, "smallest_eigenpairs", mixed)
+    found = eigenpairs(surface, 8, cache=False)
+    np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-9)
+    np.testing.assert_allclose(found.eigenfunctions, expected.eigenfunctions, atol=1e-8)
+
+
+@pytest.mark.parametrize(("apart", "is_equal"), [(0.05, True), (0.15, False)])
+def test_values_that_differ_by_less_than_a_tenth_of_the_tolerance_are_equal(
+    blob, monkeypatch, apart, is_equal
+):
+    """A basis of two such functions is then replaced, whatever it was, and else kept."""
+    surface, right, tol = make_surface(blob), _spectrum.smallest_eigenpairs, 1e-4
+    monkeypatch.setattr(_spectrum, "_lacking", lambda *args: "")  # they are no eigenpairs
+    found = []
+    for turn in (np.eye(2), np.array([[0.6, -0.8], [0.8, 0.6]])):
+
+        def near(*args, turn=turn, **options):
+            values, functions = right(*args, **options)
+            functions[:, 25:27] = functions[:, 25:27] @ turn
+            values[25:27] = values[25] * (1 + np.array([0, apart * tol]))
+            return values, functions
+
+        monkeypatch.setattr(_spectrum, "smallest_eigenpairs", near)
+        found.append(eigenpairs(surface, 30, tolerance=tol, cache=False).eigenfunctions)
+    assert (abs(found[0] - found[1]).max() < 1e-8) == is_equal
 
 
 def test_spectrum_itself_warns_of_nothing(blob, recwarn):
@@ -258,14 +356,15 @@ def needled(count, share):
 
 
 @pytest.mark.parametrize("share", [1e-3, 1e-6, 3e-8])
-@pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
 def test_needles_do_not_spoil_the_eigenpairs_of_small_meshes(share):
     """Against ARPACK, on the factorised pencil: dense solvers drown in the largest entries."""
     mesh = needled(40, share)
     operator = laplacian(mesh)
     mass = sp.diags_array(operator.areas / operator.areas.sum()).tocsc()
     expected = sp.linalg.eigsh(sp.csc_matrix(operator.stiffness), 9, M=mass, sigma=1.0)[0]
-    found = spectrum(mesh, 9, cache=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)  # of faces without area
+        found = spectrum(mesh, 9, cache=False)
     values = found.eigenvalues * operator.areas.sum()
     np.testing.assert_allclose(values[1:], expected[1:], rtol=1e-7)
     np.testing.assert_allclose(gram(found), np.eye(9), atol=1e-8)

@@ -34,6 +34,16 @@ def test_points_too_far_apart_are_refused_where_they_must_hang_together():
     assert make_surface(cloud.vertices[:642]).n_vertices == 642
 
 
+@pytest.mark.parametrize("kind", ["cotangent", "robust"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_the_laplacian_is_the_one_asked_for_in_any_unit(blob, kind, size):
+    surface = make_surface(Mesh(blob.vertices * size, blob.faces), laplacian=kind)
+    whole = laplacian(blob, laplacian=kind)
+    assert surface.operator.kind == kind
+    assert abs(surface.operator.stiffness - whole.stiffness).max() < 1e-9
+    np.testing.assert_allclose(surface.area, whole.areas.sum() * size**2)
+
+
 @pytest.mark.parametrize("areas", ["voronoi", "barycentric"])
 def test_areas_are_of_the_kind_asked_for_and_sum_to_one(blob, areas):
     whole = laplacian(blob, area_kind=areas).areas

@@ -27,6 +27,8 @@ _FOLLOWED_STARTS = 16
 _DIGITS = 8
 # The source in sizes of the target: squares of more overflow, and their products.
 _LARGEST = 1e75
+# Coordinates: sums of larger ones overflow.
+_FARTHEST = 1e300
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -250,7 +252,9 @@ def align(
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
     rotation, translation, residuals = min(found, key=misfit)
-    fall = 1 - residuals[-1] / (residuals[-2] or 1.0) if len(residuals) > max_iterations > 0 else 0
+    fall = 0.0
+    if len(residuals) > max_iterations > 0 and residuals[-2] > 0:
+        fall = 1 - residuals[-1] / residuals[-2]
     if fall > tolerance:
         warnings.warn(
             f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
@@ -275,13 +279,18 @@ def _points(points: Any, name: str) -> FloatArray:
     if not np.isfinite(array).all():
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise InputError(f"{name} point {row} is not finite; leave such points out")
+    if np.abs(array).max() > _FARTHEST:
+        raise InputError(
+            f"{name} points have coordinates of {np.abs(array).max():.0e}; give them in a sensible "
+            "unit"
+        )
     return array
 
 
 def _unit(points: FloatArray) -> float:
     """Power of two near the size of centred points: dividing by it rounds nothing."""
     size = float(np.abs(points).max())
-    return float(2.0 ** np.floor(np.log2(size))) if 0 < size < np.inf else 1.0
+    return float(2.0 ** np.floor(np.log2(size))) if size > 0 else 1.0
 
 
 def _subset(points: FloatArray) -> FloatArray:

@@ -45,10 +45,10 @@ def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) ->
     if kind == "diffusion":
         weights[1:] = np.exp(-2 * time * values)
         if len(values) and weights.max() < _VANISHING:
-            longest = -np.log(_VANISHING) / (2 * values[0])
+            longest = _two_digits(-np.log(_VANISHING) / (2 * values[0]), np.floor)
             raise InputError(
                 f"after a diffusion time of {time:.2g} of the area all distances vanish; use "
-                f"{longest:.1g} or less"
+                f"{longest:g} or less"
             )
     else:
         weights[1:] = values**-2.0 if kind == "biharmonic" else 1 / values
@@ -172,18 +172,25 @@ def _diagonal(
 
 def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:
     """As many eigenpairs as a diffusion time can tell from zero."""
-    n = surface.n_vertices
+    most = min(surface.n_vertices, _MOST_EIGENPAIRS)
     # Weyl's law: eigenvalue number k of a surface of unit area is about 4 pi k.
-    reach = -np.log(_NEGLIGIBLE) / (2 * time)
-    k = min(n, max(16, int(1.2 * reach / (4 * np.pi)) + 16))
-    while True:
-        if k > _MOST_EIGENPAIRS:
-            shortest = -np.log(_NEGLIGIBLE) / (2 * 4 * np.pi * _MOST_EIGENPAIRS)
-            raise InputError(
-                f"a diffusion time of {time:.2g} of the area needs over {_MOST_EIGENPAIRS} "
-                f"eigenpairs; use {shortest:.1g} of the area or more, or truncate with n_eigenpairs"
-            )
+    needed = float(-np.log(_NEGLIGIBLE)) / 2
+    reach = needed / float(time)
+    reached = (_MOST_EIGENPAIRS - 16) * 4 * np.pi / 1.2
+    k = int(min(surface.n_vertices, 1.2 * reach / (4 * np.pi) + 16))
+    while k <= most:
         spectrum = eigenpairs(surface, k, cache=cache)
-        if k == n or spectrum.eigenvalues[-1] - spectrum.eigenvalues[1] > reach:
+        reached = spectrum.eigenvalues[-1] - spectrum.eigenvalues[1]
+        if k == surface.n_vertices or reached > reach:
             return spectrum
-        k = min(n, 2 * k)
+        k = most if k < most < 2 * k else 2 * k
+    raise InputError(
+        f"a diffusion time of {time:.2g} of the area needs over {_MOST_EIGENPAIRS} eigenpairs; use "
+        f"{_two_digits(needed / reached, np.ceil):g} of the area or more, or truncate with "
+        "n_eigenpairs"
+    )
+
+
+def _two_digits(number: float, rounded: Callable[[float], float]) -> float:
+    digit = 10.0 ** (np.floor(np.log10(number)) - 1)
+    return float(rounded(number / digit) * digit)

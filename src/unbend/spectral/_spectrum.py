@@ -200,7 +200,7 @@ def whole_eigenpairs(
     values[:c], functions[:, :c] = 0.0, null
     # Functions of values near 0 may have some of the null space in them.
     along = (operator.areas[:, None] * null).T @ functions
-    mixed = np.flatnonzero(np.abs(along[:, c:]).max(axis=0, initial=0.0) > _ROUNDING) + c
+    mixed = np.flatnonzero(np.abs(along[:, c:]).max(axis=0) > _ROUNDING) + c
     functions[:, mixed] -= null @ along[:, mixed]
     functions[:, mixed] /= np.sqrt(operator.areas @ functions[:, mixed] ** 2)
     equal = max(_EQUAL * tolerance, _ROUNDING) * np.maximum(values[1:], _MEAN_DISTANCE)
@@ -230,13 +230,12 @@ def _lacking(
 
 
 def null_space(operator: Laplacian) -> FloatArray:
-    """Area-orthonormal functions constant on each component, (n, n_components), ones first."""
+    """Area-orthonormal functions constant on each component, (n, c); the first is on all."""
     count, label = csgraph.connected_components(operator.stiffness, directed=False)
     component_areas = np.bincount(label, operator.areas)
     # An orthogonal matrix whose first column is the constant, in units of each component.
     basis = np.eye(count)
     basis[:, 0] = np.sqrt(component_areas / component_areas.sum())
-    basis, triangle = np.linalg.qr(basis)
-    basis *= np.sign(triangle[0, 0])
+    basis = np.linalg.qr(basis)[0]
     functions: FloatArray = (basis / np.sqrt(component_areas)[:, None])[label]
     return functions
