@@ -90,6 +90,14 @@ def test_a_kind_that_is_asked_for_is_taken(blob):
     assert choose_kind("auto", prepared) == "cotangent"
 
 
+@pytest.mark.parametrize("faces", [[[0, 1, 2], [1, 2, 3]], [[0, 0, 1]]])
+@pytest.mark.parametrize("kind", ["auto", "robust"])
+def test_faces_without_area_have_no_laplacian(kind, faces):
+    line = np.outer(np.arange(4.0), [1, 2, 3])
+    with pytest.raises(MeshError, match="every face is degenerate"):
+        laplacian((line, faces), laplacian=kind)
+
+
 def test_auto_chooses_robust_for_a_degenerate_face(blob):
     (i, j, k), middle = blob.faces[0], blob.vertices[blob.faces[0, :2]].mean(axis=0)
     n = blob.n_vertices

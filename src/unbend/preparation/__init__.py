@@ -3,6 +3,7 @@
 from unbend.preparation._diagnosis import Diagnosis, diagnose
 from unbend.preparation._prepare import (
     Prepared,
+    check_area,
     check_size,
     only_component,
     prepare,
@@ -12,6 +13,7 @@ from unbend.preparation._prepare import (
 __all__ = [
     "Diagnosis",
     "Prepared",
+    "check_area",
     "check_size",
     "diagnose",
     "only_component",

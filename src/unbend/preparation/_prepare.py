@@ -237,6 +237,17 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
     return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, notes)
 
 
+def check_area(mesh: Mesh) -> None:
+    """Refuse a mesh of which no face has an area.
+
+    Raises
+    ------
+    MeshError
+    """
+    if measure_faces(mesh.vertices, mesh.faces)[0].all():
+        raise _no_area(mesh.name)
+
+
 def check_size(mesh: Mesh) -> None:
     """Refuse a mesh, all of it in use, whose size double precision cannot hold to the fourth power.
 

@@ -15,7 +15,7 @@ from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, SolverError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh
-from unbend.preparation import Prepared, check_size, prepare
+from unbend.preparation import Prepared, check_area, check_size, prepare
 
 # Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
 _SUMS, _LOST = 1e-9, 1e-9
@@ -68,7 +68,8 @@ def laplacian(
         If `laplacian` or `area_kind` is not one of the names above.
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
-        mesh with a degenerate face. If the mesh is too small or too large for double precision.
+        mesh with a degenerate face. If no face has an area, or the mesh is too small or too large
+        for double precision.
     SolverError
         If the rows do not sum to zero, an area is negative, or some of the area is lost.
 
@@ -210,6 +211,7 @@ def _robust(mesh: Mesh) -> Laplacian:
                 f"{mesh.name}: its points span no surface: round some of them they lie on one line"
             ) from error
         return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
+    check_area(mesh)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces] = True
     if used.all():
