@@ -499,13 +499,19 @@ def test_landmarks_are_vertices_of_source_and_target(
     seen = []
     sides = _match.make_sides
     monkeypatch.setattr(_match, "make_sides", lambda *shapes: seen.extend(shapes) or sides(*shapes))
-    ends = asked.box.vertices[:, 0].argsort()[[0, -1]]
+    x, y, z = asked.box.vertices.T
+    asked.target = Mesh(np.stack([x, y - x**2 / 2, z], axis=1), asked.box.faces)
+    ends = x.argsort()[[0, -1]]
     others = asked.turns[False][2][ends]
     assert (np.abs(asked.box.vertices[ends] - asked.box.vertices[others]).max(axis=1) > 1).all()
     with pytest.warns(UnbendWarning, match="landmark . is left aside"):
         found = asked(landmarks=np.stack([ends, others], axis=1))
     assert found.missed_landmarks == (0, 1)
     assert [one.landmarks.tolist() for one in seen] == [ends.tolist(), others.tolist()]
+    for one, mesh in zip(seen, (asked.box, asked.target), strict=True):
+        np.testing.assert_allclose(
+            one.vertices, prepare_shape(mesh, 20, True).shape.vertices, atol=1e-9
+        )
 
 
 class EnoughError(Exception):

@@ -243,6 +243,8 @@ def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
     np.testing.assert_array_equal(start.backward, every)
     turns = np.tile(np.eye(3), (len(every), 1, 1))
     np.testing.assert_allclose(start.source.rotations, turns, atol=1e-6)
+    assert [one.within.dtype for one in start[2:]] == [bool, bool]
+    assert start.source.within.all()
     smooth = shape.basis @ shape.position_coefficients
     np.testing.assert_allclose(start.source.places, smooth, atol=1e-9)
     assert np.linalg.norm(smooth - shape.vertices, axis=1).max() < 0.05
@@ -523,3 +525,24 @@ def test_half_of_the_area_is_larger_than_the_median(
     moving = _Moving(standing, standing, [Pose(grown, still, height < np.inf)])
     moving.covariances = local_covariances(standing, standing.vertices, moving.places)
     assert moving.stretch() == pytest.approx([median], rel=0.03)
+
+
+@pytest.mark.parametrize("both", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_normals_do_not_lead_away_from_a_rim(both: bool, first: bool) -> None:
+    """Of a square onto itself, where the rim faces another way, but what lies beside it not."""
+    part, whole = (
+        prepare_shape(make_sheet(13), 10, False, partial=one).shape for one in (True, both)
+    )
+    every, aside = np.arange(169)[:, None], np.tile([1.0, 0, 0], (169, 1))
+    whole.__dict__["normals"] = aside
+    part.__dict__["normals"] = np.where(part.on_rim[:, None], [0, 0, 1], aside)
+    still = np.tile(np.eye(3), (169, 1, 1))
+    ours, theirs = (
+        _Moving(one, other, [Pose(one.vertices, still, every[:, 0] >= 0)])
+        for one, other in ((whole, part), (part, whole))
+    )
+    _closest(*((theirs, ours) if first else (ours, theirs)), every, every)
+    np.testing.assert_array_equal(ours.within[:, 0], ~part.on_rim)
+    if not both:
+        assert theirs.within.all()
