@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from unbend._arrays import unit_of
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.matching._kernels import faces_around
@@ -31,8 +30,6 @@ def closest_faces(
         Barycentric coordinates: non-negative, each row sums to one.
     """
     fans = faces_around(triangles, len(positions))
-    unit = unit_of(positions)  # the eighth powers of lengths would not fit into float64
-    points, positions = points / unit, positions / unit
     return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
 
 
@@ -86,12 +83,14 @@ def _least(gram, best, trial):  # type: ignore[no-untyped-def]
         )
     total = trial[0] + trial[1] + trial[2]
     if total > 0 and trial[0] >= 0 and trial[1] >= 0 and trial[2] >= 0:
+        for a in range(3):
+            trial[a] /= total  # the fourth power of a length: its square might not be a float64
         value = 0.0
         for a in range(3):
             for b in range(3):
-                value += trial[a] * trial[b] * gram[a, b] / (total * total)
+                value += trial[a] * trial[b] * gram[a, b]
         if value < least:
             least = value
             for a in range(3):
-                best[a] = trial[a] / total
+                best[a] = trial[a]
     return least
