@@ -1,5 +1,6 @@
 """Matches and functional maps come back as they were written; damaged archives are refused."""
 
+import io
 import struct
 import tracemalloc
 import zipfile
@@ -15,6 +16,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from unbend.errors import FileError, InputError
 from unbend.matching import (
     Match,
+    _archive,
     read_functional_map,
     read_match,
     write_functional_map,
@@ -32,6 +34,8 @@ RIGHT = Match(
     hypotheses=(Hypothesis(-2.0, 0.7), Hypothesis(-1.5, 0.4)),
     faces=np.array([0, 0, -1]),
     weights=np.array([[1, 0, 0], [0, 1, 0], [np.nan] * 3]),
+    overlap_source=0.7,
+    overlap_target=0.9,
 )
 BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0, 0.0)
 
@@ -101,6 +105,10 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("confidence", np.array("high")),
         ("orientation", np.array(np.nan)),
         ("orientation", np.array(-1.5)),
+        ("orientation", np.array(1.5)),
+        ("confidence", np.array(1.5)),
+        ("overlap_source", np.array(-0.5)),
+        ("overlap_target", np.array(1.5)),
         ("hypotheses", np.array([[-2.0, 0.7], [-1.0, -1.5]])),
         ("hypotheses", np.array([[-2.0, 0.7], [-1.0, 1.5]])),
         ("weights", np.array([[-1.0, 1, 1], [0, 1, 0], [np.nan] * 3])),
@@ -119,6 +127,7 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("weights", np.array([[1, 0, 0], [0, 7, 0], [np.nan] * 3])),
         ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3])),
         ("weights", np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3])),
+        ("weights", np.array([[1, 0, 0], [0, 1, 0], [np.nan, 0, 0]])),
         ("mirrored", np.array([0, 1])),
         ("mirrored", np.array([0, 1, 2])),
     ],
@@ -127,6 +136,30 @@ def test_wrong_arrays_are_named(tmp_path: Path, name: str, value: np.ndarray) ->
     _alter(tmp_path / "match.npz", name, value)
     with pytest.raises(FileError, match=rf"match\.npz: its {name}\b"):
         read_match(tmp_path / "match.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("residual", np.zeros(3), r"float64 of shape \(3,\), not a number"),
+        ("functional_map", np.zeros(3), "not a table of 2 dimensions"),
+        ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3]), "row 1 do not go with face 0"),
+    ],
+)
+def test_what_is_wrong_with_an_array_is_said(
+    tmp_path: Path, name: str, value: np.ndarray, sentence: str
+) -> None:
+    _alter(tmp_path / "match.npz", name, value)
+    with pytest.raises(FileError, match=sentence):
+        read_match(tmp_path / "match.npz")
+
+
+@pytest.mark.parametrize("name", ["functional_map", "weights"])
+def test_numbers_of_fewer_digits_are_read_as_any_other(tmp_path: Path, name: str) -> None:
+    _alter(tmp_path / "match.npz", name, getattr(RIGHT, name).astype(np.float32))
+    found = getattr(read_match(tmp_path / "match.npz"), name)
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, getattr(RIGHT, name))
 
 
 def _alter(path: Path, name: str, value: np.ndarray | None) -> None:
@@ -161,6 +194,20 @@ def test_small_files_stay_small_in_memory(tmp_path: Path, name: str, reader) -> 
     assert peak < 10e6
 
 
+def test_what_is_large_may_not_be_packed_too_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, many = tmp_path / "match.npz", np.zeros(100_000, dtype=np.int64)
+    write_match(path, Match(many, many, np.eye(1), 0.0, 0.0, 0.0))
+    assert path.stat().st_size < many.nbytes / 200
+    np.testing.assert_array_equal(read_match(path).source_to_target, many)  # not large
+    monkeypatch.setattr(_archive, "_ALWAYS_ALLOWED", 0)
+    with pytest.raises(FileError, match="its source_to_target would grow"):
+        read_match(path)
+    write_match(path, RIGHT)
+    assert read_match(path).orientation == RIGHT.orientation
+
+
 def test_a_directory_that_lies_about_a_size_is_not_believed(tmp_path: Path) -> None:
     path = tmp_path / "match.npz"
     write_match(path, RIGHT)
@@ -173,6 +220,20 @@ def test_a_directory_that_lies_about_a_size_is_not_believed(tmp_path: Path) -> N
             read_match(path)
 
 
+def test_what_numpy_would_not_write_is_refused(tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    np.save(stream, np.eye(2))
+    for names, packing, sentence in (
+        (("functional_map.npy", "functional_map"), zipfile.ZIP_STORED, "two arrays of one name"),
+        (("functional_map.npy",), zipfile.ZIP_BZIP2, "its functional_map is packed in a way"),
+    ):
+        with zipfile.ZipFile(tmp_path / "map.npz", "w", packing) as archive:
+            for name in names:
+                archive.writestr(name, stream.getvalue())
+        with pytest.raises(FileError, match=sentence):
+            read_functional_map(tmp_path / "map.npz")
+
+
 def test_pickles_are_never_opened(tmp_path: Path) -> None:
     np.savez(tmp_path / "map.npz", functional_map=np.array([{"a": 1}], dtype=object))
     with pytest.raises(FileError, match="not numbers or text"):
@@ -180,7 +241,9 @@ def test_pickles_are_never_opened(tmp_path: Path) -> None:
 
 
 def test_only_functional_maps_are_written(tmp_path: Path) -> None:
-    for wrong in ([1.0], [[np.nan]], np.zeros((0, 2))):
+    for wrong in ([1.0], [[np.nan]], [[np.nan, 1.0]], np.zeros((0, 2))):
         with pytest.raises(InputError, match="table of finite numbers"):
             write_functional_map(tmp_path / "map.npz", wrong)
+    with pytest.raises(InputError, match="a ndarray is no Match"):
+        write_match(tmp_path / "match.npz", np.zeros(3))  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []

@@ -52,6 +52,11 @@ def test_every_chosen_point_is_the_farthest_from_those_before_it(d: int) -> None
     assert len(np.unique(kernels.farthest_points(points, 60, 0))) == 60
 
 
+def test_of_points_that_are_equally_far_the_first_is_chosen() -> None:
+    points = np.array([[0.0, 0], [3, 4], [1, 1], [5, 0], [-4, 3], [0, -5]])
+    np.testing.assert_array_equal(kernels.farthest_points(points, 3, 0), [0, 1, 4])
+
+
 def _walk(left: np.ndarray, right: np.ndarray, guess: np.ndarray, graph) -> np.ndarray:
     steps = graph.indptr, graph.indices
     return kernels.walk(left, right, guess, *steps, *steps)
@@ -226,7 +231,9 @@ def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
     turns = _rotations(8, 2.0, 0)
     flat = turns @ (rng.standard_normal((8, 3, 1)) * rng.standard_normal((8, 1, 3)))  # of rank 1
     equal = [np.eye(3), -np.eye(3), np.diag([1.0, 1, -1]), np.diag([2.0, 2, 1]), np.zeros((3, 3))]
-    matrices = np.concatenate([equal, matrices, turns, -turns, flat])
+    left, right = _rotations(60, 3.0, 1), _rotations(60, 3.0, 2)
+    alike = [left @ np.diag(one) @ right for one in ([2.0, 2, 1], [3, 0.5, 0.5])]
+    matrices = np.concatenate([equal, matrices, turns, -turns, flat, *alike])
     best = nearest_rotation(matrices.transpose(0, 2, 1))
     expected = np.einsum("iab,iba->i", best, matrices)
     sizes = np.linalg.norm(matrices, axis=(1, 2))

@@ -1,20 +1,25 @@
 """Matching: truths on shapes whose correspondence is known, and on real ones where given."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from unbend import Mesh, align, read_mesh, spectrum
+from unbend.choices import Partial
 from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
-from unbend.matching import _match, match, prepare_spectrum, symmetry
+from unbend.matching import Match, _match, match, prepare_spectrum, symmetry
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate
-from unbend.matching._polish import refined
+from unbend.matching._judge import Candidate, judge
+from unbend.matching._match import _match_by_icp
+from unbend.matching._polish import refined, with_partners
+from unbend.matching._registration import Pose, Registered
 from unbend.matching._solve import Sides, candidates, make_sides
+from unbend.mesh import vertex_areas
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -278,6 +283,11 @@ def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:
         match(blob, blob, method="magic")
     with pytest.raises(InputError, match="n_eigenpairs"):
         match(blob, blob, n_eigenpairs=2)
+    with pytest.raises(InputError, match="partial must be one of auto, none"):
+        match(blob, blob, partial="half")  # type: ignore[arg-type]
+    for wrong in (0, 1.5, True):
+        with pytest.raises(InputError, match="n_matches must be a whole number of at least 1"):
+            match(blob, blob, n_matches=wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("source", "target"), [("cat0", "cat1"), ("david0", "david1")])
@@ -311,3 +321,287 @@ def test_places_on_faces_are_those_of_the_mesh_as_given(blob: Mesh) -> None:
         for one, mesh in ((plain, blob), (found, other))
     ]
     np.testing.assert_allclose(places[1], places[0], atol=1e-8)
+
+
+class Asked:
+    """Stages of a match in which candidates are given, and nothing is refined; what each is asked.
+
+    Candidates are a box's half turns, itself first, and as many that turn it inside out.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.searches: list[tuple[bool, bool]] = []
+        self.settled = 0
+        self.polished: list[bool] = []
+        self.torn: list[float] = []
+        self.within = [np.ones(162, dtype=bool)] * 2  # which vertices have partners
+        self.costs = {False: [0.1, 0.12, 0.3, 0.4], True: [0.2, 0.25, 0.5, 0.6]}
+        ball = make_sphere(2)
+        self.box = self.target = Mesh(ball.vertices * [1.6, 1, 0.7], ball.faces)
+        points = np.round(self.box.vertices, 9)
+        signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+        order = {tuple(point): i for i, point in enumerate(points + 0.0)}
+        self.turns = {
+            turned: [
+                np.array([order[tuple(one)] for one in points * row * sign + 0.0]) for row in signs
+            ]
+            for turned, sign in ((False, 1), (True, -1))
+        }
+
+        def search(sides: Sides, progress: Any, thorough: bool) -> list[Candidate]:
+            self.searches.append((sides.turned, thorough))
+            if progress is not None:
+                progress("search", 1.0)
+            ours, theirs = sides.proxies
+            still = np.tile(np.eye(3), (162, 1, 1))
+            found = []
+            for cost, way in zip(self.costs[sides.turned], self.turns[sides.turned], strict=True):
+                one = Pose(theirs.vertices[way], still, self.within[0])
+                other = Pose(ours.vertices[way], still, self.within[1])
+                judged = judge(ours, theirs, Registered(way, way, one, other), sides.turned)
+                found.append(replace(judged, energy=cost))
+            return found
+
+        def settle(sides: Sides, found: list[Candidate]) -> tuple[list[Candidate], dict]:
+            self.settled += 1
+            return found, {}
+
+        def refine(sides: Sides, one: Candidate, *, polish: bool = True) -> Candidate:
+            self.polished.append(polish)
+            return refined(sides, one, polish=False)
+
+        def partners(one: Candidate, sides: Sides, torn: float) -> Candidate:
+            self.torn.append(torn)
+            return with_partners(one, sides, torn)
+
+        monkeypatch.setattr(_match, "candidates", search)
+        monkeypatch.setattr(_match, "settled", settle)
+        monkeypatch.setattr(_match, "refined", refine)
+        monkeypatch.setattr(_match, "with_partners", partners)
+
+    def __call__(self, **options: Any) -> Match:
+        for one in (self.searches, self.polished, self.torn):
+            one.clear()
+        self.settled = 0
+        return match(self.box, self.target, n_eigenpairs=20, **options)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
+    return Asked(monkeypatch)
+
+
+def test_several_ways_are_searched_for_and_mirror_images_only_where_asked(asked: Asked) -> None:
+    found = asked()
+    assert asked.searches == [(False, False)]
+    np.testing.assert_array_equal(found.source_to_target, asked.turns[False][0])
+    assert (found.mirrored, found.alternatives) == (None, ())
+    assert [one.energy for one in found.hypotheses] == asked.costs[False]
+    np.testing.assert_allclose(found.functional_map, np.eye(20), atol=1e-6)
+    found = asked(n_matches=2)
+    assert asked.searches == [(False, True)]
+    (other,) = found.alternatives
+    np.testing.assert_array_equal(other.source_to_target, asked.turns[False][1])
+    assert found.confidence > other.confidence
+    found = asked(mirrored=True)
+    assert asked.searches == [(False, False), (True, False)]
+    np.testing.assert_array_equal(found.source_to_target, asked.turns[False][0])
+    np.testing.assert_array_equal(found.mirrored, asked.turns[True][0])
+    assert found.orientation == pytest.approx(1)
+    assert [one.energy for one in found.hypotheses] == asked.costs[False]
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_a_map_that_turns_the_surface_inside_out_is_taken_where_allowed_if_it_is_better(
+    asked: Asked, better: bool
+) -> None:
+    asked.costs[False] = [0.3, 0.31, 0.32, 0.33] if better else [0.1, 0.21, 0.22, 0.23]
+    found = asked(allow_mirror=True, n_matches=9)
+    assert asked.searches == [(False, True), (True, True)]
+    assert found.mirrored is None
+    np.testing.assert_array_equal(found.source_to_target, asked.turns[better][0])
+    assert found.orientation == pytest.approx(-1 if better else 1)
+    assert len(found.alternatives) == 7
+    energies = [one.energy for one in found.hypotheses]
+    assert energies == sorted([*asked.costs[False], *asked.costs[True]])
+    assert sum(one.orientation < 0 for one in found.hypotheses) == 4
+
+
+@pytest.mark.parametrize("refine", [None, True, False])
+def test_maps_are_polished_unless_asked_not_to(asked: Asked, refine: bool | None) -> None:
+    asked(refine=refine, mirrored=True, n_matches=2)
+    polish = refine is not False
+    assert asked.settled == polish
+    assert asked.polished == [polish] * 3
+
+
+@pytest.mark.parametrize("partial", get_args(Partial))
+def test_small_holes_leave_nothing_without_partner_unless_asked_to(
+    asked: Asked, partial: Partial
+) -> None:
+    asked(partial=partial, mirrored=True)
+    assert asked.torn == [1 / 50 if partial == "auto" else 0] * 2
+
+
+def test_how_far_it_is_is_told_after_each_of_the_matches(asked: Asked) -> None:
+    told: list[tuple[str, float]] = []
+    asked(n_matches=4, progress=lambda *stage: told.append(stage))
+    assert told[:2] == [("spectrum", 1.0), ("search", 1.0)]
+    assert told[2:] == [("refine", share) for share in (0.25, 0.5, 0.75, 1.0)]
+
+
+def test_what_has_no_partner_is_not_shared(asked: Asked) -> None:
+    asked.within[0] = asked.box.vertices[:, 0] > 0.4
+    found = asked(partial="none", barycentric=True)
+    matched = found.source_to_target >= 0
+    np.testing.assert_array_equal(matched[asked.within[0]], True)
+    np.testing.assert_array_equal(matched[asked.box.vertices[:, 0] < 0], False)
+    assert (found.target_to_source >= 0).all()
+    areas = vertex_areas(asked.box)
+    assert found.overlap_source == pytest.approx(areas[matched].sum() / areas.sum(), rel=0.02)
+    assert found.overlap_target == 1
+    np.testing.assert_array_equal(found.faces == -1, ~matched)
+    np.testing.assert_array_equal(np.isnan(found.weights).all(axis=1), ~matched)
+    np.testing.assert_allclose(found.weights[matched].sum(axis=1), 1)
+    shares = np.linalg.eigvalsh(found.functional_map)  # how much of a function is on the part
+    assert -1e-6 < shares.min() < 0.1
+    assert 0.9 < shares.max() < 1 + 1e-6
+    asked.within = asked.within[::-1]
+    back = asked(partial="none")
+    assert (back.overlap_source, back.overlap_target) == (1, found.overlap_source)
+    np.testing.assert_array_equal(back.target_to_source >= 0, matched)
+
+
+def test_each_of_several_matches_has_places_on_faces_if_asked(asked: Asked) -> None:
+    """Of the target, which is bent: its middle stays, and its ends go down."""
+    x, y, z = asked.box.vertices.T
+    asked.target = Mesh(np.stack([x, y - x**2 / 2, z], axis=1), asked.box.faces)
+    found = asked(n_matches=2, barycentric=True)
+    for one in (found, *found.alternatives):
+        corners = asked.target.vertices[asked.target.faces[one.faces]]
+        places = np.einsum("ij,ijk->ik", one.weights, corners)
+        expected = asked.target.vertices[one.source_to_target]
+        np.testing.assert_allclose(places, expected, atol=1e-6)
+    plain = asked(n_matches=2)
+    assert [(one.faces, one.weights) for one in (plain, *plain.alternatives)] == [(None, None)] * 2
+
+
+def test_a_vertex_that_no_face_uses_is_on_no_face(asked: Asked) -> None:
+    asked.box = Mesh(np.concatenate([asked.box.vertices, [[9, 9, 9]]]), asked.box.faces)
+    with pytest.warns(UnbendWarning, match="unreferenced"):
+        found = asked(barycentric=True)
+    np.testing.assert_array_equal(np.flatnonzero(found.source_to_target < 0), [162])
+    np.testing.assert_array_equal(np.flatnonzero(found.faces == -1), [162])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found.weights).any(axis=1)), [162])
+    assert np.isnan(found.weights[162]).all()
+
+
+def test_landmarks_are_vertices_of_source_and_target(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    sides = _match.make_sides
+    monkeypatch.setattr(_match, "make_sides", lambda *shapes: seen.extend(shapes) or sides(*shapes))
+    x, y, z = asked.box.vertices.T
+    asked.target = Mesh(np.stack([x, y - x**2 / 2, z], axis=1), asked.box.faces)
+    ends = x.argsort()[[0, -1]]
+    others = asked.turns[False][2][ends]
+    assert (np.abs(asked.box.vertices[ends] - asked.box.vertices[others]).max(axis=1) > 1).all()
+    with pytest.warns(UnbendWarning, match="landmark . is left aside"):
+        found = asked(landmarks=np.stack([ends, others], axis=1))
+    assert found.missed_landmarks == (0, 1)
+    assert [one.landmarks.tolist() for one in seen] == [ends.tolist(), others.tolist()]
+    for one, mesh in zip(seen, (asked.box, asked.target), strict=True):
+        np.testing.assert_allclose(
+            one.vertices, prepare_shape(mesh, 20, True).shape.vertices, atol=1e-9
+        )
+
+
+class EnoughError(Exception):
+    """What comes afterwards is of no interest."""
+
+
+@pytest.mark.parametrize(
+    ("options", "torn", "n_eigenpairs"),
+    [
+        ({}, [True, True], 150),
+        ({"partial": "both"}, [True, True], 150),
+        ({"partial": "none"}, [False, False], 150),
+        ({"partial": "source"}, [True, False], 150),
+        ({"partial": "target", "n_eigenpairs": 4}, [False, True], 4),
+        ({"method": "icp"}, [False, False], 4),
+    ],
+)
+@pytest.mark.parametrize("cache", [None, False])
+def test_what_is_a_part_and_how_many_functions_are_needed(
+    monkeypatch: pytest.MonkeyPatch,
+    blob: Mesh,
+    options: dict[str, Any],
+    torn: list[bool],
+    n_eigenpairs: int,
+    cache: bool | None,
+) -> None:
+    asked: list[Any] = []
+
+    def prepare(meshes: Any, *others: Any) -> None:
+        asked.extend(others)
+        raise EnoughError
+
+    monkeypatch.setattr(_match, "prepare_shapes", prepare)
+    with pytest.raises(EnoughError):
+        match(blob, blob, **options, **({} if cache is None else {"cache": cache}))
+    assert asked == [n_eigenpairs, cache is None, torn]
+
+
+@pytest.mark.parametrize("cache", [None, False])
+def test_a_symmetry_asks_for_as_many_functions_as_a_match(
+    monkeypatch: pytest.MonkeyPatch, blob: Mesh, cache: bool | None
+) -> None:
+    asked: list[Any] = []
+
+    def prepare(mesh: Any, *others: Any) -> None:
+        asked.extend(others)
+        raise EnoughError
+
+    monkeypatch.setattr(_match, "prepare_shape", prepare)
+    with pytest.raises(EnoughError):
+        symmetry(blob, **({} if cache is None else {"cache": cache}))
+    assert asked == [150, cache is None]
+    for wrong in (3, 4.5, True):
+        with pytest.raises(InputError, match="n_eigenpairs must be a whole number of at least 4"):
+            symmetry(blob, n_eigenpairs=wrong)  # type: ignore[arg-type]
+
+
+def test_landmarks_that_are_no_pairs_are_refused_and_so_are_too_many(asked: Asked) -> None:
+    for wrong in ([1, 2], [[1, 2, 3]], [[[1, 2], [3, 4]]], np.zeros((0, 2), dtype=int), 5):
+        with pytest.raises(InputError, match="landmarks must be rows of two vertex numbers"):
+            asked(landmarks=wrong)
+    with pytest.raises(InputError, match="landmarks: rows have different lengths"):
+        asked(landmarks=[[1, 2], [3]])
+    with pytest.raises(InputError, match="give at most 7 landmarks, not 8"):
+        asked(landmarks=[(i, i) for i in range(8)])
+    assert asked(landmarks=[(i, i) for i in range(7)]).missed_landmarks == ()
+
+
+def test_icp_takes_as_many_functions_as_both_shapes_have() -> None:
+    corners = np.concatenate([np.eye(3), -np.eye(3)]) * [1, 1.5, 2.5]
+    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    few = Mesh(corners, np.array(faces))
+    ball = make_sphere(2)
+    egg = Mesh(ball.vertices * [1, 1.5, 2.5], ball.faces)
+    for pair in ((few, egg), (egg, few)):
+        found = match(*pair, method="icp")
+        assert found.functional_map.shape == (3, 3)
+        assert found.residual < 2
+
+
+def test_icp_turns_the_form_of_the_source_onto_that_of_the_target(blob: Mesh) -> None:
+    """Of a shape and itself, by functions of one frequency that are others' sums."""
+    ours = prepare_shape(blob, 4, True)
+    shape = replace(ours.shape, eigenvalues=np.full(3, 2.0))
+    turned = replace(shape, basis=shape.basis @ _rotation(4))
+    found = _match_by_icp(ours._replace(shape=shape), ours._replace(shape=turned))
+    np.testing.assert_array_equal(found.source_to_target, np.arange(blob.n_vertices))
+    np.testing.assert_array_equal(found.target_to_source, np.arange(blob.n_vertices))
+    assert found.residual < 1e-6
+    assert found.orientation > 0.9

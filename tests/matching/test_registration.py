@@ -14,11 +14,14 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import judge
 from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import (
+    _POSITIONS,
+    NORMAL_WEIGHT,
     PULLS,
     Pose,
     Registered,
     _closest,
     _Moving,
+    bearable,
     landing_places,
     lift,
     local_covariances,
@@ -63,6 +66,18 @@ def _agree(one: np.ndarray, other: np.ndarray, goal: Shape) -> bool:
     """Whether two maps are the same but for what rounding decides: a vertex, or its neighbour."""
     apart = np.linalg.norm(goal.vertices[one] - goal.vertices[other], axis=1)
     return bool((one == other).mean() > 0.9 and apart.mean() < 0.004)
+
+
+def _shuffled(shape: Shape, order: np.ndarray) -> Shape:
+    """The same shape, its vertices in another order."""
+    return Shape(
+        shape.vertices[order],
+        np.argsort(order)[shape.faces],
+        shape.areas[order],
+        shape.eigenvalues,
+        shape.basis[order],
+        shape.partial,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -192,13 +207,7 @@ def test_the_order_of_vertices_does_not_matter(
     standing: Shape, walking: Shape, found: Registered
 ) -> None:
     order = np.random.default_rng(1).permutation(700)
-    shuffled = Shape(
-        walking.vertices[order],
-        np.argsort(order)[walking.faces],
-        walking.areas[order],
-        walking.eigenvalues,
-        walking.basis[order],
-    )
+    shuffled = _shuffled(walking, order)
     again = _registered(standing, shuffled, _same_numbers(standing, walking, 12))
     assert _agree(order[again.forward], found.forward, walking)
     assert _agree(again.backward, found.backward[order], standing)
@@ -234,6 +243,8 @@ def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
     np.testing.assert_array_equal(start.backward, every)
     turns = np.tile(np.eye(3), (len(every), 1, 1))
     np.testing.assert_allclose(start.source.rotations, turns, atol=1e-6)
+    assert [one.within.dtype for one in start[2:]] == [bool, bool]
+    assert start.source.within.all()
     smooth = shape.basis @ shape.position_coefficients
     np.testing.assert_allclose(start.source.places, smooth, atol=1e-9)
     assert np.linalg.norm(smooth - shape.vertices, axis=1).max() < 0.05
@@ -356,3 +367,182 @@ def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: 
     assert (off > 3).any()
     assert not found.target.within[off > 3].any()
     assert found.target.within[off < 1].all()
+
+
+@pytest.mark.parametrize(("ours", "theirs"), [(True, False), (False, True)])
+def test_maps_begin_as_they_are_and_of_their_size_if_either_is_a_part(
+    standing: Shape, ours: bool, theirs: bool
+) -> None:
+    order = np.random.default_rng(0).permutation(700)
+    source = replace(standing, partial=ours)
+    target = replace(_shuffled(standing, order), partial=theirs)
+    found = mapped_start(source, target, np.argsort(order), order, 1.3)
+    np.testing.assert_array_equal(found.forward, np.argsort(order))
+    np.testing.assert_array_equal(found.backward, order)
+    assert found.source.size == 1.3
+    for pose, shape in ((found.source, source), (found.target, target)):
+        assert pose.within.dtype == bool
+        smooth = shape.patches.solve(shape.areas[:, None] * shape.vertices)
+        np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
+
+
+def test_a_smooth_start_is_one_of_vertices_in_any_order(standing: Shape, walking: Shape) -> None:
+    order = np.random.default_rng(1).permutation(700)
+    beside = standing.faces[np.unique(standing.faces.ravel(), return_index=True)[1] // 3, 0]
+    shuffled = _shuffled(walking, order)
+    grown = _same_numbers(standing, walking, 30)
+    near = mapped_start(standing, shuffled, np.argsort(order)[beside], beside[order], 1.0)
+    found = smooth_start(standing, shuffled, grown, near)
+    plain = smooth_start(
+        standing, walking, grown, mapped_start(standing, walking, beside, beside, 1.0)
+    )
+    assert _mean_error(order[found.forward], walking) < 0.02
+    assert _mean_error(found.backward[np.argsort(order)], standing) < 0.02
+    assert _agree(order[found.forward], plain.forward, walking)
+    assert _agree(found.backward, plain.backward[order], standing)
+
+
+def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
+    fine, coarse = (
+        prepare_shape(make_sheet(side), 10, False, partial=True).shape for side in (13, 7)
+    )
+    pulls = (1.0, 10.0, 3000.0, 9000.0)
+    most = 1 / coarse.edge**2
+    assert pulls[1] < most < pulls[2]
+    whole = replace(fine, partial=False), replace(coarse, partial=False)
+    for pair in ((fine, coarse), (coarse, fine), (whole[0], coarse), (fine, whole[1])):
+        found = bearable(*pair, pulls)
+        assert found[:2] == pulls[:2]
+        assert found[2:] == pytest.approx([most])
+        assert bearable(*pair, pulls, 2)[-1] == pytest.approx(most / 4)
+    assert bearable(*whole, pulls) == pulls
+
+
+def test_closest_points_of_parts_are_sought_by_both_positions(walking: Shape) -> None:
+    """Which are columns of rows that tell of normals, too, whichever pose comes first."""
+    turn = _turn(5)
+    moving = _Moving(
+        walking,
+        walking,
+        [Pose(walking.vertices @ turn.T, np.tile(turn, (700, 1, 1)), np.arange(700) >= 0)],
+    )
+    ahead, rest = walking.vertices @ turn.T, walking.vertices
+    for columns, places in (((0, 6), (ahead, rest)), ((6, 0), (rest, ahead))):
+        rows = moving.rows(*columns)[:, 0]
+        np.testing.assert_allclose(rows[:, _POSITIONS], np.hstack(places), atol=1e-12)
+        normals = np.delete(rows, _POSITIONS, axis=1)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), np.sqrt(2) * NORMAL_WEIGHT)
+
+
+@pytest.mark.parametrize("size", [1.0, 1.3])
+def test_how_far_something_is_beyond_a_rim(size: float) -> None:
+    """Of a square, and one that is drawn larger around it; in the smaller one's unit."""
+    ours, theirs = (
+        prepare_shape(make_sheet(side), 10, False, partial=True).shape for side in (13, 6)
+    )
+    wide, still = 1.5 * ours.vertices, np.tile(np.eye(3), (169, 1, 1))
+    ours = replace(ours, vertices=size * wide)
+    moving = _Moving(ours, theirs, [Pose(wide, still, np.ones(169, dtype=bool), 1 / size)])
+    other = _Moving(
+        theirs,
+        ours,
+        [Pose(size * theirs.vertices, still[:36], np.ones(36, dtype=bool), size)],
+    )
+    nearest = np.linalg.norm(wide[:, None] - theirs.vertices, axis=2).argmin(axis=1)
+    half = theirs.vertices[:, 0].max()
+    over = np.abs(wide) - half  # along either axis, negative inside
+    on_side = np.isclose(np.abs(theirs.vertices[nearest]), half)[:, :2]
+    expected = (over[:, :2] * on_side).sum(axis=1) / np.sqrt(np.maximum(on_side.sum(axis=1), 1))
+    assert expected.max() > 0.3
+    found = moving.beyond(other, nearest[:, None])
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("parts", [(False, False), (True, False), (False, True)])
+def test_how_much_larger_a_part_is_found_unless_asked_not_to(
+    standing: Shape, parts: tuple[bool, bool]
+) -> None:
+    every, still = np.arange(200), np.tile(np.eye(3), (200, 1, 1))
+    coarse = make_proxy(standing, 200).shape
+    ours = replace(coarse, partial=parts[0])
+    theirs = replace(coarse, vertices=1.3 * coarse.vertices, partial=parts[1])
+    start = Registered(
+        every,
+        every,
+        Pose(theirs.vertices, still, every >= 0),
+        Pose(ours.vertices, still, every >= 0),
+    )
+    for options, resized in (({}, True), ({"resize": True}, True), ({"resize": False}, False)):
+        (found,) = register(ours, theirs, [start], PULLS[:1], 8, **options)
+        size = 1.3 if any(parts) and resized else 1
+        assert found.source.size == pytest.approx(size, rel=0.02)
+        assert found.target.size == pytest.approx(1 / size, rel=0.02)
+
+
+@pytest.mark.parametrize("part_first", [False, True])
+@pytest.mark.parametrize("both", [False, True])
+def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both: bool) -> None:
+    """Of a square within a wider one, which leads back even from its sides."""
+    part, wide = (
+        prepare_shape(make_sheet(side), 10, False, partial=one).shape
+        for side, one in ((6, True), (13, both))
+    )
+    wide = replace(wide, vertices=1.5 * wide.vertices)
+    apart = np.linalg.norm(wide.vertices[:, None] - part.vertices, axis=2)
+    every = [
+        Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.ones(n, dtype=bool))
+        for one, n in ((part, 36), (wide, 169))
+    ]
+    shapes, maps = [part, wide], [apart.argmin(axis=0), apart.argmin(axis=1)]
+    if not part_first:
+        shapes, maps, every = shapes[::-1], maps[::-1], every[::-1]
+    (found,) = register(*shapes, [Registered(*maps, *every)], PULLS[:1], 1)
+    small, large = found[2:] if part_first else found[:1:-1]
+    assert small.within.all()
+    assert large.within[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()
+    assert not large.within[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
+
+
+def test_what_has_no_partner_stays_where_it_is(standing: Shape) -> None:
+    every, still = np.arange(700)[:, None], np.tile(np.eye(3), (700, 1, 1))
+    goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
+    moving = _Moving(standing, goal, [Pose(standing.vertices, still, every[:, 0] < 0)])
+    moving.step(300.0, every, every, every < 0)
+    np.testing.assert_allclose(moving.places[:, 0], standing.vertices, atol=1e-8)
+
+
+@pytest.mark.parametrize(("share", "median"), [(0.4, 2.0), (0.6, 1.5)])
+def test_half_of_the_area_is_larger_than_the_median(
+    standing: Shape, share: float, median: float
+) -> None:
+    height = standing.vertices[:, 1]
+    order = np.argsort(height)
+    below = np.cumsum(standing.areas[order]) < share
+    lower = np.zeros(700, dtype=bool)
+    lower[order[below]] = True
+    still = np.tile(np.eye(3), (700, 1, 1))
+    grown = standing.vertices * np.where(lower, 1.5, 2)[:, None]
+    moving = _Moving(standing, standing, [Pose(grown, still, height < np.inf)])
+    moving.covariances = local_covariances(standing, standing.vertices, moving.places)
+    assert moving.stretch() == pytest.approx([median], rel=0.03)
+
+
+@pytest.mark.parametrize("both", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_normals_do_not_lead_away_from_a_rim(both: bool, first: bool) -> None:
+    """Of a square onto itself, where the rim faces another way, but what lies beside it not."""
+    part, whole = (
+        prepare_shape(make_sheet(13), 10, False, partial=one).shape for one in (True, both)
+    )
+    every, aside = np.arange(169)[:, None], np.tile([1.0, 0, 0], (169, 1))
+    whole.__dict__["normals"] = aside
+    part.__dict__["normals"] = np.where(part.on_rim[:, None], [0, 0, 1], aside)
+    still = np.tile(np.eye(3), (169, 1, 1))
+    ours, theirs = (
+        _Moving(one, other, [Pose(one.vertices, still, every[:, 0] >= 0)])
+        for one, other in ((whole, part), (part, whole))
+    )
+    _closest(*((theirs, ours) if first else (ours, theirs)), every, every)
+    np.testing.assert_array_equal(ours.within[:, 0], ~part.on_rim)
+    if not both:
+        assert theirs.within.all()

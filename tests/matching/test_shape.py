@@ -9,7 +9,18 @@ from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching import _inputs
 from unbend.matching._inputs import prepare_shape, prepare_shapes
 from unbend.matching._proxy import make_proxy
-from unbend.matching._shape import Shape, find_rim, wave_kernel_signature
+from unbend.matching._shape import (
+    _DETAIL,
+    _DETAIL_EDGES,
+    _PATCH,
+    _SHORTEST_RIM,
+    _SMALLEST_EIGENVALUE,
+    _TURNING,
+    Shape,
+    find_rim,
+    make_shape,
+    wave_kernel_signature,
+)
 from unbend.spectral import laplacian
 
 
@@ -35,6 +46,89 @@ def test_area_is_one_and_functions_are_orthonormal(blob: Mesh) -> None:
     gram = shape.basis.T @ (shape.areas[:, None] * shape.basis)
     np.testing.assert_allclose(gram, np.eye(shape.k), atol=1e-6)
     np.testing.assert_allclose(shape.areas @ shape.basis, 0, atol=1e-6)
+
+
+def test_positions_are_those_that_smooth_functions_come_closest_to(blob: Mesh) -> None:
+    shape = _shape(Mesh(7 * blob.vertices + 3, blob.faces))
+    off = shape.vertices - shape.basis @ shape.position_coefficients
+    np.testing.assert_allclose(shape.basis.T @ (shape.areas[:, None] * off), 0, atol=1e-6)
+
+
+def _sheet_and_eigenpairs(side: int) -> tuple[Mesh, np.ndarray, np.ndarray, np.ndarray]:
+    """A flat square with areas, eigenvalues and functions that need not be its own."""
+    sheet = make_sheet(side)
+    chance = np.random.default_rng(0)
+    areas, basis = chance.uniform(1, 2, side**2), chance.normal(size=(side**2, 4))
+    return sheet, areas, np.array([0, _SMALLEST_EIGENVALUE / 9, 3, 5]), basis
+
+
+def test_areas_and_faces_of_any_unit_and_type_are_taken_and_what_is_flat_is_not_turned() -> None:
+    sheet, areas, values, basis = _sheet_and_eigenpairs(4)
+    found = make_shape(5 * sheet.vertices, sheet.faces.astype(np.int32), areas, values, basis)
+    np.testing.assert_allclose(found.areas, areas / areas.sum())
+    np.testing.assert_allclose(found.areas @ found.vertices, 0, atol=1e-12)
+    np.testing.assert_allclose(found.vertices - found.vertices[0], sheet.vertices, atol=1e-12)
+    assert found.faces.dtype == np.int64
+    np.testing.assert_array_equal(found.eigenvalues, [_SMALLEST_EIGENVALUE, 3, 5])
+    np.testing.assert_array_equal(found.basis, basis[:, 1:])
+
+
+def test_a_part_is_what_is_said_to_be_one_and_ends_along_a_rim_that_is_not_tiny() -> None:
+    sheet, *pairs = _sheet_and_eigenpairs(9)
+    assert make_shape(sheet.vertices, sheet.faces, *pairs, partial=True).partial
+    assert not make_shape(sheet.vertices, sheet.faces, *pairs).partial
+    ball = make_sphere(2)
+    n = ball.n_vertices
+    pairs = [np.ones(n), np.arange(4.0), np.ones((n, 4))]
+    assert not make_shape(ball.vertices, ball.faces, *pairs, partial=True).partial
+    # A hole of one face, which is drawn together to a tenth of the shortest rim, or is not.
+    closing = np.ones((n, 1))
+    middle = ball.vertices[ball.faces[0]].mean(axis=0)
+    closing[ball.faces[0]] = _SHORTEST_RIM / 10
+    tight = middle + (ball.vertices - middle) * closing
+    for points, partial in ((ball.vertices, True), (tight, False)):
+        assert make_shape(points, ball.faces[1:], *pairs, partial=True).partial == partial
+
+
+def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
+    side = 6
+    part, whole = (
+        prepare_shape(make_sheet(side), 10, False, partial=one).shape for one in (True, False)
+    )
+    inside = (np.arange(side) % (side - 1) > 0).astype(int)
+    outline = (np.outer(inside, inside) == 0).ravel()
+    np.testing.assert_array_equal(part.on_rim, outline)
+    np.testing.assert_array_equal(part.rim, find_rim(part.vertices, part.faces))
+    assert not whole.on_rim.any()
+    assert whole.rim.shape == part.rim.shape
+    assert not whole.rim.any()
+    for shape in (part, whole):
+        assert shape.rim_length == pytest.approx(4)
+
+
+def test_lengths_and_ways_along_edges_of_a_square() -> None:
+    side = 6
+    sheet = make_sheet(side)
+    shape = prepare_shape(sheet, 10, False).shape
+    ends = np.concatenate([sheet.faces[:, [0, 1]], sheet.faces[:, [1, 2]], sheet.faces[:, [2, 0]]])
+    ends = np.unique(np.sort(ends, axis=1), axis=0)
+    long = np.linalg.norm(sheet.vertices[ends[:, 0]] - sheet.vertices[ends[:, 1]], axis=1)
+    assert shape.edge == pytest.approx(long.mean())
+    row, column = np.divmod(np.arange(side**2), side)
+    down, right = row - row[:, None], column - column[:, None]
+    # Every square has one diagonal, which leads down and to the left.
+    slanted = np.where(down * right < 0, np.minimum(abs(down), abs(right)), 0)
+    expected = abs(down) + abs(right) - (2 - np.sqrt(2)) * slanted
+    np.testing.assert_allclose(shape.ways, expected / (side - 1), atol=1e-12)
+
+
+def test_every_vertex_has_the_faces_around_it() -> None:
+    ball = make_sphere(1)
+    start, faces = _shape(ball, 10).fans
+    assert start[-1] == len(faces) == 3 * ball.n_faces
+    for vertex in range(ball.n_vertices):
+        mine = np.flatnonzero((ball.faces == vertex).any(axis=1))
+        np.testing.assert_array_equal(np.sort(faces[start[vertex] : start[vertex + 1]]), mine)
 
 
 def test_side_by_side_shapes_are_prepared_as_one_by_one(
@@ -67,9 +161,6 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_allclose(mirror.stiffness.toarray(), fresh.stiffness.toarray(), atol=1e-9)
     np.testing.assert_allclose(
         mirror.position_coefficients, shape.position_coefficients * [-1, 1, 1], atol=1e-9
-    )
-    np.testing.assert_allclose(
-        mirror.normal_coefficients, shape.normal_coefficients * [-1, 1, 1], atol=1e-9
     )
     again = mirror.reflected()
     np.testing.assert_array_equal(again.vertices, shape.vertices)
@@ -109,14 +200,32 @@ def test_the_rim_of_a_square_leads_off_its_sides() -> None:
     np.testing.assert_allclose(np.linalg.norm(rim[~one], axis=1), 1)
 
 
+def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
+    """As sides push by their lengths, each at a right angle; whatever lies within."""
+    side = 6
+    sheet = make_sheet(side)
+    x, y, _ = sheet.vertices.T
+    flat = np.stack([x + 0.3 * x * y + 0.1 * y**2, y + 0.2 * x**2, 0 * x], axis=1)
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    rim = find_rim(flat @ turn.T + 5, sheet.faces) @ turn
+    grid = np.arange(side**2).reshape(side, side)
+    around = np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
+    chords = flat[np.roll(around, -1)] - flat[np.roll(around, 1)]
+    expected = np.stack([chords[:, 1], -chords[:, 0], 0 * chords[:, 0]], axis=1)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(rim[around], expected, atol=1e-9)
+    assert np.abs(np.delete(rim, around, axis=0)).max() == 0
+
+
 def test_waves_are_those_of_aubry_standardised() -> None:
     chance = np.random.default_rng(0)
-    values, basis = np.array([1.0, 2, 5, 9]), chance.normal(size=(6, 4))
+    values, basis = np.array([2.0, 3, 5, 18]), chance.normal(size=(6, 4))
     areas = np.full(6, 1 / 6)
     found = wave_kernel_signature(values, basis, areas, 10)
     step = np.log(9) / 10
     for i, column in enumerate(found.T):
-        shares = np.exp(-((np.log(values) - (i + 2) * step) ** 2) / (2 * (7 * step) ** 2))
+        energy = np.log(2) + (i + 2) * step
+        shares = np.exp(-((np.log(values) - energy) ** 2) / (2 * (7 * step) ** 2))
         expected = basis**2 @ shares / shares.sum()
         expected = (expected - expected.mean()) / expected.std() / np.sqrt(6)
         np.testing.assert_allclose(column, expected)
@@ -134,6 +243,27 @@ def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -
     pulled = shape.pulled(100.0)
     np.testing.assert_allclose(pulled.solve(200 * shape.areas), 1, atol=1e-8)
     assert shape.pulled(100.0) is pulled
+
+
+@pytest.mark.parametrize("level", [2, 4])
+def test_waves_are_averaged_by_their_length(level: int) -> None:
+    """Of a ball: no weight is held up, and its eigenfunctions are those of the averages."""
+    shape = _shape(make_sphere(level), 12)
+    fine = level == 4
+    assert (_DETAIL_EDGES * shape.edge < _DETAIL) == fine
+    detail = _DETAIL if fine else _DETAIL_EDGES * shape.edge
+    solvers = shape.averaging, shape.patches, shape.details
+    for solver, length in zip(solvers, (_TURNING, _PATCH, detail), strict=True):
+        averaged = solver.solve(shape.areas[:, None] * shape.basis)
+        expected = shape.basis / (1 + length**2 * shape.eigenvalues)
+        np.testing.assert_allclose(averaged, expected, atol=1e-4)
+
+
+def test_edges_around_all_vertices_tell_the_area_twice_over_each_way() -> None:
+    """The energy of the identity of a surface is its area."""
+    shape = _shape(make_sphere(2))
+    assert shape.edge_squares.sum() == pytest.approx(4)
+    assert shape.areas @ shape.patch_sizes == pytest.approx(4)
 
 
 def test_samples_spread_from_the_remotest_vertex() -> None:

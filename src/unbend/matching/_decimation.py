@@ -81,7 +81,7 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     while left > count:
         start, ring = faces_around(faces, n)
         ends, costs = _costs(vertices, faces, quadrics)
-        cheap = min(int(_SHARE_OF_EDGES * len(costs)) + 1, len(costs) - 1)
+        cheap = int(_SHARE_OF_EDGES * len(costs)) + 1
         order = np.flatnonzero(costs <= np.partition(costs, cheap)[cheap])
         order = order[np.argsort(costs[order], kind="stable")]
         state = vertices, faces, start, ring, ends[order], boundary, quadrics, parents

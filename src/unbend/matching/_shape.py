@@ -122,13 +122,8 @@ class Shape:
         return np.asarray(self.basis.T @ (self.areas[:, None] * self.vertices))
 
     @cached_property
-    def normal_coefficients(self) -> FloatArray:
-        """Vertex normals in the eigenbasis, (k, 3)."""
-        return np.asarray(self.basis.T @ (self.areas[:, None] * self.normals))
-
-    @cached_property
     def signature(self) -> FloatArray:
-        """Wave kernel signature (n, 60), each energy standardised, unit total variance."""
+        """Wave kernel signature (n, 56), each energy standardised, unit total variance."""
         return wave_kernel_signature(self.eigenvalues, self.basis, self.areas)
 
     @cached_property
@@ -307,5 +302,4 @@ def _spokes(vertices: FloatArray, faces: IntArray) -> SparseMatrix:
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
     )
     spokes.data = np.clip(spokes.data, _SPOKE_FLOOR, 1 / _SPOKE_FLOOR)
-    spokes.sort_indices()
     return spokes
