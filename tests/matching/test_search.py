@@ -1,6 +1,7 @@
 """Hypotheses: the map that is known is among those found, whatever signs and order come in."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,14 +71,29 @@ def test_few_functions_give_maps_of_few(shape: Shape) -> None:
         np.testing.assert_allclose(maps[0], np.eye(7), atol=0.02)  # other descriptors
 
 
-def test_two_meshes_of_one_surface_have_nearly_the_same_functions(shape: Shape, blob: Mesh) -> None:
+def test_two_meshes_of_one_surface_have_nearly_the_same_functions(
+    shape: Shape, blob: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
     few = make_sphere(2).faces  # whose vertices are the first of a finer sphere
     coarse = prepare_shape(Mesh(blob.vertices[:162], few), 40, False)[1]
+    bases = []
+
+    def nearest_pairs(left: Any, right: Any, base: Any) -> Pairs:
+        bases.append(base)
+        return _nearest_pairs(left, right, base)
+
+    _nearest_pairs = _search.nearest_pairs
+    monkeypatch.setattr(_search, "nearest_pairs", nearest_pairs)
     low = slice(0, 6)
-    for sides in ((shape, coarse), (coarse, shape)):
-        found = search(*sides, beam=4)[0][low, low]
+    for source, target in ((shape, coarse), (coarse, shape)):
+        found = search(source, target, beam=4)[0][low, low]
         np.testing.assert_allclose(abs(found), np.eye(6), atol=0.3)
         np.testing.assert_allclose(abs(found).diagonal(), 1, atol=0.1)
+        # Some samples are compared, by their descriptors too.
+        left, right = (one.signature[one.samples[:250]] for one in (source, target))
+        expected = _search._descriptor_distances(left, right)
+        assert expected.shape in {(250, 162), (162, 250)}
+        np.testing.assert_array_equal(bases[-1], expected)
 
 
 def test_maps_that_hardly_differ_count_once() -> None:

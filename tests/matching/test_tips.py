@@ -62,7 +62,7 @@ def _spiky(rays: np.ndarray) -> Shape:
     return prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 60, False).shape
 
 
-def test_every_remote_place_is_a_tip_or_near_one_that_is_more_remote() -> None:
+def test_every_most_remote_place_is_a_tip_the_most_remote_first() -> None:
     shape = _spiky(np.random.default_rng(4).normal(size=(9, 3)))
     tips = find_tips(shape)
     remote = ((shape.basis / shape.eigenvalues) ** 2).sum(axis=1)
@@ -72,9 +72,7 @@ def test_every_remote_place_is_a_tip_or_near_one_that_is_more_remote() -> None:
     highest = np.ones(len(remote), dtype=bool)
     i, j = shape.spokes.nonzero()
     highest[i[remote[i] < remote[j]]] = False
-    for i in np.flatnonzero(highest):
-        more = remote[tips.vertices] >= remote[i]
-        assert tips.fields[i, more].min() < 0.22
+    np.testing.assert_array_equal(np.sort(tips.vertices), np.flatnonzero(highest))
 
 
 def test_there_are_at_most_ten_tips() -> None:
@@ -216,14 +214,14 @@ def test_a_point_keeps_its_share_of_a_trunk() -> None:
 
 
 def test_a_tip_without_a_limb_is_no_harm() -> None:
-    heights, stations = np.array([0, 0, 0.45, 1, 1]), np.linspace(0.05, 0.95, 10)
-    one = _tree([0.5, 0.7, 0.0, 0.6, 0.9], heights, stations)
+    heights, stations = np.array([0, 0, 0.5, 1, 1]), np.linspace(0.0625, 0.9375, 8)
+    one = _tree([0.5, 0.75, 0.0, 0.625, 0.875], heights, stations)
     for point_map in limb_maps(one, one):
-        np.testing.assert_allclose(one.fields[point_map], one.fields, atol=0.05)
+        np.testing.assert_allclose(one.fields[point_map], one.fields, atol=0.1)
 
 
 def test_the_order_of_tips_does_not_matter() -> None:
-    stations = np.linspace(0, 1, 101)
+    stations = np.sort(np.random.default_rng(0).random(100))
     heights = np.array([0, 0, 0.3, 1, 1])
     one = _tree([0.5, 0.7, 0.3, 0.6, 0.9], heights, stations)
     # A trunk whose ends grew by other factors.
@@ -235,7 +233,7 @@ def test_the_order_of_tips_does_not_matter() -> None:
         every = np.arange(len(one.fields))
         again = limb_maps(*(tips.taken(np.array(order), every) for tips in (one, other)))
         for maps, same, fields in zip(again, expected, goals, strict=True):
-            np.testing.assert_allclose(fields[maps], fields[same], atol=0.025)  # stations
+            assert np.abs(fields[maps] - fields[same]).mean() < 0.005  # ties go either way
 
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
