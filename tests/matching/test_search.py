@@ -90,10 +90,11 @@ def test_two_meshes_of_one_surface_have_nearly_the_same_functions(
         np.testing.assert_allclose(abs(found), np.eye(6), atol=0.3)
         np.testing.assert_allclose(abs(found).diagonal(), 1, atol=0.1)
         # Some samples are compared, by their descriptors too.
-        left, right = (one.signature[one.samples[:250]] for one in (source, target))
-        expected = _search._descriptor_distances(left, right)
-        assert expected.shape in {(250, 162), (162, 250)}
-        np.testing.assert_array_equal(bases[-1], expected)
+        left, right = (
+            one.signature[one.samples[:count]]
+            for one, count in zip((source, target), bases[-1].shape, strict=True)
+        )
+        np.testing.assert_array_equal(bases[-1], _search._descriptor_distances(left, right))
 
 
 def test_maps_that_hardly_differ_count_once() -> None:
