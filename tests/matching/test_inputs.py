@@ -1,13 +1,17 @@
 """From meshes to the matcher's arrays and back, however many are prepared at once."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import _inputs
-from unbend.matching._inputs import prepare_shape, prepare_shapes
+from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
 
 
 def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
@@ -16,11 +20,20 @@ def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
     ball = make_sphere(2)
     egg = Mesh(ball.vertices * [1, 1.2, 1.5], ball.faces[1:])  # with a hole
     monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 2 * 162)
+    ran: list[int] = []
+
+    def run_all(tasks: list[Callable[[], Any]]) -> list[Any]:
+        ran.append(len(tasks))
+        return [task() for task in tasks]
+
+    monkeypatch.setattr(_inputs, "run_all", run_all)
     expected = prepare_shapes([egg, egg], 10, False, [False, True])
+    assert ran == [2]
     monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 2 * 162 - 1)
     monkeypatch.setattr(_inputs, "run_all", None)
     found = prepare_shapes([egg, egg], 10, False, [False, True])
     assert [one.shape.partial for one in found] == [False, True]
+    assert not prepare_shape(egg, 10, False).shape.partial
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.shape.vertices, other.shape.vertices)
         np.testing.assert_array_equal(one.shape.eigenvalues, other.shape.eigenvalues)
@@ -42,7 +55,83 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     np.testing.assert_array_equal(found.local(np.arange(12)), nearest)
     with pytest.raises(InputError, match="both: no face uses vertex 12; name another"):
         found.local([0, 12])
+    assert found.stands_for[12] == -1
     np.testing.assert_array_equal(found.own_faces, len(small.faces) + np.arange(80))
     apart = np.linalg.norm(np.diff(found.shape.vertices, axis=0), axis=1)
     before = np.linalg.norm(np.diff(large.vertices, axis=0), axis=1)
     np.testing.assert_allclose(apart / before, apart[0] / before[0])
+
+
+def test_what_cannot_be_matched_is_refused(moebius_strip: Mesh) -> None:
+    cloud = Mesh(make_sphere(0).vertices, name="cloud")
+    with pytest.raises(InputError, match="cloud: matching needs faces, and this is a point cloud"):
+        prepare_shape(cloud, 10, False)
+    with pytest.raises(MeshError, match="only one side, like a Möbius strip"):
+        prepare_shape(moebius_strip, 10, False)
+
+
+def test_there_are_at_most_half_as_many_functions_as_vertices() -> None:
+    """The constant is one of them, and is left out."""
+    ball = make_sphere(0)  # of twelve vertices
+    middle = ball.vertices[ball.faces[0]].mean(axis=0)
+    corners = ball.faces[0]
+    fan = [[*corners[[i, (i + 1) % 3]], 12] for i in range(3)]
+    thirteen = Mesh(np.vstack([ball.vertices, 1.2 * middle]), np.vstack([ball.faces[1:], fan]))
+    for mesh in (ball, thirteen):
+        for asked, k in ((4, 3), (6, 5), (10, 5)):
+            assert prepare_shape(mesh, asked, False).shape.k == k
+
+
+def test_the_cache_is_used_only_if_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    ball = make_sphere(1)
+    without = prepare_shape(ball, 10, False)
+    assert not any(tmp_path.iterdir())
+    with_it = prepare_shape(ball, 10, True)
+    assert any(tmp_path.iterdir())
+    np.testing.assert_array_equal(with_it.shape.basis, without.shape.basis)
+
+
+def _with_odds() -> Mesh:
+    """A ball with unused vertices, faces that are none, and some wound the other way."""
+    ball = make_sphere(1)
+    vertices = np.vstack([[[9, 9, 9]], ball.vertices[:20], [[8, 8, 8]], ball.vertices[20:]])
+    faces = ball.faces + 1 + (ball.faces >= 20)
+    faces[::3] = faces[::3, ::-1]
+    none = [[5, 5, 6], [1, 2, 1]]
+    faces = np.vstack([faces[:7], none[:1], faces[7:], none[1:], faces[:1]])
+    return Mesh(vertices, faces, name="odd")
+
+
+def test_points_on_faces_are_the_same_points_on_the_mesh_s_own() -> None:
+    mesh = _with_odds()
+    with pytest.warns(UnbendWarning):
+        found = prepare_shape(mesh, 10, False)
+    np.testing.assert_array_equal(found.kept, [*range(1, 21), *range(22, 44)])
+    faces = np.arange(len(found.shape.faces))
+    assert len(faces) == 80
+    weights = np.random.default_rng(0).dirichlet([1, 1, 1], 80)
+    places = np.einsum("ij,ijk->ik", weights, mesh.vertices[found.kept[found.shape.faces]])
+    own, moved = found.on_own_faces(faces, weights)
+    np.testing.assert_allclose(moved.sum(axis=1), 1)
+    there = np.einsum("ij,ijk->ik", moved, mesh.vertices[mesh.faces[own]])
+    np.testing.assert_allclose(there, places)
+    assert not {7, 81, 82} & set(own.tolist())  # which are no faces, or there already
+
+
+def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
+    mesh = _with_odds()
+    with pytest.warns(UnbendWarning):
+        found = prepare_shape(mesh, 10, False)
+    n = len(found.kept)
+    images = np.random.default_rng(0).permutation(n)
+    within = np.arange(n) % 5 != 2
+    whole = expand(images, within, found, found)
+    assert whole.dtype == np.int64
+    assert np.flatnonzero(whole < 0).tolist() == sorted([0, 21, *found.kept[~within]])
+    assert whole.min() == -1
+    np.testing.assert_array_equal(whole[found.kept[within]], found.kept[images[within]])
+    values = np.arange(2.0 * n).reshape(n, 2)
+    rows = expand_rows(values, found, np.nan)
+    np.testing.assert_array_equal(rows[found.kept], values)
+    assert np.isnan(rows[[0, 21]]).all()

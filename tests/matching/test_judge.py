@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from sheets import make_sheet
 from unbend import Mesh
+from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import (
@@ -17,6 +19,7 @@ from unbend.matching._judge import (
     confidences,
     distinct,
     judge,
+    probabilities,
     ranked,
     rough_costs,
     unexplained,
@@ -28,6 +31,10 @@ from unbend.matching._shape import Shape
 @functools.cache
 def _person() -> Shape:
     return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30, True)[1]
+
+
+def _sheet(side: int) -> Shape:
+    return prepare_shape(make_sheet(side), 10, False)[1]
 
 
 def _identity(shape: Shape) -> Registered:
@@ -56,6 +63,8 @@ def test_rank_puts_the_gate_before_the_energy() -> None:
     right = judge(shape, shape, identity)
     assert right.energy < 1e-9
     assert right.orientation > 0.99
+    assert not right.reflected
+    assert judge(shape, shape, identity, True).reflected
     inside_out = identity.source._replace(places=shape.vertices * [-1, 1, 1])
     wrong = judge(shape, shape, identity._replace(source=inside_out, target=inside_out))
     assert wrong.orientation < 0
@@ -73,6 +82,25 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
     second = judge(shape, shape, identity._replace(forward=shifted))
     assert distinct([first, first], shape, shape.areas) == [first]
     assert distinct([first, second], shape, shape.areas) == [first, second]
+
+
+def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> None:
+    # More than three hundredths of the area, by more than 0.22 of its root.
+    shape = _sheet(41)
+    n = len(shape.areas)
+    every = np.arange(n)
+    ones = judge(shape, shape, _identity(shape))
+    for share, far, expected in (
+        (0.045, 0.33, True),
+        (0.02, 0.33, False),
+        (0.9, 0.15, False),
+    ):
+        at_end = np.argsort(shape.vertices[:, 0], kind="stable")[: round(share * n)]
+        moved = shape.vertices + np.array([far, 0, 0])
+        elsewhere = every.copy()
+        elsewhere[at_end] = cKDTree(shape.vertices).query(moved[at_end])[1]
+        other = replace(ones, registered=ones.registered._replace(forward=elsewhere))
+        assert (len(distinct([ones, other], shape, shape.areas)) == 2) == expected
 
 
 @pytest.mark.parametrize("stretch", [1.1, 1.5, 2.0, 4.0])
@@ -154,9 +182,19 @@ def test_a_probability_falls_from_one_to_none_with_what_is_unexplained() -> None
     assert all(0 <= trust <= 1 for trust in alone)
 
 
+def test_odds_are_even_at_one_energy_and_as_e_to_one_at_one_lead() -> None:
+    assert _trust([_judged(0.24)]) > 0.7 > 0.3 > _trust([_judged(0.3)])
+    for cost in (0.1, 0.2):
+        first, other = probabilities(np.array([cost, 1.0275 * cost]), np.zeros(2), 1.0)
+        assert first / other == pytest.approx(np.e)
+        first, other = probabilities(np.array([cost, 1.055 * cost]), np.zeros(2), 0.5)
+        assert first / other == pytest.approx(np.e)
+
+
 def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> None:
     misses, equal = replace(_judged(0.1), missed=np.array([True])), _judged(0.1)
     assert misses.cost > equal.cost == equal.energy
+    assert replace(misses, missed=np.ones(3, dtype=bool)).cost == pytest.approx(0.1 + 3 * 0.15)
     assert _trust([equal, misses]) > 0.99
 
 
@@ -177,6 +215,8 @@ def test_both_ways_count_alike_and_the_worse_one_is_the_side_that_is_out() -> No
 def test_what_is_mostly_right_side_out_goes_before_what_is_not() -> None:
     half, inside_out = _judged(0.3, orientation=0.4), _judged(0.1, orientation=-0.4)
     assert ranked([inside_out, half]) == [half]
+    collapsed = _judged(0.1, orientation=0.0)
+    assert ranked([collapsed, half]) == [half]
 
 
 def test_a_landmark_is_missed_where_either_map_leads_elsewhere() -> None:
@@ -188,6 +228,10 @@ def test_a_landmark_is_missed_where_either_map_leads_elsewhere() -> None:
     assert _missed(shape, shape, right, right).tolist() == [False, False, False]
     assert _missed(shape, shape, wrong, right).tolist() == [False, True, False]
     assert _missed(shape, shape, right, wrong).tolist() == [False, True, False]
+    away = np.linalg.norm(shape.vertices - shape.vertices[400], axis=1)
+    for off, missed in ((0.1, False), (0.2, True)):  # 0.15 is the limit
+        wrong[400] = np.abs(away - off).argmin()
+        assert _missed(shape, shape, wrong, right)[1] == missed
 
 
 def test_a_rough_cost_is_the_mean_of_both_ways() -> None:
@@ -199,6 +243,70 @@ def test_a_rough_cost_is_the_mean_of_both_ways() -> None:
     assert one == pytest.approx(other)
     assert one == pytest.approx(_loss(shape, shape.vertices[chance]) / 2)
     assert none == pytest.approx(0, abs=1e-9)
+
+
+def _two_sheets() -> tuple[Shape, Shape, IntArray, IntArray]:
+    """One square in few faces and in four times as many, each vertex to the nearest; corners."""
+    few, many = (_sheet(side) for side in (5, 9))
+    forward = cKDTree(many.vertices).query(few.vertices)[1]
+    backward = cKDTree(few.vertices).query(many.vertices)[1]
+    few = replace(few, landmarks=np.array([0, 4, 20, 24]))
+    return few, replace(many, landmarks=forward[few.landmarks]), forward, backward
+
+
+def test_two_meshes_of_one_surface_explain_each_other() -> None:
+    few, many, forward, backward = _two_sheets()
+    found = Registered(forward, backward, _identity(few).source, _identity(many).source)
+    for one in (
+        judge(few, many, found),
+        judge(many, few, Registered(backward, forward, found.target, found.source)),
+    ):
+        assert one.energy < 1e-9
+        assert one.orientation == pytest.approx(1)
+        assert one.overlap == pytest.approx(1)
+        assert one.missed.tolist() == [False] * 4
+    forward[0] = 80
+    missed = judge(few, many, found).missed
+    assert missed.tolist() == [True, False, False, False]
+
+
+def test_a_rough_cost_counts_the_landmarks_that_are_missed() -> None:
+    few, many, forward, backward = _two_sheets()
+    none = np.zeros(0, dtype=np.int64)
+    forward, backward = (np.stack([one, one, one], axis=1) for one in (forward, backward))
+    forward[[0, 24], 1] = forward[[24, 0], 1]
+    backward[8, 2] = 20
+    costs = rough_costs(few, many, forward, backward)
+    without = (replace(one, landmarks=none) for one in (few, many))
+    added = costs - rough_costs(*without, forward, backward)
+    np.testing.assert_allclose(added, [0, 2 * 0.15, 0.15], atol=1e-12)
+
+
+def test_a_bend_is_seen_in_wide_patches_sooner_than_in_small_ones() -> None:
+    """How far a patch turns within itself grows with its width, what that costs as its square."""
+    sheet = _sheet(31)
+    x, y, _ = sheet.vertices.T
+    rolled = np.stack([np.sin(x), y, np.cos(x)], axis=1)  # nothing is stretched
+    within = np.ones(len(x), dtype=bool)
+    small, wide = (sheet.areas @ _unexplained(sheet, rolled, within, one) for one in (False, True))
+    assert 2 < wide / small < (0.15 / 0.08) ** 2
+    assert _loss(sheet, rolled) == pytest.approx(small)
+    pose = _identity(sheet).source._replace(places=rolled)
+    every = np.arange(len(x))
+    bent = replace(sheet, vertices=rolled)
+    back = Pose(sheet.vertices, pose.rotations, within)
+    for one in (False, True):
+        found = judge(sheet, bent, Registered(every, every, pose, back), wide=one)
+        assert found.energy == pytest.approx((small, wide)[one], rel=0.1)
+
+
+def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:
+    shape = _person()
+    identity = _identity(shape)
+    within = shape.vertices[:, 1] > 0
+    lacking = identity.source._replace(within=within)
+    found = judge(shape, shape, Registered(*identity[:2], lacking, lacking))
+    assert found.energy == pytest.approx(0.12 * shape.areas[~within].sum())
 
 
 def test_what_is_left_out_does_not_turn_a_surface() -> None:

@@ -1,6 +1,7 @@
 """Points all over shapes: far apart, described by what is around them, paired where they agree."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,12 @@ import pytest
 from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import cut, make_biped, make_sphere
+from unbend.matching import _points
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._points import (
     Points,
+    _consistent,
+    _describe,
     _unlike,
     find_points,
     guess_points,
@@ -18,6 +22,7 @@ from unbend.matching._points import (
     sizes_to_try,
 )
 from unbend.matching._shape import Shape
+from unbend.matching._tips import Guess
 
 RADII = 0.07 * 2 ** (np.arange(9) / 4)  # of surroundings
 
@@ -209,6 +214,12 @@ def test_what_is_the_same_at_another_size_is_not_unlike(step):
     brighter = theirs._replace(surroundings=theirs.surroundings + 0.1)
     same = _unlike(ours, brighter, step)[order, np.arange(12)]
     np.testing.assert_allclose(same, 0.6)  # all six differ by so much
+    for i in range(9):
+        looks = theirs.surroundings.copy()
+        looks[:, i] += 0.1
+        other = _unlike(ours, theirs._replace(surroundings=looks), step)[order, np.arange(12)]
+        common = 9 - abs(step)
+        np.testing.assert_allclose(other, 0.6 / common if 0 <= i - step < 9 else 0, atol=1e-12)
     # How much there is within a rim says nothing.
     torn = brighter._replace(whole=np.zeros((12, 9), dtype=bool))
     np.testing.assert_allclose(_unlike(ours, torn, step)[order, np.arange(12)], 0.5)
@@ -231,3 +242,120 @@ def test_what_only_one_has_is_not_gathered():
     np.testing.assert_array_equal(order[best.target], best.source)
     assert 5 <= len(best.source) < 8  # the better half of what was gathered
     assert (best.source < 10).all()
+
+
+def slab(facing: list[float]) -> SimpleNamespace:
+    """Flat squares one above the other, each of which faces the lowest one's way by a cosine."""
+    line = np.linspace(-0.5, 0.5, 41)
+    x, y = (part.ravel() for part in np.meshgrid(line, line))
+    vertices = [np.stack([x, y, 0 * x + 0.02 * i], axis=1) for i in range(len(facing))]
+    normals = [np.tile([np.sqrt(1 - one**2), 0, one], (len(x), 1)) for one in facing]
+    return SimpleNamespace(
+        vertices=np.concatenate(vertices),
+        normals=np.concatenate(normals),
+        areas=np.full(len(facing) * len(x), 1 / len(x)),
+        edge=1 / 40,
+        on_rim=np.zeros(len(facing) * len(x), dtype=bool),
+    )
+
+
+def described(shape: SimpleNamespace) -> np.ndarray:
+    """What is around the middle of the lowest square, by straight distances across."""
+    middle = 20 * 41 + 20
+    distances = np.linalg.norm((shape.vertices - shape.vertices[middle])[:, :2], axis=1)
+    return _describe(shape, middle, distances)[0]
+
+
+def test_within_a_length_lies_a_disc_of_that_radius():
+    much, high, thick, narrow, wide, facing = described(slab([1.0])).T
+    for one in (much, narrow, wide):  # a disc's standard deviation is half its radius
+        np.testing.assert_allclose(one, 1, atol=0.06)
+    np.testing.assert_allclose([high, thick, facing - 1], 0, atol=1e-9)
+
+
+def test_what_faces_away_is_not_described_and_what_faces_the_same_way_counts_alike():
+    alone, both = described(slab([1.0])), described(slab([1.0, -0.9]))
+    np.testing.assert_allclose(both[:, 1:], alone[:, 1:], atol=1e-9)
+    np.testing.assert_allclose(both[:, 0], np.sqrt(2) * alone[:, 0])
+    mixed = described(slab([1.0, 0.4, 0.7]))
+    np.testing.assert_allclose(mixed[:, 5], 0.7)
+    np.testing.assert_allclose(mixed[:, 1], 2 * 0.02 / RADII)
+    # Less and less, the further it turns away.
+    little = described(slab([1.0, 0.15]))[:, 5]
+    assert ((little > 0.7) & (little < 0.95)).all()
+
+
+def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Pairs that support each other, as they are defined: one beginning, one pair at a time."""
+    unlike = _unlike(ours, theirs, step)
+    n, m = unlike.shape
+    partners = [sorted(range(m), key=row.__getitem__)[: _points._PARTNERS] for row in unlike]
+    pairs = [(i, j) for i in range(n) for j in partners[i]]
+    usual = np.median([row.min() for row in unlike])
+    longer = 2 ** (step / 8)  # half of it on either side
+    support = np.zeros((len(pairs), len(pairs)))
+    for a, (i, j) in enumerate(pairs):
+        for b, (k, o) in enumerate(pairs):
+            if i != k and j != o:
+                here, there = ours.ways[i, k] * longer, theirs.ways[j, o] / longer
+                deviation = abs(here - there) / max(min(here, there), 0.07)
+                alike = np.exp(-(unlike[i, j] + unlike[k, o]) / 2 / (2 * usual))
+                near = np.exp(-(here + there) / 2 / _points._DECAY)
+                support[a, b] = max(1 - (deviation / _points._DEVIATION) ** 2, 0) * near * alike
+    of_point = [[a for a, pair in enumerate(pairs) if pair[0] == i] for i in range(n)]
+    ways = set()
+    for begun in range(len(pairs)):
+        shares = np.arange(len(pairs)) == begun
+        for _ in range(_points._ROUNDS):
+            shares = support @ shares
+            for own in of_point:  # which compete
+                shares[own] *= (shares[own] / (shares[own].max() or 1)) ** 2
+            shares /= np.linalg.norm(shares) or 1
+        best = [own[int(shares[own].argmax())] for own in of_point]
+        ways.add(tuple(a for a in best if shares[a] > _points._GATHERED * shares.max()))
+    found = []
+    for way in map(list, ways):
+        if way:
+            strength = support[np.ix_(way, way)].sum(axis=1)
+            kept = [a for a, own in zip(way, strength, strict=True) if own >= np.median(strength)]
+            if len(kept) >= 4:
+                total = support[np.ix_(kept, kept)].sum() / len(kept)
+                found.append((float(total), [pairs[a] for a in kept]))
+    return found
+
+
+@pytest.mark.parametrize("step", [-2, 0, 3])
+def test_pairs_are_gathered_that_support_each_other(step):
+    ours, theirs, _ = planted(13, step)
+    chance = np.random.default_rng(3)
+    ways = theirs.ways * (1 + np.triu(chance.normal(0, 0.2, theirs.ways.shape), 1))
+    looks = theirs.surroundings + chance.normal(0, 0.8, theirs.surroundings.shape)
+    # Far apart but for some, and shaken, so that most beginnings lead elsewhere.
+    ours, ways = ours._replace(ways=6 * ours.ways), 6 * np.maximum(ways, ways.T)
+    ways[range(0, 12, 2), range(1, 12, 2)] = ways[range(1, 12, 2), range(0, 12, 2)] = 0.01
+    shaken = theirs._replace(ways=ways, surroundings=looks)
+    expected = gathered(ours, shaken, step)
+    found = [
+        (total, list(zip(guess.source.tolist(), guess.target.tolist(), strict=True)))
+        for total, guess in _consistent(ours, shaken, step)
+    ]
+    assert len(found) > 20
+    for one, other in zip(
+        *(sorted(every, key=lambda one: (one[1], one[0])) for every in (found, expected)),
+        strict=True,
+    ):
+        assert one[1] == other[1]
+        assert one[0] == pytest.approx(other[0])
+
+
+def test_a_guess_that_shares_half_of_its_pairs_with_a_better_one_is_none(monkeypatch):
+    def guess(*pairs: int) -> Guess:
+        return Guess(np.array(pairs) // 10, np.array(pairs) % 10, 1.0)
+
+    best, half = guess(0, 11, 22, 33), guess(0, 11, 32, 23)
+    other, less = guess(10, 1, 42, 53), guess(0, 12, 23, 34, 45)
+    found = [(0.5, less), (0.6, other), (0.8, half), (0.9, best)]
+    monkeypatch.setattr(_points, "_consistent", lambda *given: found)
+    points = planted(6, 0)[0]
+    assert guess_points(points, points, range(1), 24) == [best, other, less]
+    assert guess_points(points, points, range(1), 2) == [best, other]

@@ -1,18 +1,29 @@
 """From coarse copies to the shapes: what is told apart there, and by what."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching import _polish
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import Candidate, judge
-from unbend.matching._polish import grown_start, refined, settled
-from unbend.matching._registration import mapped_start
+from unbend.matching._polish import (
+    _as_most_around,
+    _by_details,
+    grown_start,
+    refined,
+    settled,
+    with_partners,
+)
+from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._solve import candidates, make_sides
 
 
@@ -33,6 +44,7 @@ def candidate(energy: float) -> Candidate:
             [0.05, 0.1, 0.105, 0.125, 0.15, 0.2],
         ),
         ([0.1, 0.11], [0.0, 0.2], [0, 1], [0.0, 2e4]),
+        ([0.0, 0.0, 0.1], [0.4, 0.2], [0, 1, 2], [0.0, 0.0, 0.1]),
         ([0.1, 0.2], [], [0, 1], [0.1, 0.2]),
     ],
 )
@@ -71,7 +83,7 @@ def test_small_eyes_tell_which_arm_is_which() -> None:
 
 @pytest.mark.parametrize("torn", [False, True])
 def test_slides_tell_maps_of_whole_shapes_apart_and_small_patches_those_of_parts(
-    torn: bool,
+    monkeypatch: pytest.MonkeyPatch, torn: bool
 ) -> None:
     ball = make_sphere(2)
     box = Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces)
@@ -82,7 +94,16 @@ def test_slides_tell_maps_of_whole_shapes_apart_and_small_patches_those_of_parts
     every = np.arange(len(shape.areas))
     half = np.where(shape.vertices[:, 0] > 0, np.roll(every, 1), every)
     start = mapped_start(shape, shape, half, half, 1.0)
+    judged = []
+
+    def judge_and_keep(*given: Any) -> Candidate:
+        judged.append(judge(*given))
+        return judged[-1]
+
+    monkeypatch.setattr(_polish, "judge", judge_and_keep)
     found = refined(sides, judge(shape, shape, start))
+    assert len(judged) == (1 if torn else 2)  # a part has no functions in common to grow with
+    assert found.energy == min(one.energy for one in judged)
     energies = [judge(shape, shape, found.registered, wide=one).energy for one in (torn, not torn)]
     assert found.energy == pytest.approx(energies[1], rel=1e-6)
     assert found.energy != pytest.approx(energies[0], rel=1e-4)
@@ -104,3 +125,95 @@ def test_a_map_grows_as_far_as_both_have_functions() -> None:
         k = min(one.k for one in sides)
         smooth = many.basis[:, :k] @ many.position_coefficients[:k]
         np.testing.assert_allclose(found.source.places, smooth, atol=1e-9)
+
+
+def egg(level: int, hand: int) -> Mesh:
+    """A lopsided ball, or its mirror image; vertices of a coarser one are first."""
+    ball = make_sphere(level)
+    x, y, z = ball.vertices.T
+    points = np.stack([hand * x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
+    return Mesh(points, ball.faces[:, ::hand])
+
+
+def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> None:
+    few, many, mirrored = (
+        prepare_shape(egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
+    )
+    forward = np.arange(162)
+    backward = cKDTree(few.vertices).query(many.vertices)[1]
+    plain = make_sides(few, many)
+    for sides, reflected in (
+        (plain, False),
+        (plain.reflected().reflected(), False),
+        (make_sides(few, mirrored), True),
+        (make_sides(few, mirrored).reflected(), True),
+    ):
+        start = mapped_start(few, many, forward, backward, 1.0)
+        begun = replace(judge(few, many, start), reflected=reflected)
+        as_it_is, found = (refined(sides, begun, polish=one) for one in (False, True))
+        assert as_it_is.energy == pytest.approx(begun.energy, rel=1e-4)
+        np.testing.assert_array_equal(as_it_is.registered.forward, forward)
+        off = many.vertices[found.registered.forward] - few.vertices
+        assert np.linalg.norm(off, axis=1).mean() < many.edge
+        for one in (as_it_is, found):
+            assert one.reflected == reflected
+            assert one.orientation > 0.95
+            assert one.energy < 0.12
+            small = judge(few, many, one.registered).energy
+            assert _by_details(sides, one) == pytest.approx(small, rel=1e-4)
+
+
+def test_of_parts_small_patches_tell_already() -> None:
+    assert _by_details(SimpleNamespace(partial=True), candidate(0.3)) == 0.3
+
+
+def test_maps_grow_by_quarters(monkeypatch: pytest.MonkeyPatch) -> None:
+    few, many = (prepare_shape(egg(level, 1), 80, False).shape for level in (2, 3))
+    near = mapped_start(few, many, np.arange(162), np.zeros(642, dtype=int), 1.0)
+    grown: list[int] = []
+
+    def grow(source: Any, target: Any, functional_map: np.ndarray, sizes: list[int]) -> np.ndarray:
+        for shape, (values, basis) in ((few, source), (many, target)):
+            assert values is shape.eigenvalues
+            np.testing.assert_array_equal(basis, shape.basis[shape.samples[: len(basis)]])
+        grown.extend([len(functional_map), *sizes])
+        return np.eye(sizes[-1])
+
+    monkeypatch.setattr(_polish, "grow", grow)
+    found = grown_start(few, many, np.eye(20), near)
+    assert grown[0] == 20
+    assert grown[-1] == 79
+    assert all(one < other < 1.3 * one for one, other in itertools.pairwise(grown))
+    assert found.forward.shape == (162,)
+    assert found.source.places.shape == (162, 3)
+
+
+def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
+    sheet = prepare_shape(make_sheet(15), 10, False, partial=True).shape
+    inner = np.abs(sheet.vertices[:, :2]).max(axis=1) < 0.4
+    beyond = sheet.vertices[:, 0] + 0.2
+    most = beyond > 0
+    scattered = np.random.default_rng(0).random(225) < 0.2
+    ragged = most ^ (scattered & inner & (np.abs(beyond) > 0.15))
+    assert (ragged != most).sum() > 5
+    away = np.abs(beyond) > 0.1
+    pose = mapped_start(sheet, sheet, *[np.arange(225)] * 2, 1.0).source
+    poses = [pose._replace(within=one) for one in (ragged, np.ones(225, dtype=bool))]
+    begun = replace(candidate(0.1), registered=Registered(np.arange(225), np.arange(225), *poses))
+    sides = (SimpleNamespace(shape=sheet), SimpleNamespace(shape=sheet), False)
+    found = with_partners(begun, sides, 0.2).registered
+    np.testing.assert_array_equal(found.source.within[away], most[away])
+    assert found.target.within.all()
+    assert found.forward is begun.registered.forward
+    assert found.backward is begun.registered.backward
+    assert found.source.places is pose.places
+    # Three tenths have none; if that is less than is to have none, all have one.
+    assert with_partners(begun, sides, 0.4).registered.source.within.all()
+
+
+def test_half_of_those_around_is_not_most() -> None:
+    corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    every = prepare_shape(Mesh(corners, faces), 2, False).shape  # each beside every other one
+    for n, most in ((4, True), (3, True), (2, False), (1, False)):
+        assert _as_most_around(every, np.arange(4) < n).tolist() == [most] * 4

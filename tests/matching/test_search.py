@@ -1,11 +1,13 @@
 """Hypotheses: the map that is known is among those found, whatever signs and order come in."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from unbend import Mesh
+from unbend.alignment import Pairs
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching import _search
 from unbend.matching._inputs import prepare_shape
@@ -63,6 +65,36 @@ def test_few_functions_give_maps_of_few(shape: Shape) -> None:
     maps = search(few, few, beam=3)
     assert maps.shape == (3, 7, 7)
     np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
+    for sides in ((few, shape), (shape, few)):
+        maps = search(*sides, beam=3)
+        assert maps.shape == (3, 7, 7)
+        np.testing.assert_allclose(maps[0], np.eye(7), atol=0.02)  # other descriptors
+
+
+def test_two_meshes_of_one_surface_have_nearly_the_same_functions(
+    shape: Shape, blob: Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = make_sphere(2).faces  # whose vertices are the first of a finer sphere
+    coarse = prepare_shape(Mesh(blob.vertices[:162], few), 40, False)[1]
+    bases = []
+
+    def nearest_pairs(left: Any, right: Any, base: Any) -> Pairs:
+        bases.append(base)
+        return _nearest_pairs(left, right, base)
+
+    _nearest_pairs = _search.nearest_pairs
+    monkeypatch.setattr(_search, "nearest_pairs", nearest_pairs)
+    low = slice(0, 6)
+    for source, target in ((shape, coarse), (coarse, shape)):
+        found = search(source, target, beam=4)[0][low, low]
+        np.testing.assert_allclose(abs(found), np.eye(6), atol=0.3)
+        np.testing.assert_allclose(abs(found).diagonal(), 1, atol=0.1)
+        # Some samples are compared, by their descriptors too.
+        left, right = (
+            one.signature[one.samples[:count]]
+            for one, count in zip((source, target), bases[-1].shape, strict=True)
+        )
+        np.testing.assert_array_equal(bases[-1], _search._descriptor_distances(left, right))
 
 
 def test_maps_that_hardly_differ_count_once() -> None:
@@ -72,6 +104,20 @@ def test_maps_that_hardly_differ_count_once() -> None:
     maps = np.array([near, turn, np.eye(2), -np.eye(2)])
     assert _distinct(maps, np.array([2, 0, 1, 3]), 4) == [2, 1, 3]
     assert _distinct(maps, np.array([0, 1, 2, 3]), 2) == [0, 1]
+    # Matrices of k columns, a turn by some angle: less than 0.15 of sqrt(k) apart, and more.
+    for size in (2, 4):
+        for angle, count in ((0.1, 1), (0.4, 2)):
+            c, s = np.cos(angle), np.sin(angle)
+            turned = np.kron(np.eye(size // 2), [[c, -s], [s, c]])
+            pair = np.array([np.eye(size), turned])
+            assert len(_distinct(pair, np.arange(2), 2)) == count
+
+
+def test_of_equally_close_maps_the_first_is_first() -> None:
+    residuals = np.tile([0.3, 0.2], 200)
+    none = np.zeros((400, 0), dtype=np.int64)
+    order = _search._closest_first(Pairs(none, none, residuals))
+    np.testing.assert_array_equal(order, [*range(1, 400, 2), *range(0, 400, 2)])
 
 
 def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:

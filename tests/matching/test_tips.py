@@ -9,7 +9,10 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._shape import Shape
 from unbend.matching._tips import (
+    _ANY_LENGTH,
+    _LONGER,
     Tips,
     _costs,
     _of_logarithms,
@@ -28,6 +31,7 @@ def test_a_person_has_five_tips() -> None:
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
     np.testing.assert_allclose(tips.ways, tips.ways.T)
     assert (tips.ways[~np.eye(5, dtype=bool)] > 0.3).all()
+    np.testing.assert_allclose(tips.ways, tips.fields[tips.vertices], atol=1e-12)
 
 
 def test_a_star_has_a_tip_on_every_ray() -> None:
@@ -48,6 +52,40 @@ def test_a_star_has_a_tip_on_every_ray() -> None:
     for alike in (beside, beyond):
         assert alike.max() < 1.1 * alike.min()
     assert beyond.min() > beside.max()
+
+
+def _spiky(rays: np.ndarray) -> Shape:
+    """A ball with spikes that way."""
+    ball = make_sphere(3)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    reach = 1 + 1.5 * np.exp(-40 * (1 - ball.vertices @ rays.T)).sum(axis=1)
+    return prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 60, False).shape
+
+
+def test_every_most_remote_place_is_a_tip_the_most_remote_first() -> None:
+    shape = _spiky(np.random.default_rng(4).normal(size=(9, 3)))
+    tips = find_tips(shape)
+    remote = ((shape.basis / shape.eigenvalues) ** 2).sum(axis=1)
+    assert (np.diff(remote[tips.vertices]) < 0).all()
+    apart = tips.ways[np.triu_indices(len(tips.vertices), 1)]
+    assert 0.22 < apart.min() < 0.4
+    highest = np.ones(len(remote), dtype=bool)
+    i, j = shape.spokes.nonzero()
+    highest[i[remote[i] < remote[j]]] = False
+    np.testing.assert_array_equal(np.sort(tips.vertices), np.flatnonzero(highest))
+
+
+def test_there_are_at_most_ten_tips() -> None:
+    assert len(find_tips(_spiky(make_sphere(0).vertices)).vertices) == 10
+
+
+def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
+    fields = np.random.default_rng(0).random((7, 4))
+    ways = np.random.default_rng(1).random((4, 4))
+    few = Tips(np.array([5, 1, 6, 2]), ways, fields).taken(np.array([3, 0]), np.array([4, 1, 2]))
+    np.testing.assert_array_equal(few.vertices, [2, 5])
+    np.testing.assert_array_equal(few.ways, [[ways[3, 3], ways[3, 0]], [ways[0, 3], ways[0, 0]]])
+    np.testing.assert_array_equal(few.fields, fields[[4, 1, 2]][:, [3, 0]])
 
 
 def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
@@ -122,7 +160,7 @@ def test_no_assignment_deviates_less_than_the_first(deviation) -> None:
     costs = _costs(ours[:5, :5], theirs, rows[once], deviation)
     empty = np.empty((0, 6))
     guesses = guess_limbs(
-        Tips(np.arange(5), ours[:5, :5], empty[:, :5]), Tips(np.arange(6), theirs, empty), 20
+        Tips(np.arange(5), ours[:5, :5], empty[:, :5]), Tips(np.arange(6), theirs, empty), 1
     )
     rows = np.full((len(guesses), 5), -1)
     for row, one in zip(rows, guesses, strict=True):
@@ -151,6 +189,51 @@ def test_a_point_keeps_its_share_of_a_limb() -> None:
     for point_map in limb_maps(one, other):
         np.testing.assert_array_equal(limb[point_map], limb)
         assert np.abs(share[point_map] - share).max() <= 0.11
+
+
+def _tree(limbs: list[float], heights: np.ndarray, stations: np.ndarray) -> Tips:
+    """Limbs on a trunk at some heights, eleven points along each, then some of the trunk."""
+    lengths, n = np.array(limbs), len(limbs)
+    begin, share = np.repeat(heights, 11), np.tile(np.linspace(0, 1, 11), n)
+    limb = np.repeat(np.arange(n), 11)
+    down = np.concatenate([(1 - share) * lengths[limb], 0 * stations])
+    fields = down[:, None] + np.abs(np.concatenate([begin, stations])[:, None] - heights) + lengths
+    own = np.arange(len(limb)), limb
+    fields[own] = share * lengths[limb]
+    tips = 11 * np.arange(n)
+    return Tips(tips, fields[tips], fields)
+
+
+def test_a_point_keeps_its_share_of_a_trunk() -> None:
+    heights, stations = np.array([0, 0, 0.4, 1, 1]), np.linspace(0.05, 0.95, 10)
+    one = _tree([0.5, 0.7, 0.3, 0.6, 0.9], heights, stations)
+    other = _tree([1.2, 0.3, 0.9, 0.4, 0.5], 1.5 * heights, 1.5 * stations)
+    trunk = np.arange(55, 65)
+    for point_map in (*limb_maps(one, other), *limb_maps(other, one)):
+        np.testing.assert_array_equal(point_map[trunk], trunk)
+
+
+def test_a_tip_without_a_limb_is_no_harm() -> None:
+    heights, stations = np.array([0, 0, 0.5, 1, 1]), np.linspace(0.0625, 0.9375, 8)
+    one = _tree([0.5, 0.75, 0.0, 0.625, 0.875], heights, stations)
+    for point_map in limb_maps(one, one):
+        np.testing.assert_allclose(one.fields[point_map], one.fields, atol=0.1)
+
+
+def test_the_order_of_tips_does_not_matter() -> None:
+    stations = np.sort(np.random.default_rng(0).random(100))
+    heights = np.array([0, 0, 0.3, 1, 1])
+    one = _tree([0.5, 0.7, 0.3, 0.6, 0.9], heights, stations)
+    # A trunk whose ends grew by other factors.
+    bent = np.interp(np.concatenate([heights, stations]), [0, 0.3, 1], [0, 0.9, 1.2])
+    other = _tree([0.4, 0.5, 0.5, 0.5, 1.0], bent[:5], bent[5:])
+    expected = limb_maps(one, other)
+    goals = other.fields, one.fields
+    for order in ([4, 2, 0, 1, 3], [0, 3, 1, 4, 2], [2, 0, 4, 3, 1]):
+        every = np.arange(len(one.fields))
+        again = limb_maps(*(tips.taken(np.array(order), every) for tips in (one, other)))
+        for maps, same, fields in zip(again, expected, goals, strict=True):
+            assert np.abs(fields[maps] - fields[same]).mean() < 0.005  # ties go either way
 
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
@@ -184,6 +267,81 @@ def test_landmarks_hold_what_they_name() -> None:
         dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
         for one in found
     )
+
+
+def test_landmarks_hold_all_together_then_each_alone_then_none() -> None:
+    ways = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
+    ways = (ways[:, None] + ways) * (1 - np.eye(5))
+    cycle = [1, 2, 0, 3, 4]
+    tips = Tips(np.arange(5), ways, np.empty((0, 5)))
+    cycled = tips._replace(ways=ways[np.ix_(cycle, cycle)])
+    held = [
+        set(one.source[one.source == one.target]) & {0, 1}
+        for one in guess_limbs(tips, cycled, 1, 2)
+    ]
+    assert held[0] == {0, 1}
+    assert held[-1] == set()
+    assert {0} in held
+    assert {1} in held
+
+
+def _random_tips(n: int, seed: int) -> Tips:
+    ways = np.random.default_rng(seed).random((n, n)) + 1
+    return Tips(np.arange(n), (ways + ways.T) * (1 - np.eye(n)), np.empty((0, n)))
+
+
+def test_as_many_are_guessed_as_asked_for_or_as_there_are() -> None:
+    one, other = _random_tips(4, 0), _random_tips(4, 1)
+    for count, most in ((1, 2), (10, 20), (120, 120), (1000, 120)):
+        pairs = {
+            tuple(zip(guess.source.tolist(), guess.target.tolist(), strict=True))
+            for guess in guess_limbs(one, other, count)
+        }
+        assert min(count, 120) <= len(pairs) <= most
+    # All four, or all but one of either: 4! and 4 * 4 * 3!.
+    assert len(pairs) == 24 + 96
+    assert len(guess_limbs(_random_tips(3, 0), _random_tips(3, 1), 10)) == 6
+    assert guess_limbs(_random_tips(2, 0), other, 10) == []
+    assert guess_limbs(one, _random_tips(2, 0), 10, partial=True) == []
+
+
+def test_a_guess_is_as_much_longer_as_the_middle_one_of_all_ways() -> None:
+    one, other = _random_tips(5, 2), _random_tips(6, 3)
+    for sides in ((one, other), (other, one)):
+        for guess in guess_limbs(*sides, 20):
+            mine, theirs = (
+                tips.ways[np.ix_(taken, taken)]
+                for tips, taken in zip(sides, guess[:2], strict=True)
+            )
+            ratios = (theirs / np.where(mine, mine, 1))[mine > 0]  # each way twice
+            middle = np.exp(np.median(np.log(ratios)))
+            assert guess.size == pytest.approx(middle)
+
+
+def test_of_equally_good_guesses_the_first_in_order_comes_first() -> None:
+    ways = 1 - np.eye(5)
+    alike = Tips(np.arange(5), ways, np.empty((0, 5)))
+    assert guess_limbs(alike, alike, 1)[0].target.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_three_ways_may_differ_too() -> None:
+    one, other = _random_tips(3, 0).ways, _random_tips(3, 1).ways
+    straight = np.array([[0, 1, 2]])
+    for deviation in (_of_logarithms, _of_trunks):
+        assert _costs(one, 2 * one, straight, deviation)[0] == pytest.approx(0, abs=1e-9)
+        assert _costs(one, other, straight, deviation)[0] > 0.001
+
+
+def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.random((8, 10)) + np.linspace(0.2, 3, 8)[:, None] * np.arange(10)
+    ways, lengths = rows[:4], rows[4:]
+    whitening = _whitening(5, _ANY_LENGTH)
+    many, one = (part / np.sqrt((part**2).mean(axis=1))[:, None] for part in (ways, lengths))
+    sizes = np.geomspace(1 / _LONGER, _LONGER, 2000)
+    apart = (sizes[:, None, None] * many - one) @ whitening
+    least = np.sqrt((apart**2).mean(axis=2)).min(axis=0)
+    np.testing.assert_allclose(_of_trunks(5, lengths, ways), least, rtol=1e-4)
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import orthogonal_procrustes
 
 from unbend.alignment import Pairs
 from unbend.matching._zoomout import grow, orthogonal_maps, spectral_weights
@@ -31,6 +32,16 @@ def test_the_map_behind_pairs_is_found(determinant: int) -> None:
     maps = orthogonal_maps(source, target, both)
     np.testing.assert_allclose(maps[0], truth, atol=1e-9)
     np.testing.assert_allclose(maps[1] @ maps[1].T, np.eye(5), atol=1e-9)
+
+
+def test_pairs_of_both_directions_count_alike() -> None:
+    rng = np.random.default_rng(0)
+    source, target = rng.normal(size=(30, 4)), rng.normal(size=(40, 4))
+    pairs = Pairs(rng.integers(40, size=(1, 30)), rng.integers(30, size=(1, 40)), np.zeros(1))
+    rows = np.concatenate([source, source[pairs.backward[0]]])
+    images = np.concatenate([target[pairs.forward[0]], target])
+    expected = orthogonal_procrustes(rows, images)[0]
+    np.testing.assert_allclose(orthogonal_maps(source, target, pairs)[0], expected, atol=1e-9)
 
 
 def test_a_map_grows_from_its_beginning() -> None:

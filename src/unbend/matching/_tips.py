@@ -147,7 +147,7 @@ def guess_limbs(
         for fixed in known[0 if n_landmarks > 1 else 1 :]
         for mine, other, size in _assignments(source.ways, target.ways, count, fixed, partial)
     )
-    return list({(*one.source, -1, *one.target): one for one in guesses}.values())
+    return list({(*one.source, *one.target): one for one in guesses}.values())
 
 
 def _assignments(
