@@ -13,7 +13,7 @@ from tests.linalg.problems import copies, icosphere, laplacian, scattered, squar
 from unbend.errors import InputError, SolverError
 from unbend.linalg import _inverse, lanczos
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg.lanczos import largest_eigenpairs, smallest_eigenpairs
+from unbend.linalg.lanczos import largest_eigenpairs, measure_eigenpairs, smallest_eigenpairs
 
 
 def check(stiffness, areas, k, tol=1e-8, **options):
@@ -202,6 +202,86 @@ def test_progress_ends_at_one():
     assert seen[-1] == 1.0
 
 
+def orthonormal(basis):
+    """The basis itself, which must be that whatever came back from the operator."""
+    columns = basis.combine(np.eye(basis.size))
+    np.testing.assert_allclose(columns.T @ columns, np.eye(basis.size), rtol=0, atol=1e-9)
+    return columns
+
+
+@pytest.mark.parametrize("unit", [1e-100, 1.0, 1e100])
+@pytest.mark.parametrize(
+    "values",
+    [
+        10.0 ** -np.arange(60),
+        np.ones(60),
+        np.where(np.arange(60) < 7, 1.0, 0.0),
+        np.linspace(-1, 1, 60),
+        np.concatenate([[1e10, 1e10], np.linspace(0, 1, 58)]),
+    ],
+    ids=["steep", "identity", "low rank", "even", "two large"],
+)
+@pytest.mark.parametrize("block_size", [1, 4, 7])
+def test_the_basis_is_orthonormal_and_the_projection_what_it_says(values, block_size, unit):
+    """Up to the whole space, with random columns on the way, and room made as it is needed."""
+    frame = np.linalg.qr(np.random.default_rng(0).standard_normal((60, 60)))[0]
+    matrix = (frame * values * unit) @ frame.T
+    basis = KrylovBasis(lambda x: matrix @ x, 60, block_size, np.random.default_rng(1), 5)
+    for step in range(60):
+        before = basis.size
+        basis.grow()
+        assert basis.done == before
+        ritz, vectors, coupling = basis.ritz()
+        columns = orthonormal(basis)
+        lengthy = basis.combine(vectors)
+        left = columns[:, before:] @ coupling
+        scale = np.abs(values).max() * unit
+        np.testing.assert_allclose(matrix @ lengthy - lengthy * ritz, left, atol=1e-9 * scale)
+        if basis.done == basis.size:
+            break
+        if step == 2:
+            before = basis.size
+            basis.add_random(3)
+            assert basis.size == before + 3
+    assert basis.size == 60
+    np.testing.assert_allclose(ritz, np.sort(values) * unit, rtol=0, atol=1e-12 * scale)
+    basis.add_random(5)  # there is nothing left to add
+    assert basis.size == 60
+
+
+def test_a_direction_lost_beside_a_longer_one_is_not_taken_for_new():
+    """Of what is large and lies in the basis only rounding stays, which has no direction."""
+    rng = np.random.default_rng(0)
+    blocks = []
+
+    def operator(x):
+        if not blocks:
+            blocks.append(x.copy())
+        first, second = blocks[0].T
+        large = 1e8 * first[:, None] * (first @ x)
+        small = second[:, None] * (other @ x) + other[:, None] * (second @ x)
+        return large + 1e-6 * small
+
+    basis = KrylovBasis(operator, 200, 2, rng)
+    other = rng.standard_normal(200)
+    start = basis.combine(np.eye(2))
+    other -= start @ (start.T @ other)
+    other /= np.linalg.norm(other)
+    for _ in range(3):
+        basis.grow()
+        orthonormal(basis)
+
+
+def test_a_problem_of_size_one():
+    assert largest_eigenpairs(lambda x: 3 * x, 1, 1)[0].tolist() == [3]
+    basis = KrylovBasis(lambda x: 3 * x, 1, 4, np.random.default_rng(0))
+    basis.grow()
+    assert basis.ritz()[0].tolist() == [3]
+    values, vectors = smallest_eigenpairs(sp.csc_array([[6.0]]), np.array([2.0]), 1)
+    np.testing.assert_allclose(values, [3])
+    np.testing.assert_allclose(np.abs(vectors), 2**-0.5)
+
+
 @pytest.mark.parametrize("k", [0, 43])
 def test_k_out_of_range(k):
     with pytest.raises(InputError, match="k must be"):
@@ -220,6 +300,66 @@ def test_bad_arguments():
         smallest_eigenpairs(stiffness * np.nan, areas, 3)
     with pytest.raises(InputError, match="block_size"):
         largest_eigenpairs(lambda x: x, 42, 2, block_size=0)
+    for bad in (0.0, -1.0, np.nan, np.inf):  # a single one
+        with pytest.raises(InputError, match="all areas must be positive and finite"):
+            smallest_eigenpairs(stiffness, np.where(np.arange(42) == 7, bad, areas), 3)
+    stiffness.data[5] = np.inf
+    with pytest.raises(InputError, match="stiffness matrix holds NaN or infinite"):
+        smallest_eigenpairs(stiffness, areas, 3)
+
+
+def known_problem(values, unit):
+    """Dense stiffness and uneven areas, of about that size, with these eigenvalues; the vectors."""
+    rng = np.random.default_rng(0)
+    n = len(values)
+    root = np.sqrt(unit * rng.uniform(0.5, 2, n))
+    frame = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    stiffness = root[:, None] * (frame * values) @ frame.T * root
+    return sp.csc_array((stiffness + stiffness.T) / 2), root**2, frame / root[:, None]
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_what_eigenpairs_lack_is_measured(unit):
+    """Values off by a share have just this residual, whether they are large or small."""
+    share = 1e-4
+    values = np.concatenate([np.zeros(5), 10.0 ** np.arange(10), np.geomspace(1e12, 1e13, 25)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    floor = values[14] / 15  # what zeros count as: the mean distance of the first fifteen
+    for wrong, count in (
+        (np.where(np.arange(15) < 5, share * floor, values[:15]), 5),
+        (np.where(np.arange(15) < 5, 0, values[:15] + share * np.maximum(values[:15], floor)), 10),
+    ):
+        skew, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :15], 1e-8)
+        assert 0.2 * share < residual / count**0.5 < 4 * share
+        assert skew < 1e-10
+    twisted = vectors[:, :15].copy()
+    twisted[:, 3] += share * twisted[:, 9]
+    skew, _ = measure_eigenpairs(stiffness, areas, values[:15], twisted, 1e-8)
+    assert 0.01 * share < skew < 10 * share
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_where_all_values_are_zero_the_matrix_tells_what_counts(unit):
+    values = np.concatenate([np.zeros(5), np.linspace(90, 110, 35)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    usual = np.median(stiffness.diagonal() / areas)
+    wrong = np.full(5, 1e-2 * 1e-6 * usual)
+    wrong[-1] = 1e-13 * usual
+    _, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :5], 1e-8)
+    assert 0.2e-2 < residual / 4**0.5 < 4e-2
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_rounding_is_no_residual_and_what_is_more_is_one(unit):
+    values = np.concatenate([np.geomspace(1, 100, 10), np.geomspace(1e7, 1e8, 30)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    _, left = measure_eigenpairs(stiffness, areas, values[:10], vectors[:, :10], np.inf)
+    assert left > 0
+    _, residual = measure_eigenpairs(stiffness, areas, values[:10], vectors[:, :10], 0.0)
+    assert residual == 0
+    wrong = values[:10] * (1 + 1e-3)
+    _, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :10], 0.0)
+    assert 0.2e-3 < residual / 10**0.5 < 4e-3
 
 
 @settings(max_examples=50, deadline=None)
@@ -240,6 +380,18 @@ def test_largest_against_dense(n, k, seed, block_size, power):
     np.testing.assert_allclose(values, np.sort(spectrum)[::-1][:k], rtol=0, atol=1e-9)
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(k), rtol=0, atol=1e-10)
     assert np.linalg.norm(matrix @ vectors - vectors * values, axis=0).max() <= 2e-10
+
+
+@pytest.mark.parametrize("tol", [0.1, 0.03, 0.01, 0.003])
+@pytest.mark.parametrize("block_size", [1, 4, 16])
+def test_largest_are_as_exact_as_asked_however_slowly_they_come(tol, block_size):
+    """Residuals shrink by little in each step here, so the first that will do is not far below."""
+    weights = np.linspace(0, 1, 500)[:, None]
+    values, vectors = largest_eigenpairs(
+        lambda x: weights * x, 500, 1, tol=tol, block_size=block_size
+    )
+    residual = np.linalg.norm(weights * vectors - vectors * values)
+    assert 0.1 * tol < residual <= tol * 1.000001 * values[0]
 
 
 def test_largest_stops_early():
@@ -270,8 +422,16 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
         largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3)
     monkeypatch.setattr(lanczos, "_LIMIT", 20)
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
-    with pytest.raises(SolverError, match="products"):
-        largest_eigenpairs(lambda x: flat * x, 5_000, 3)
+    products = []
+
+    def operator(x):
+        products.append(x.shape[1])
+        return flat * x
+
+    with pytest.raises(SolverError, match=r"no 3 eigenpairs .* products"):
+        largest_eigenpairs(operator, 5_000, 3)
+    assert products[0] == 3 + 3  # what it is given at once by default
+    assert 20 + 10 * 3 < sum(products) <= 20 + 10 * 3 + 6  # ten for each pair beyond the limit
 
 
 def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
