@@ -36,8 +36,25 @@ def filled(matrix):
 def test_supernodes_hold_the_factor(n, degree, seed):
     rng = np.random.default_rng(seed)
     half = sp.random_array((n, n), density=min(degree / n, 1), rng=rng)
-    matrix = sp.csr_array(half + half.T + sp.eye_array(n))
-    nodes = dissect(*pattern(matrix))
+    checked(sp.csr_array(half + half.T + sp.eye_array(n)))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("size", [24, 25, 64, 65, 130])
+def test_what_cannot_be_cut_is_a_row_of_supernodes(size):
+    """Eight cliques make eight subtrees, each of as many supernodes of one width as it takes."""
+    nodes = checked(sp.csr_array(sp.block_diag([np.ones((size, size))] * 8)))
+    count = -(-size // 64)
+    for first, last in nodes.parts[:-1]:
+        widths = np.diff(nodes.starts)[first:last]
+        assert len(widths) == count
+        assert widths.max() - widths.min() <= 1
+        assert np.diff(nodes.row_starts)[last - 1] == 0
+
+
+def checked(matrix):
+    """Supernodes of a matrix, which must have room for all of its factor."""
+    nodes, n = dissect(*pattern(matrix)), matrix.shape[0]
     assert np.array_equal(np.sort(nodes.order), np.arange(n))
     assert nodes.starts[0] == 0
     assert nodes.starts[-1] == n
@@ -62,6 +79,7 @@ def test_supernodes_hold_the_factor(n, degree, seed):
     np.add.at(has_parent, nodes.children[nodes.children >= 0], 1)
     assert (has_parent[:-1] == 1).all()
     assert has_parent[-1] == 0
+    return nodes
 
 
 def test_subtrees_have_nothing_to_do_with_each_other():
@@ -97,7 +115,9 @@ def chains(*sizes):
 def grid(rows, columns):
     """Neighbours in rows and columns."""
     one, other = (sp.eye_array(size) for size in (rows, columns))
-    return sp.csr_array(sp.kron(chains(rows), other) + sp.kron(one, chains(columns)))
+    found = sp.csr_array(sp.kron(chains(rows), other) + sp.kron(one, chains(columns)))
+    found.eliminate_zeros()
+    return found
 
 
 def halves(matrix, seed=None, before=0):
@@ -173,6 +193,19 @@ def test_a_separator_has_a_fifth_of_the_vertices_on_either_side():
             one, other, cut = halves(both, seed)
             assert min(one, other) >= 0.2 * (64 + tail)
             assert cut == expected or cut > 3
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("rows", "columns", "height", "fill"), [(1, 1000, 2, 11), (24, 24, 30, 23), (5, 100, 12, 16)]
+)
+def test_simple_graphs_fill_little(rows, columns, height, fill):
+    """Parts down to 24 vertices; separators as wide as the graph is narrow, two beside a part."""
+    nodes = checked(grid(rows, columns))
+    widths, heights = np.diff(nodes.starts), np.diff(nodes.row_starts)
+    assert widths.max() <= 24
+    assert heights.max() <= height
+    assert (widths * (widths + 1) / 2 + widths * heights).sum() < fill * rows * columns
 
 
 def test_fill_grows_as_it_should():
