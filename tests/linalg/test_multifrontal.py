@@ -83,6 +83,15 @@ def test_what_cannot_be_factorised_is_refused():
         factor(sp.csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]])))
 
 
+@pytest.mark.parametrize("bad", range(8))
+def test_a_single_part_that_cannot_be_factorised_is_enough(bad):
+    blocks = [np.ones((3, 3)) + 3 * np.eye(3)] * 8
+    assert np.isfinite(factor(sp.csc_matrix(sp.block_diag(blocks))).pivots).all()
+    blocks[bad] = np.ones((3, 3))
+    with pytest.raises(ArithmeticError, match="pivot"):
+        factor(sp.csc_matrix(sp.block_diag(blocks)))
+
+
 def test_entries_without_a_mirror_image_are_refused_or_left_alone():
     """No memory but the factor's own is touched, whatever the pattern: uncompiled, NumPy minds."""
     refused = 0
