@@ -91,6 +91,16 @@ def test_every_backend_solves(backend, count):
     assert factor.solve(rhs[:, 0]).shape == (144,)
     np.testing.assert_allclose(factor.solve(rhs[:, 0]), factor.solve(rhs)[:, 0], rtol=1e-9)
     assert factor.solve(np.asfortranarray(rhs)).shape == rhs.shape
+    whole = np.arange(144)
+    np.testing.assert_array_equal(factor.solve(whole), factor.solve(whole.astype(float)))
+
+
+def test_matrices_of_any_kind_are_taken(backend):
+    """Compressed by rows or not at all, and of whole numbers."""
+    dense = np.array([[4, 1, 0], [1, 3, -1], [0, -1, 5]])
+    for matrix in (sp.csr_array(dense), sp.coo_array(dense), sp.csc_matrix(dense)):
+        found = factorize(matrix).solve(np.array([6.0, 4.0, 13.0]))
+        np.testing.assert_allclose(found, [1, 2, 3], rtol=1e-12)
 
 
 @pytest.mark.parametrize("shift", [-30.0, -300.0, -3000.0])
@@ -143,11 +153,69 @@ def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
     )
 
 
-def test_zero_pivots_are_refined_away():
+def test_zero_pivots_are_refined_away(backend):
     """Nothing on the diagonal to pivot on, and yet far from singular."""
     factor = factorize(sp.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
     np.testing.assert_allclose(factor.solve(np.array([3.0, 4.0])), [4.0, 3.0], rtol=1e-12)
     assert factor.n_negative == 1
+
+
+@pytest.mark.parametrize(
+    ("n", "options", "expected"),
+    [
+        (100, {}, ["qdldl"]),
+        (100, {"many": True}, ["qdldl+numba"]),
+        (50_000, {}, ["qdldl+numba"]),
+        (300_000, {}, ["multifrontal"]),
+        (300_000, {"many": True}, ["multifrontal"]),
+        (900_000, {}, ["cholmod", "multifrontal"]),
+        (900_000, {"indefinite": True}, ["multifrontal"]),
+    ],
+)
+def test_larger_systems_have_other_engines(n, options, expected, monkeypatch):
+    monkeypatch.setattr(factorization, "_installed", lambda name: True)
+    options = {"indefinite": False, "many": False, **options}
+    assert [name for name, _ in factorization._backends(n, **options)] == expected
+    assert factorize(sp.eye_array(5)).backend == "qdldl"
+    assert factorize(sp.eye_array(5), many=True).backend == "qdldl+numba"
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_the_engine_named_does_the_work(many, monkeypatch):
+    """Small systems are solved without what is compiled, unless there is much to solve."""
+    chunks = []
+    solve = factorization._solve_in_chunks
+
+    def spy(*arguments):
+        chunks.append(arguments)
+        return solve(*arguments)
+
+    monkeypatch.setattr(factorization, "_solve_in_chunks", spy)
+    factor = factorize(grid(1.0), many=many)
+    assert factor.backend == ("qdldl+numba" if many else "qdldl")
+    factor.solve(np.ones((144, 2)))
+    assert bool(chunks) == many
+
+
+def test_a_pivot_of_next_to_nothing_is_cancelled():
+    """Against the entry that stood there at first, wherever the order has put it."""
+    matrix = sp.diags_array([1.0, 1e-20, 1e6]).tocsc()
+    order = np.array([2, 0, 1])
+    assert not factorization._cancelled(matrix, order, np.array([-1e6, 1.0, 1e-20]))
+    assert not factorization._cancelled(matrix, order, np.array([1e-6, 1.0, 1e-20]))
+    assert factorization._cancelled(matrix, order, np.array([1e-9, 1.0, 1e-20]))
+    assert factorization._cancelled(matrix, order, np.array([1e6, -1e-15, 1e-20]))
+    assert factorization._cancelled(matrix, order, np.array([1e6, 1.0, 1e-35]))
+
+
+def test_a_trial_measures_what_solves_leave():
+    matrix = sp.diags_array(np.full(50, 3.0)).tocsc()
+    share, residual = factorization._probe(matrix, lambda rhs: 0.99 * rhs / 3)
+    np.testing.assert_allclose(share, 0.01)
+    assert 0.03 < residual < 3 * 0.07  # of the largest of fifty normal numbers
+    assert factorization._probe(matrix, lambda rhs: rhs / 3)[0] < 1
+    for bad in (np.inf, np.nan):
+        assert not factorization._probe(matrix, lambda rhs, bad=bad: bad * rhs)[0] <= 1
 
 
 def test_large_values_are_finite_though_their_sum_is_not():

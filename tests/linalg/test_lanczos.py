@@ -13,7 +13,7 @@ from tests.linalg.problems import copies, icosphere, laplacian, scattered, squar
 from unbend.errors import InputError, SolverError
 from unbend.linalg import _inverse, lanczos
 from unbend.linalg._krylov import KrylovBasis
-from unbend.linalg.lanczos import largest_eigenpairs, smallest_eigenpairs
+from unbend.linalg.lanczos import largest_eigenpairs, measure_eigenpairs, smallest_eigenpairs
 
 
 def check(stiffness, areas, k, tol=1e-8, **options):
@@ -85,7 +85,11 @@ def test_icosphere_multiplicities(k):
 @pytest.mark.parametrize(("k", "pieces"), [(5, 12), (60, 12), (100, 3)])
 def test_more_copies_than_the_block_is_wide(k, pieces, iterative):
     """Twelve equal components: every eigenvalue twelve-fold, blocks of four or eight."""
-    check(*copies(laplacian(*scattered(90, 3)), pieces), k)
+    seen = []
+    check(*copies(laplacian(*scattered(90, 3)), pieces), k, progress=seen.append)
+    assert seen == sorted(seen)  # though there is more to do than usual
+    assert 0 < seen[0] < 0.2
+    assert seen[-1] == 1
 
 
 def test_open_square():
@@ -202,6 +206,86 @@ def test_progress_ends_at_one():
     assert seen[-1] == 1.0
 
 
+def orthonormal(basis):
+    """The basis itself, which must be that whatever came back from the operator."""
+    columns = basis.combine(np.eye(basis.size))
+    np.testing.assert_allclose(columns.T @ columns, np.eye(basis.size), rtol=0, atol=1e-8)
+    return columns
+
+
+@pytest.mark.parametrize("unit", [1e-100, 1.0, 1e100])
+@pytest.mark.parametrize(
+    "values",
+    [
+        10.0 ** -np.arange(60),
+        np.ones(60),
+        np.where(np.arange(60) < 7, 1.0, 0.0),
+        np.linspace(-1, 1, 60),
+        np.concatenate([[1e10, 1e10], np.linspace(0, 1, 58)]),
+    ],
+    ids=["steep", "identity", "low rank", "even", "two large"],
+)
+@pytest.mark.parametrize("block_size", [1, 4, 7])
+def test_the_basis_is_orthonormal_and_the_projection_what_it_says(values, block_size, unit):
+    """Up to the whole space, with random columns on the way, and room made as it is needed."""
+    frame = np.linalg.qr(np.random.default_rng(0).standard_normal((60, 60)))[0]
+    matrix = (frame * values * unit) @ frame.T
+    basis = KrylovBasis(lambda x: matrix @ x, 60, block_size, np.random.default_rng(1), 5)
+    for step in range(60):
+        before = basis.size
+        basis.grow()
+        assert basis.done == before
+        ritz, vectors, coupling = basis.ritz()
+        columns = orthonormal(basis)
+        lengthy = basis.combine(vectors)
+        left = columns[:, before:] @ coupling
+        scale = np.abs(values).max() * unit
+        np.testing.assert_allclose(matrix @ lengthy - lengthy * ritz, left, atol=1e-8 * scale)
+        if basis.done == basis.size:
+            break
+        if step == 2:
+            before = basis.size
+            basis.add_random(3)
+            assert basis.size == before + 3
+    assert basis.size == 60
+    np.testing.assert_allclose(ritz, np.sort(values) * unit, rtol=0, atol=1e-8 * scale)
+    basis.add_random(5)  # there is nothing left to add
+    assert basis.size == 60
+
+
+def test_a_direction_lost_beside_a_longer_one_is_not_taken_for_new():
+    """Of what is large and lies in the basis only rounding stays, which has no direction."""
+    rng = np.random.default_rng(0)
+    blocks = []
+
+    def operator(x):
+        if not blocks:
+            blocks.append(x.copy())
+        first, second = blocks[0].T
+        large = 1e8 * first[:, None] * (first @ x)
+        small = second[:, None] * (other @ x) + other[:, None] * (second @ x)
+        return large + 1e-6 * small
+
+    basis = KrylovBasis(operator, 200, 2, rng)
+    other = rng.standard_normal(200)
+    start = basis.combine(np.eye(2))
+    other -= start @ (start.T @ other)
+    other /= np.linalg.norm(other)
+    for _ in range(3):
+        basis.grow()
+        orthonormal(basis)
+
+
+def test_a_problem_of_size_one():
+    assert largest_eigenpairs(lambda x: 3 * x, 1, 1)[0].tolist() == [3]
+    basis = KrylovBasis(lambda x: 3 * x, 1, 4, np.random.default_rng(0))
+    basis.grow()
+    assert basis.ritz()[0].tolist() == [3]
+    values, vectors = smallest_eigenpairs(sp.csc_array([[6.0]]), np.array([2.0]), 1)
+    np.testing.assert_allclose(values, [3])
+    np.testing.assert_allclose(np.abs(vectors), 2**-0.5)
+
+
 @pytest.mark.parametrize("k", [0, 43])
 def test_k_out_of_range(k):
     with pytest.raises(InputError, match="k must be"):
@@ -220,6 +304,66 @@ def test_bad_arguments():
         smallest_eigenpairs(stiffness * np.nan, areas, 3)
     with pytest.raises(InputError, match="block_size"):
         largest_eigenpairs(lambda x: x, 42, 2, block_size=0)
+    for bad in (0.0, -1.0, np.nan, np.inf):  # a single one
+        with pytest.raises(InputError, match="all areas must be positive and finite"):
+            smallest_eigenpairs(stiffness, np.where(np.arange(42) == 7, bad, areas), 3)
+    stiffness.data[5] = np.inf
+    with pytest.raises(InputError, match="stiffness matrix holds NaN or infinite"):
+        smallest_eigenpairs(stiffness, areas, 3)
+
+
+def known_problem(values, unit):
+    """Dense stiffness and uneven areas, of about that size, with these eigenvalues; the vectors."""
+    rng = np.random.default_rng(0)
+    n = len(values)
+    root = np.sqrt(unit * rng.uniform(0.5, 2, n))
+    frame = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    stiffness = root[:, None] * (frame * values) @ frame.T * root
+    return sp.csc_array((stiffness + stiffness.T) / 2), root**2, frame / root[:, None]
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_what_eigenpairs_lack_is_measured(unit):
+    """Values off by a share have just this residual, whether they are large or small."""
+    share = 1e-4
+    values = np.concatenate([np.zeros(5), 10.0 ** np.arange(10), np.geomspace(1e12, 1e13, 25)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    floor = values[14] / 15  # what zeros count as: the mean distance of the first fifteen
+    for wrong, count in (
+        (np.where(np.arange(15) < 5, share * floor, values[:15]), 5),
+        (np.where(np.arange(15) < 5, 0, values[:15] + share * np.maximum(values[:15], floor)), 10),
+    ):
+        skew, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :15], 1e-8)
+        assert 0.2 * share < residual / count**0.5 < 4 * share
+        assert skew < 1e-10
+    twisted = vectors[:, :15].copy()
+    twisted[:, 3] += share * twisted[:, 9]
+    skew, _ = measure_eigenpairs(stiffness, areas, values[:15], twisted, 1e-8)
+    assert 0.01 * share < skew < 10 * share
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_where_all_values_are_zero_the_matrix_tells_what_counts(unit):
+    values = np.concatenate([np.zeros(5), np.linspace(90, 110, 35)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    usual = np.median(stiffness.diagonal() / areas)
+    wrong = np.full(5, 1e-2 * 1e-6 * usual)
+    wrong[-1] = 1e-13 * usual
+    _, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :5], 1e-8)
+    assert 0.2e-2 < residual / 4**0.5 < 4e-2
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_rounding_is_no_residual_and_what_is_more_is_one(unit):
+    values = np.concatenate([np.geomspace(1, 100, 10), np.geomspace(1e7, 1e8, 30)])
+    stiffness, areas, vectors = known_problem(values, unit)
+    _, left = measure_eigenpairs(stiffness, areas, values[:10], vectors[:, :10], np.inf)
+    assert left > 0
+    _, residual = measure_eigenpairs(stiffness, areas, values[:10], vectors[:, :10], 0.0)
+    assert residual == 0
+    wrong = values[:10] * (1 + 1e-3)
+    _, residual = measure_eigenpairs(stiffness, areas, wrong, vectors[:, :10], 0.0)
+    assert 0.2e-3 < residual / 10**0.5 < 4e-3
 
 
 @settings(max_examples=50, deadline=None)
@@ -240,6 +384,18 @@ def test_largest_against_dense(n, k, seed, block_size, power):
     np.testing.assert_allclose(values, np.sort(spectrum)[::-1][:k], rtol=0, atol=1e-9)
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(k), rtol=0, atol=1e-10)
     assert np.linalg.norm(matrix @ vectors - vectors * values, axis=0).max() <= 2e-10
+
+
+@pytest.mark.parametrize("tol", [0.1, 0.03, 0.01, 0.003])
+@pytest.mark.parametrize("block_size", [1, 4, 16])
+def test_largest_are_as_exact_as_asked_however_slowly_they_come(tol, block_size):
+    """Residuals shrink by little in each step here, so the first that will do is not far below."""
+    weights = np.linspace(0, 1, 500)[:, None]
+    values, vectors = largest_eigenpairs(
+        lambda x: weights * x, 500, 1, tol=tol, block_size=block_size
+    )
+    residual = np.linalg.norm(weights * vectors - vectors * values)
+    assert 0.1 * tol < residual <= tol * 1.000001 * values[0]
 
 
 def test_largest_stops_early():
@@ -270,8 +426,16 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
         largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3)
     monkeypatch.setattr(lanczos, "_LIMIT", 20)
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
-    with pytest.raises(SolverError, match="products"):
-        largest_eigenpairs(lambda x: flat * x, 5_000, 3)
+    products = []
+
+    def operator(x):
+        products.append(x.shape[1])
+        return flat * x
+
+    with pytest.raises(SolverError, match=r"no 3 eigenpairs .* products"):
+        largest_eigenpairs(operator, 5_000, 3)
+    assert products[0] == 3 + 3  # what it is given at once by default
+    assert 20 + 10 * 3 < sum(products) <= 20 + 10 * 3 + 6  # ten for each pair beyond the limit
 
 
 def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
@@ -306,3 +470,213 @@ def test_corrections_go_on_while_they_help(monkeypatch) -> None:
     found, vectors = _inverse.inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8, 0, None)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
     np.testing.assert_allclose(np.abs(vectors[:k]), np.eye(k), atol=1e-7)
+
+
+def test_what_values_near_zero_count_as():
+    """As the mean distance of the first values; if all are zero, as a share of the diagonal."""
+    diagonal = np.array([0.0, 0.0, -9.0, 4.0, 4e6, 3.0])
+    assert _inverse.least_that_counts(np.array([0.0, 1.0, 2.0, 8.0]), diagonal) == 2
+    assert _inverse.least_that_counts(np.array([0.0, 4.2e-12]), diagonal) == 2.1e-12
+    for unit in (1e-9, 1.0, 1e9):
+        values = unit * np.array([0.0, 3.8e-12])
+        nothing = _inverse.least_that_counts(values, unit * diagonal)
+        np.testing.assert_allclose(nothing, 4e-6 * unit)
+    np.testing.assert_allclose(_inverse.least_that_counts(np.zeros(3), np.zeros(4)), 1e-6)
+
+
+@pytest.mark.parametrize("below", [0, 2, 7, 20])
+def test_pairs_near_a_shift_have_the_residuals_that_are_told(below):
+    """From the nearest on outwards: none above is told before all that are counted below."""
+    rng = np.random.default_rng(0)
+    values = np.sort(np.concatenate([[0.0, 0.0], rng.uniform(1, 60, 58)]))
+    values, shift = (values, values[below - 1 : below + 1].mean()) if below else (values + 3, 2.0)
+    matrix = sp.diags_array(values).tocsc()
+    factor = _inverse._shifted(matrix, shift)
+    assert factor.n_negative == below
+    basis = KrylovBasis(factor.solve, 60, 3, rng)
+    for _ in range(20):
+        basis.grow()
+        found, coordinates, residuals = _inverse._near_pairs(basis, shift, below)
+        assert found.shape == residuals.shape
+        assert (np.diff(found) >= 0).all()
+        assert found.min(initial=0) >= -1e-4 * shift
+        told_below = (found < shift).sum()
+        assert told_below <= below
+        assert told_below == below or len(found) == told_below
+        vectors = basis.combine(coordinates)
+        left = np.linalg.norm(values[:, None] * vectors - vectors * found, axis=0)
+        np.testing.assert_allclose(left, residuals, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(found, values, atol=1e-6)
+
+
+@pytest.mark.parametrize("copies", [1, 4])
+def test_the_distance_to_the_nearest_eigenvalue_is_estimated(copies):
+    far = np.linspace(1, 9, 50) * np.where(np.arange(50) % 2, 1, -1)
+    near = sp.diags_array(np.concatenate([np.full(copies, -1e-2), far])).tocsc()
+    distance = _inverse._nearest(50 + copies, _inverse._shifted(near, 0.0))
+    np.testing.assert_allclose(distance, 1e-2, rtol=1e-3)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-7])
+def test_corrections_make_orthonormal_pairs_and_measure_them(noise):
+    """Each leaves of what is beyond the known pairs the share (9 - 5) / (20 - 5) at most."""
+    rng = np.random.default_rng(0)
+    values = np.concatenate([[0.0], np.linspace(1, 10, 20), np.linspace(20, 1e4, 179)])
+    matrix = sp.diags_array(values).tocsc()
+    factor = _inverse._shifted(matrix, 5.1)
+    rough = np.eye(200, 21) + noise * rng.standard_normal((200, 21))
+    last = 1e4 * noise
+    for steps in (1, 2, 4, 30):
+        found, vectors, reached = _inverse._polish(
+            matrix, factor, values[:21] + noise, rough.copy(), 10, 0.1, 1e-9, steps
+        )
+        np.testing.assert_allclose(vectors.T @ vectors, np.eye(10), atol=1e-12)
+        left = np.linalg.norm(values[:, None] * vectors - vectors * found, axis=0)
+        worst = (left / np.maximum(found, 0.1)).max()
+        np.testing.assert_allclose(reached, worst, atol=1e-10)
+        assert worst < 0.5 * last
+        last = worst
+    assert worst <= 1.1e-9
+    np.testing.assert_allclose(found, values[:10], atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("k", "share"), [(4, 1.1), (30, 1.1), (31, 0.5), (200, 0.5)])
+def test_the_first_shift_has_the_right_number_of_pairs_below_it(k, share, unit):
+    """Above few pairs, in the middle of many, also where there are far more than by Weyl's law."""
+    values = unit * 4 * np.pi * np.arange(2000.0)
+    shift, factor = _inverse._first_shift(sp.diags_array(values).tocsc(), k)
+    assert factor.n_negative == (values < shift).sum()
+    moved = 1.0 if unit == 1 else 1.6  # to be clear of eigenvalues that lie close together
+    assert 0.4 * share * k - 2 <= factor.n_negative <= moved * (1.7 * share * k + 4)
+
+
+@pytest.mark.parametrize("k", [4, 60])
+def test_a_shift_is_found_above_many_zeros(k):
+    """As many pieces as zeros: no shift is below so few pairs as it should be."""
+    values = np.concatenate([np.zeros(300), 50 + np.arange(700.0)])
+    shift, factor = _inverse._first_shift(sp.diags_array(values).tocsc(), k)
+    assert factor.n_negative == 300
+    assert 0 < shift < 50
+
+
+def test_the_first_shift_steps_aside_from_an_eigenvalue():
+    k = 10
+    hit = 4 * np.pi * 1.1 * k
+    values = np.sort(np.append(4 * np.pi * np.arange(1000.0), hit))
+    shift, factor = _inverse._first_shift(sp.diags_array(values).tocsc(), k)
+    assert np.abs(values - shift).min() > 0.03 * 4 * np.pi
+    assert factor.n_negative == (values < shift).sum()
+
+
+def test_a_shift_goes_where_it_is_farthest_from_eigenvalues():
+    """Of a few places nearby; a shift that is clear of them stays."""
+    steps = 4 * np.pi * np.array([0.0, 0.3, 0.6, -0.3])
+    beside = np.array([0.1, 0.3, 0.2, 0.05])
+    values = np.append(100 + steps + beside, [0.0, 500.0])
+    matrix = sp.diags_array(values).tocsc()
+    moved, factor = _inverse._clear_of_eigenvalues(matrix, 100.0, _inverse._shifted(matrix, 100.0))
+    np.testing.assert_allclose(moved, 100 + steps[1])
+    assert factor.n_negative == (values < moved).sum()
+    clear, factor = _inverse._clear_of_eigenvalues(matrix, 105.7, _inverse._shifted(matrix, 105.7))
+    assert clear == 105.7
+    assert factor.n_negative == (values < clear).sum()
+
+
+def test_a_shift_that_cannot_be_factorised_is_passed_over(monkeypatch):
+    matrix = sp.diags_array(np.array([0.0, 50.0, 100.001, 150.0])).tocsc()
+    factor = _inverse._shifted(matrix, 100.0)
+    tried = []
+
+    def refuse(matrix, shift):
+        tried.append(shift)
+        if len(tried) == 1:
+            raise SolverError("singular")
+        return shifted(matrix, shift)
+
+    shifted = _inverse._shifted
+    monkeypatch.setattr(_inverse, "_shifted", refuse)
+    moved, _ = _inverse._clear_of_eigenvalues(matrix, 100.0, factor)
+    assert moved == tried[1] != 100
+    monkeypatch.setattr(_inverse, "_shifted", lambda *_: refuse(tried.clear(), 0.0))
+    with pytest.raises(SolverError, match="shifted stiffness matrix could not be factorised"):
+        _inverse._first_shift(matrix, 2)
+
+
+def test_corrections_end_where_only_rounding_is_left(monkeypatch):
+    """There are none for what is exact enough, and rounding is no residual."""
+    corrections = []
+    correct = _inverse._correct
+
+    def spy(*arguments):
+        corrections.append(len(arguments))
+        correct(*arguments)
+
+    monkeypatch.setattr(_inverse, "_correct", spy)
+    rng = np.random.default_rng(0)
+    values = np.concatenate([[0.0], np.linspace(1, 10, 20), np.linspace(20, 1e4, 179)])
+    frame = np.linalg.qr(rng.standard_normal((200, 200)))[0]
+    matrix = sp.csc_array((frame * values) @ frame.T)
+    factor = _inverse._shifted(matrix, 5.1)
+    rough = frame[:, :21] + 1e-7 * rng.standard_normal((200, 21))
+    found, vectors, reached = _inverse._polish(
+        matrix, factor, values[:21], rough, 10, 0.1, 0.0, 500
+    )
+    left = np.linalg.norm(frame * values @ (frame.T @ vectors) - vectors * found, axis=0)
+    assert left.max() > 0 == reached
+    assert left.max() < 1e-9
+    assert 5 < len(corrections) < 200
+    corrections.clear()
+    _, _, reached = _inverse._polish(matrix, factor, found, vectors, 10, 0.1, 1e-8, 500)
+    assert reached < 1e-8
+    assert corrections == []
+
+
+def test_pairs_are_counted_in_the_middle_of_a_gap_that_is_wide_enough(monkeypatch):
+    shifts = []
+    shifted = _inverse._shifted
+
+    def spy(matrix, shift):
+        shifts.append(shift)
+        if shift in singular:
+            raise SolverError("singular")
+        return shifted(matrix, shift)
+
+    monkeypatch.setattr(_inverse, "_shifted", spy)
+    singular = []
+    values = np.array([0.0, 1, 2, 3, 3, 3, 3, 4, 6, 10, 11, 12, 14])
+    matrix = sp.diags_array(values).tocsc()
+
+    def none_missed(k, known=values, blurred=(), by=0.0):
+        shifts.clear()
+        residuals = np.zeros(len(known))
+        residuals[list(blurred)] = by
+        return _inverse._none_missed(matrix, known, residuals, k)
+
+    for k in (4, 5, 6, 7):  # behind four that are equal
+        assert none_missed(k)
+        assert shifts == [3.5]
+    assert none_missed(8)
+    assert shifts == [5]
+    for blurred in ([6], [7]):  # what is on either side of the gap
+        assert none_missed(5, blurred=blurred, by=0.2)
+        assert shifts == [3.5]
+        assert none_missed(5, blurred=blurred, by=0.3)
+        assert shifts == [5]
+    assert none_missed(5, blurred=[7], by=0.6)
+    assert shifts == [8]
+    assert not none_missed(5, blurred=range(13), by=1.0)
+    assert shifts == []
+    close = values.copy()
+    close[7] = 3 + 1e-9  # by rounding these are equal
+    assert none_missed(5, known=close)
+    assert shifts == [(3 + 1e-9 + 6) / 2]
+    singular.append(3.5)
+    assert none_missed(5)
+    assert shifts == [3.5, 5]
+    singular += [5, 8, 10.5]
+    assert not none_missed(5)
+    assert len(shifts) <= 4
+    singular.clear()
+    for missed in range(7):
+        assert not none_missed(5, known=np.delete(values, missed))

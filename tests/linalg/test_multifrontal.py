@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from tests.linalg.problems import laplacian, scattered
 from unbend.linalg import multifrontal
+from unbend.linalg._sweeps import sweeps
 from unbend.linalg.multifrontal import _stack_updates, factor, solve
 
 pytestmark = pytest.mark.kernels
@@ -26,6 +27,22 @@ def test_dense_matrices_are_solved(size, columns):
     assert (found.pivots > 0).all()
 
 
+@pytest.mark.parametrize("size", [30, 100])
+def test_chains_are_solved(size):
+    """Their separators are single vertices, and there are one or two rows below each part."""
+    rng = np.random.default_rng(size)
+    beside = rng.uniform(-1, 1, size - 1)
+    chain = sp.diags_array([beside, rng.uniform(2, 3, size), beside], offsets=[-1, 0, 1])
+    shuffle = rng.permutation(size)
+    matrix = sp.csc_matrix(chain.tocsr()[shuffle][:, shuffle])
+    found = factor(matrix)
+    heights, widths = np.diff(found.nodes.row_starts), np.diff(found.nodes.starts)
+    assert ((heights == 1) & (widths > 1)).any()
+    assert ((heights == 1) & (widths == 1)).any()
+    rhs = rng.standard_normal((size, 2))
+    np.testing.assert_allclose(matrix @ solve(found, rhs), rhs, rtol=0, atol=1e-13)
+
+
 def test_a_mesh_is_solved_and_its_negative_eigenvalues_are_counted():
     stiffness, areas = laplacian(*scattered(400, 0))
     matrix = sp.csc_matrix(stiffness - 30.0 * sp.diags_array(areas))
@@ -41,9 +58,38 @@ def test_tall_supernodes_are_worked_on_piece_by_piece(monkeypatch):
     test_a_mesh_is_solved_and_its_negative_eigenvalues_are_counted()
 
 
+@pytest.mark.parametrize("width", [1, 8])
+def test_subtrees_leave_what_is_above_them_to_their_sums(width):
+    """Otherwise threads would add to the same rows at once."""
+    stiffness, areas = laplacian(*scattered(300, 0))
+    nodes, _, places, squares, panels = factor(sp.csc_matrix(stiffness + sp.diags_array(areas)))
+    forward, _ = sweeps(width)
+    *subtrees, top = nodes.parts
+    below = int(nodes.starts[top[0]])
+    tree = nodes.starts, nodes.row_starts, nodes.rows, places, squares, panels
+    for first, last in subtrees:
+        values = np.random.default_rng(0).standard_normal((300, width))
+        before, sums = values.copy(), np.zeros((300 - below, width))
+        forward(*tree, values, sums, below, first, last)
+        own = slice(nodes.starts[first], nodes.starts[last])
+        assert (values[own] != before[own]).any()
+        assert (sums[:, 0] != 0).any()
+        values[own] = before[own]
+        np.testing.assert_array_equal(values, before)
+
+
 def test_what_cannot_be_factorised_is_refused():
     with pytest.raises(ArithmeticError, match="pivot"):
         factor(sp.csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]])))
+
+
+@pytest.mark.parametrize("bad", range(8))
+def test_a_single_part_that_cannot_be_factorised_is_enough(bad):
+    blocks = [np.ones((3, 3)) + 3 * np.eye(3)] * 8
+    assert np.isfinite(factor(sp.csc_matrix(sp.block_diag(blocks))).pivots).all()
+    blocks[bad] = np.ones((3, 3))
+    with pytest.raises(ArithmeticError, match="pivot"):
+        factor(sp.csc_matrix(sp.block_diag(blocks)))
 
 
 def test_entries_without_a_mirror_image_are_refused_or_left_alone():
@@ -74,10 +120,19 @@ def test_update_matrices_never_lie_on_one_another(room: int) -> None:
         heights = draw.integers(0, 5, n)
         offsets = np.empty(n, np.int64)
         end = _stack_updates(children, heights, np.zeros(n, np.int64), offsets, 0, n, room)
+        depths = np.zeros(n, int)
+        for i in range(n - 1, -1, -1):
+            depths[children[i][children[i] >= 0]] = depths[i] + 1
         alive: set[int] = set()
+        most = [0, 0]
         for i in range(n):
             alive.add(i)
+            others = alive - set(children[i].tolist())
+            for odd in range(2):
+                lengths = [heights[j] ** 2 for j in others if depths[j] % 2 == odd]
+                most[odd] = max(most[odd], sum(lengths))
             taken = [x for j in alive for x in range(offsets[j], offsets[j] + heights[j] ** 2)]
             assert len(set(taken)) == len(taken)
             assert not taken or room <= min(taken) <= max(taken) < end
-            alive -= set(children[i].tolist())
+            alive = others
+        assert end == room + sum(most)  # and they take no more than two stacks must

@@ -77,6 +77,53 @@ def test_vectors_that_fall_together_are_refused(spread):
         subspace_iteration(solves, start, 2, tol=1e-14)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_one_solve_that_went_wrong_is_told(bad):
+    """The images of the other vectors are as they should be."""
+    chance = np.random.default_rng(0)
+
+    def solves(block, guesses, tol):
+        image = block.copy()
+        image[:, -1] = bad
+        return [image]
+
+    told = pytest.raises(SolverError, match="the solves returned NaN or infinite values")
+    with told, np.errstate(invalid="ignore"):
+        subspace_iteration(solves, chance.standard_normal((30, 4)), 2, tol=1e-6)
+
+
+@pytest.mark.parametrize("column", [0, 2])
+def test_a_start_without_direction_is_refused(column):
+    start = np.random.default_rng(0).standard_normal((30, 4))
+    start[:, column] = 0
+    with pytest.raises(SolverError, match="too far apart"):
+        subspace_iteration(lambda block, *_: [block], start, 2, tol=1e-6)
+
+
+@pytest.mark.parametrize("goal", [1e-4, 1e-8])
+def test_solves_are_no_more_exact_than_the_vectors_call_for(goal):
+    """First by far less than in the end, and never by much more than what is asked for."""
+    chance = np.random.default_rng(0)
+    frame = np.linalg.qr(chance.standard_normal((40, 40)))[0]
+    operator = (frame * 0.7 ** np.arange(40)) @ frame.T
+    asked, left = [], []
+
+    def solves(block, guesses, tol):
+        image = operator @ block
+        asked.append(tol)
+        values, rotation = np.linalg.eigh(block.T @ image)
+        apart = image @ rotation - block @ rotation * values
+        left.append(np.linalg.norm(apart[:, -2:], axis=0).max() / values[-1])
+        return [image]
+
+    subspace_iteration(solves, chance.standard_normal((40, 6)), 2, tol=goal)
+    assert len(asked) > 4
+    assert min(asked) >= goal / 100
+    # Each is asked for a share of what the last vectors lacked, and no more than that.
+    assert all(0.001 * was < tol < 0.1 * was for was, tol in zip(left[:-1], asked[1:], strict=True))
+    assert asked[0] > 1e-4
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_units_change_no_step(unit):
     """A residual counts in units of the largest value."""

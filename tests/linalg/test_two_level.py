@@ -6,6 +6,7 @@ import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.linalg.problems import laplacian, square
 from unbend.datasets import make_quadruped
 from unbend.errors import SolverError
 from unbend.linalg import two_level
@@ -43,6 +44,18 @@ def test_a_column_that_is_solved_does_not_end_the_others(operator):
     wanted = green_operator(operator.stiffness, operator.areas)(load)
     green, _ = two_levels(operator.stiffness, operator.areas, np.arange(n) // 40)
     assert np.abs(green(load) - wanted).max() < 1e-7 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("side", [32, 96])
+def test_a_larger_surface_needs_no_more_steps(side, monkeypatch):
+    """That is what the coarse level is for: without it the steps grow with the side."""
+    monkeypatch.setattr(two_level, "_MOST_STEPS", 50)
+    row, column = np.divmod(np.arange(side**2), side)
+    stiffness, areas = laplacian(*square(side))
+    green, _ = two_levels(stiffness, areas, row // 4 * (side // 4) + column // 4)
+    load = np.random.default_rng(0).standard_normal(side**2)
+    load -= areas * load.sum() / areas.sum()
+    assert np.linalg.norm(stiffness @ green(load) - load) < 1e-9 * np.linalg.norm(load)
 
 
 def test_rough_eigenfunctions_are_nearly_those_of_the_lowest_values(operator):

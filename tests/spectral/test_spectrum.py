@@ -194,6 +194,32 @@ def test_basis_rule_does_not_depend_on_the_basis_given(m):
     np.testing.assert_allclose(found @ found.T, vectors @ vectors.T, atol=1e-12)
 
 
+@pytest.mark.parametrize("sizes", [(3, 1), (2, 3), (1, 2, 1, 4), (5,)])
+def test_every_multiple_value_has_its_own_basis(sizes):
+    """Wherever it stands among the others; what comes in stays as it is."""
+    chance = np.random.default_rng(0)
+    vectors = np.linalg.qr(chance.standard_normal((30, sum(sizes))))[0]
+    values = np.repeat(np.arange(len(sizes)), sizes).astype(float)
+    given = vectors.copy()
+    found = fix_basis(vectors, values, 1e-9)
+    np.testing.assert_array_equal(vectors, given)
+    for value in range(len(sizes)):
+        own = values == value
+        alone = fix_basis(vectors[:, own], values[own], 1e-9)
+        np.testing.assert_allclose(found[:, own], alone, atol=1e-13)
+        projection = vectors[:, own] @ vectors[:, own].T
+        np.testing.assert_allclose(alone @ alone.T, projection, atol=1e-13)
+        if own.sum() > 1:  # the first is that projection's column at its highest entry
+            highest = projection[:, np.diag(projection).argmax()]
+            np.testing.assert_allclose(alone[:, 0], highest / np.linalg.norm(highest), atol=1e-12)
+
+
+def test_rounding_does_not_add_up_in_a_large_eigenspace():
+    vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((600, 400)))[0]
+    found = fix_basis(vectors, np.ones(400), 1e-9)
+    np.testing.assert_allclose(found.T @ found, np.eye(400), rtol=0, atol=1e-14)
+
+
 def test_sign_rule_does_not_depend_on_the_sign_given():
     chance = np.random.default_rng(3)
     vectors, weights = chance.standard_normal((50, 4)), chance.random(50)
