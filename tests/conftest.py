@@ -41,6 +41,16 @@ def blob() -> Mesh:
     return Mesh(points, sphere.faces, name="blob")
 
 
+@pytest.fixture
+def blob_and_ball(blob: Mesh) -> Mesh:
+    """Two components: the blob, whose vertices are first, and a smaller ball beside it."""
+    ball = make_sphere(2)
+    return Mesh(
+        np.vstack([blob.vertices, ball.vertices + 9]),
+        np.vstack([blob.faces, ball.faces + blob.n_vertices]),
+    )
+
+
 @pytest.fixture(scope="session")
 def moebius_strip() -> Mesh:
     """A surface with one side."""

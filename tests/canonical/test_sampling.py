@@ -93,15 +93,12 @@ def test_the_laplacian_may_be_chosen_where_it_is_used(blob, options):
     assert len(set(farthest_point_sampling(blob, 5, **options).tolist())) == 5
 
 
-def test_all_samples_are_of_the_component_chosen(blob):
-    sphere = make_sphere(2)
-    both = Mesh(
-        np.vstack([blob.vertices, sphere.vertices + 9]),
-        np.vstack([blob.faces, sphere.faces + blob.n_vertices]),
-    )
+def test_all_samples_are_of_the_component_chosen(blob, blob_and_ball):
     with pytest.warns(UnbendWarning, match="component 1 of 2"):
-        found = farthest_point_sampling(both, 10, component=1)
-    np.testing.assert_array_equal(found - blob.n_vertices, farthest_point_sampling(sphere, 10))
+        found = farthest_point_sampling(blob_and_ball, 10, component=1)
+    np.testing.assert_array_equal(
+        found - blob.n_vertices, farthest_point_sampling(make_sphere(2), 10)
+    )
 
 
 @pytest.mark.parametrize("options", [{}, {"distance": "diffusion", "start": 0}])

@@ -181,16 +181,11 @@ def test_the_laplacian_is_the_one_asked_for():
     assert abs(found - distance(mesh, 9)[0] / np.sqrt(surface.area)).max() > 1e-3 * found.max()
 
 
-def test_distances_are_those_of_the_component_chosen(blob):
-    sphere = make_sphere(2)
-    both = Mesh(
-        np.vstack([blob.vertices, sphere.vertices + 9]),
-        np.vstack([blob.faces, sphere.faces + blob.n_vertices]),
-    )
+def test_distances_are_those_of_the_component_chosen(blob, blob_and_ball):
     with pytest.warns(UnbendWarning, match="component 1 of 2"):
-        found = distance(both, blob.n_vertices, component=1)[0]
+        found = distance(blob_and_ball, blob.n_vertices, component=1)[0]
     assert np.isnan(found[: blob.n_vertices]).all()
-    np.testing.assert_allclose(found[blob.n_vertices :], distance(sphere, 0)[0], atol=1e-9)
+    np.testing.assert_allclose(found[blob.n_vertices :], distance(make_sphere(2), 0)[0], atol=1e-9)
 
 
 @pytest.mark.parametrize(

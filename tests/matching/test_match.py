@@ -7,6 +7,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from sheets import make_egg
 from unbend import Mesh, align, read_mesh, spectrum
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
@@ -132,9 +133,7 @@ def test_symmetry_swaps_left_and_right() -> None:
 def test_a_symmetry_is_polished_unless_asked_not_to(
     monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]
 ) -> None:
-    ball = make_sphere(2)
-    x, y, z = ball.vertices.T
-    egg = np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
+    egg = make_egg(2)
     polished, told = [], []
 
     def quick(sides: Sides, one: Candidate, *, polish: bool) -> Candidate:
@@ -142,10 +141,8 @@ def test_a_symmetry_is_polished_unless_asked_not_to(
         return refined(sides, one, polish=False)
 
     monkeypatch.setattr(_match, "refined", quick)
-    found = symmetry(
-        (egg, ball.faces), n_eigenpairs=30, progress=lambda *stage: told.append(stage), **options
-    )
-    assert np.abs(egg[found.source_to_target] * MIRROR - egg).max() < 1e-9
+    found = symmetry(egg, n_eigenpairs=30, progress=lambda *stage: told.append(stage), **options)
+    assert np.abs(egg.vertices[found.source_to_target] * MIRROR - egg.vertices).max() < 1e-9
     assert polished == [not options]
     assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
 

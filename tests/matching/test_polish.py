@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from sheets import make_sheet
+from sheets import make_egg, make_sheet
 from unbend import Mesh
 from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching import _polish
@@ -111,12 +111,10 @@ def test_slides_tell_maps_of_whole_shapes_apart_and_small_patches_those_of_parts
 
 
 def test_a_map_grows_as_far_as_both_have_functions() -> None:
-    ball = make_sphere(2)
-    x, y, z = ball.vertices.T
-    egg = np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
-    many = prepare_shape(Mesh(egg, ball.faces), 60, False).shape
+    egg = make_egg(2)
+    many = prepare_shape(egg, 60, False).shape
     few = replace(many, eigenvalues=many.eigenvalues[:30], basis=many.basis[:, :30])
-    every = np.arange(len(egg))
+    every = np.arange(egg.n_vertices)
     near = mapped_start(many, few, every, every, 1.0)
     for sides in ((many, few), (few, many), (many, many)):
         found = grown_start(*sides, np.eye(20), near)
@@ -128,17 +126,9 @@ def test_a_map_grows_as_far_as_both_have_functions() -> None:
         np.testing.assert_allclose(found.source.places, smooth, atol=1e-9)
 
 
-def egg(level: int, hand: int) -> Mesh:
-    """A lopsided ball, or its mirror image; vertices of a coarser one are first."""
-    ball = make_sphere(level)
-    x, y, z = ball.vertices.T
-    points = np.stack([hand * x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
-    return Mesh(points, ball.faces[:, ::hand])
-
-
 def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> None:
     few, many, mirrored = (
-        prepare_shape(egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
+        prepare_shape(make_egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
     )
     forward = np.arange(162)
     backward = cKDTree(few.vertices).query(many.vertices)[1]
@@ -169,7 +159,7 @@ def test_of_parts_small_patches_tell_already() -> None:
 
 
 def test_maps_grow_by_quarters(monkeypatch: pytest.MonkeyPatch) -> None:
-    few, many = (prepare_shape(egg(level, 1), 80, False).shape for level in (2, 3))
+    few, many = (prepare_shape(make_egg(level), 80, False).shape for level in (2, 3))
     near = mapped_start(few, many, np.arange(162), np.zeros(642, dtype=int), 1.0)
     grown: list[int] = []
 

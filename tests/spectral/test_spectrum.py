@@ -317,14 +317,9 @@ def test_what_does_not_fit_into_memory_is_refused(blob, monkeypatch):
         spectrum(blob, 3, cache=False)
 
 
-def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob, monkeypatch):
+def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob_and_ball, monkeypatch):
     """Of two components, as the smallest values that are not 0 may be after many digits lost."""
-    ball = make_sphere(2)
-    both = Mesh(
-        np.vstack([blob.vertices, ball.vertices + 9]),
-        np.vstack([blob.faces, ball.faces + blob.n_vertices]),
-    )
-    surface = make_surface(both, connected=False)
+    surface = make_surface(blob_and_ball, connected=False)
     right = _spectrum.smallest_eigenpairs
     expected = eigenpairs(surface, 8, cache=False)
 
