@@ -14,7 +14,7 @@ from unbend import Mesh
 from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching import _polish
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, judge
+from unbend.matching._judge import Candidate, judge, unexplained
 from unbend.matching._polish import (
     _as_most_around,
     _by_details,
@@ -43,25 +43,38 @@ def candidate(energy: float) -> Candidate:
             [2, 0, 5, 3, 1, 4],
             [0.05, 0.1, 0.105, 0.125, 0.15, 0.2],
         ),
-        ([0.1, 0.11], [0.0, 0.2], [0, 1], [0.0, 2e4]),
         ([0.0, 0.0, 0.1], [0.4, 0.2], [0, 1, 2], [0.0, 0.0, 0.1]),
         ([0.1, 0.2], [], [0, 1], [0.1, 0.2]),
     ],
 )
-@pytest.mark.parametrize(("partial", "finer"), [(True, False), (False, True), (False, False)])
 def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(
-    monkeypatch: pytest.MonkeyPatch, rough, fine, order, energies, partial, finer
+    monkeypatch: pytest.MonkeyPatch, rough, fine, order, energies
 ) -> None:
     ranks = [candidate(one) for one in rough]
     known = {id(one): candidate(energy) for one, energy in zip(ranks, fine, strict=False)}
     monkeypatch.setattr(_polish, "refined", lambda sides, one: known[id(one)])
     monkeypatch.setattr(_polish, "_by_details", lambda sides, one: one.energy)
-    found, told = settled(SimpleNamespace(partial=partial, finer=finer), ranks)
-    if partial or finer:
-        assert [one.energy for one in found] == pytest.approx(energies)
-        assert [told.get(one) for one in found] == [known.get(id(ranks[i])) for i in order]
-    else:  # whole shapes that are their own proxies show no more
-        assert (found, told) == (ranks, {})
+    found, told = settled(SimpleNamespace(partial=False), ranks)
+    assert [one.energy for one in found] == pytest.approx(energies)
+    assert [told.get(one) for one in found] == [known.get(id(ranks[i])) for i in order]
+
+
+@pytest.mark.parametrize("partial", [True, False])
+@pytest.mark.parametrize(("fine", "less"), [([0.16, 0.12], True), ([0.1, 0.12], False)])
+def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were(
+    monkeypatch: pytest.MonkeyPatch, partial: bool, fine: list[float], less: bool
+) -> None:
+    ranks = [candidate(0.11), candidate(0.112)]
+    known = {id(one): candidate(energy) for one, energy in zip(ranks, fine, strict=True)}
+    monkeypatch.setattr(_polish, "refined", lambda sides, one: known[id(one)])
+    monkeypatch.setattr(_polish, "_by_details", lambda sides, one: 1 / one.energy)
+    found, told = settled(SimpleNamespace(partial=partial), ranks)
+    if partial and less:
+        assert found == ranks
+    else:  # by details the dearer one is the better one
+        dearer = int(np.argmax(fine))
+        assert [told[one] for one in found] == [known[id(ranks[i])] for i in (dearer, 1 - dearer)]
+    assert set(told.values()) == set(known.values())  # nothing is registered twice
 
 
 def test_small_eyes_tell_which_arm_is_which() -> None:
@@ -71,7 +84,6 @@ def test_small_eyes_tell_which_arm_is_which() -> None:
     truth = target.mesh.vertices[rest_map(source, target)]
     ours, theirs = (prepare_shape(one.mesh, 100, False).shape for one in (source, target))
     sides = make_sides(ours, theirs)
-    assert sides.finer
     right, *others = candidates(sides)
     found, fine = settled(sides, [*others[:2], right])
     off = target.mesh.vertices[fine[found[0]].registered.forward] - truth
@@ -130,6 +142,7 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
     few, many, mirrored = (
         prepare_shape(make_egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
     )
+    areas = np.concatenate([few.areas, many.areas])
     forward = np.arange(162)
     backward = cKDTree(few.vertices).query(many.vertices)[1]
     plain = make_sides(few, many)
@@ -150,12 +163,34 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
             assert one.reflected == reflected
             assert one.orientation > 0.95
             assert one.energy < 0.12
-            small = judge(few, many, one.registered).energy
-            assert _by_details(sides, one) == pytest.approx(small, rel=1e-4)
+            small = unexplained(few, many, one.registered)
+            logs = np.log(np.concatenate(small) + 0.001)
+            assert _by_details(sides, one) == pytest.approx(np.exp(areas @ logs / 2), rel=1e-4)
 
 
-def test_of_parts_small_patches_tell_already() -> None:
-    assert _by_details(SimpleNamespace(partial=True), candidate(0.3)) == 0.3
+def test_where_all_maps_leave_much_unexplained_it_tells_little(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By what factor each patch is explained better counts, not by how much."""
+    trunk_and_arm, tail = (SimpleNamespace(areas=np.array(one)) for one in ([0.25, 0.75], [1.0]))
+    sides = SimpleNamespace(
+        turned=False,
+        source=SimpleNamespace(shape=trunk_and_arm),
+        target=SimpleNamespace(shape=tail),
+    )
+    monkeypatch.setattr(
+        _polish, "unexplained", lambda source, target, shares: [np.array(one) for one in shares]
+    )
+
+    def energy(*shares: list[float]) -> float:
+        return _by_details(sides, replace(candidate(0.5), registered=shares))
+
+    assert energy([0.02, 0.5], [0.3]) < energy([0.04, 0.45], [0.3])
+    trunk, arm, other = 0.021, 0.501, 0.301
+    assert energy([0.02, 0.5], [0.3]) == pytest.approx(
+        trunk**0.125 * arm**0.375 * other**0.5, rel=1e-12
+    )
+    assert energy([0.0, 0.0], [0.0]) == pytest.approx(0.001)  # what no mesh shows any more
 
 
 def test_maps_grow_by_quarters(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from unbend.matching import _solve
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import Candidate, distinct, ranked
 from unbend.matching._polish import with_partners
-from unbend.matching._proxy import Proxy, make_proxy
+from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import LOOSE, LOOSEST, PULLS, mapped_start
 from unbend.matching._relocation import EVERYWHERE, TRUNK
 from unbend.matching._shape import Shape
@@ -513,17 +513,6 @@ def test_poses_are_drawn_on_and_maps_grown_on_the_finer_proxies(
     found = _solve.regrown(sides, ways)
     assert found == [(("start", *proxies, one), True) for one in grown]
     assert [call[4] for call in calls if call[0] == "register"] == [PULLS[1:], PULLS]
-
-
-def test_a_shape_is_finer_if_it_has_more_vertices_than_its_proxy(boxes: list[Shape]) -> None:
-    every, half = np.arange(642), np.arange(642) // 2
-    own = Proxy(boxes[0], every, every)
-    same = Levels(boxes[0], own, own)
-    coarse = same._replace(proxy=Proxy(boxes[0], 2 * np.arange(321), half))
-    rough = same._replace(rough=coarse.proxy)
-    assert Sides(same, coarse).finer
-    assert Sides(coarse, same).finer
-    assert not Sides(same, rough).finer
 
 
 def test_a_pair_is_partial_if_either_shape_is(boxes: list[Shape]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from unbend._arrays import snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray
-from unbend.matching._judge import DIGITS, Candidate, judge, ranked
+from unbend.matching._judge import Candidate, judge, ranked, unexplained
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -30,6 +30,8 @@ _POLISHED_OVER = 2.0
 # At most so many, which cost at most so many times the least, are told apart on the shapes: rims
 # and small details, by which limbs that are alike differ, are coarse on proxies.
 _SETTLED, _NEARLY = 5, 1.15
+# Less of a patch than this share is not unexplained, but how meshes differ.
+_LEAST = 0.001
 # Who has a partner is averaged so often with the neighbours, for rims are ragged.
 _SMOOTHED = 2
 
@@ -70,22 +72,25 @@ def settled(
 ) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
     """Rank those candidates anew, on the full meshes, that cost nearly the same.
 
-    Of whole shapes that are their own proxies nothing more is seen.
+    Nothing is told by those of parts whose bodies differ so much that, drawn onto each other, they
+    explain less than the proxies did.
 
     Returns
     -------
     list of Candidate
-        All of them, the best first. Energies are still those of proxies: what is known from the
+        All of them, the best first. Energies are still those of proxies: what was told from the
         full meshes is the proxies' energy of what was the best, so many times more or less.
     dict
         Of those, what :func:`refined` makes of them.
     """
     nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * ranks[0].cost]
-    if len(nearly) == 1 or not (sides.partial or sides.finer):
+    if len(nearly) == 1:
         return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
+    if sides.partial and min(one.energy for one in fine) > ranks[0].energy:
+        return ranks, dict(zip(nearly, fine, strict=True))
     energies = run_all(functools.partial(_by_details, sides, one) for one in fine)
-    unit = ranks[0].energy / max(energies[0], 10.0**-DIGITS)
+    unit = ranks[0].energy / energies[0]
     known = {
         replace(rough, energy=unit * energy): one
         for rough, one, energy in zip(nearly, fine, energies, strict=True)
@@ -94,13 +99,18 @@ def settled(
 
 
 def _by_details(sides: Sides, candidate: Candidate) -> float:
-    """Energy of what :func:`refined` made, as of proxies: slides tell nothing of limbs."""
-    if sides.partial:  # judged so already
-        return candidate.energy
+    """Geometric mean of what small patches leave unexplained.
+
+    Where a surface bends much, every map leaves much unexplained, and how much is chance; where it
+    does not, a little more tells. The mean of logarithms is the likelihood of residuals whose
+    variances nobody knows: it asks by what factor a map explains each patch better.
+    """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     shapes = sides.source.shape, sides.target.shape
-    return judge(*shapes, candidate.registered, candidate.reflected).energy
+    shares = unexplained(*shapes, candidate.registered)
+    logs = [one.areas @ np.log(share + _LEAST) for one, share in zip(shapes, shares, strict=True)]
+    return float(np.exp(np.mean(logs)))
 
 
 def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:

@@ -89,11 +89,6 @@ class Sides(NamedTuple):
         """Whether either may be a part."""
         return self.source.shape.partial or self.target.shape.partial
 
-    @property
-    def finer(self) -> bool:
-        """Whether either has more vertices than its proxy."""
-        return any(len(one.proxy.kept) < len(one.proxy.parents) for one in self[:2])
-
     def reflected(self) -> Sides:
         """Take the target as its mirror image."""
         return Sides(self.source, self.target.reflected(), not self.turned)
