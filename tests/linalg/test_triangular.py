@@ -6,7 +6,7 @@ import pytest
 import scipy.sparse as sp
 
 from unbend.linalg import _triangular
-from unbend.linalg._chunks import moves
+from unbend.linalg._chunks import load, unload
 from unbend.linalg._triangular import chunk_solver
 
 
@@ -24,7 +24,6 @@ def test_chunks_of_columns_are_solved(width):
     factor = lower.indptr.astype(np.int64), lower.indices.astype(np.int32), lower.data, 1 / pivots
     rhs = rng.standard_normal((n, count))
     solution = np.full((n, count), np.nan)
-    load, unload = moves(width)
     for first in range(0, count, width):
         chunk = np.empty((n, width))
         load(order, rhs, first, chunk, 0, n)
@@ -38,7 +37,6 @@ def test_chunks_of_columns_are_solved(width):
 def test_columns_past_the_last_are_zero(width):
     order = np.array([2, 0, 3, 1], np.int32)
     rhs = np.arange(1.0, 13.0).reshape(4, 3)
-    load, unload = moves(width)
     chunk = np.full((4, width), np.nan)
     load(order, rhs, 2, chunk, 1, 3)
     assert chunk[1:3, 0].tolist() == [rhs[0, 2], rhs[3, 2]]

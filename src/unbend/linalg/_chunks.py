@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -11,40 +9,29 @@ from llvmlite import ir
 from unbend._compiled import BLOCK, INTS, kernel
 
 
-@functools.cache
-def moves(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
-    """Compile (or load from Numba's cache) the ways into a chunk of ``width`` columns and out.
+@kernel(INTS, BLOCK, "int64", BLOCK, "int64", "int64")
+def load(order, rhs, first, chunk, top, bottom):  # type: ignore[no-untyped-def]
+    """Put a range of a chunk's rows together.
 
-    Parameters
-    ----------
-    width : int
-        Number of right-hand sides worked on side by side.
-
-    Returns
-    -------
-    load, unload : callables
-        ``load(order, rhs, first, chunk, top, bottom)`` puts a range of the chunk's rows together
-        from the right-hand sides (n, r), in the factor's order, from column ``first`` on; columns
-        past the last one are zero. ``unload(order, chunk, first, solution, top, bottom)`` puts
-        rows of the chunk where they belong in the solution. They release the GIL.
+    From the right-hand sides (n, r), in the factor's order, from column ``first`` on; columns past
+    the last one are zero.
     """
+    width = chunk.shape[1]
+    used = min(width, rhs.shape[1] - first)
+    for i in range(top, bottom):
+        for c in range(used):
+            chunk[i, c] = rhs[order[i], first + c]
+        for c in range(used, width):
+            chunk[i, c] = 0.0
 
-    def load(order: Any, rhs: Any, first: Any, chunk: Any, top: Any, bottom: Any) -> None:
-        used = min(width, rhs.shape[1] - first)
-        for i in range(top, bottom):
-            for c in range(used):
-                chunk[i, c] = rhs[order[i], first + c]
-            for c in range(used, width):
-                chunk[i, c] = 0.0
 
-    def unload(order: Any, chunk: Any, first: Any, solution: Any, top: Any, bottom: Any) -> None:
-        used = min(width, solution.shape[1] - first)
-        for i in range(top, bottom):
-            for c in range(used):
-                solution[order[i], first + c] = chunk[i, c]
-
-    moved = kernel(INTS, BLOCK, "int64", BLOCK, "int64", "int64")
-    return moved(load), moved(unload)
+@kernel(INTS, BLOCK, "int64", BLOCK, "int64", "int64")
+def unload(order, chunk, first, solution, top, bottom):  # type: ignore[no-untyped-def]
+    """Put a range of a chunk's rows where they belong in the solution (n, r)."""
+    used = min(chunk.shape[1], solution.shape[1] - first)
+    for i in range(top, bottom):
+        for c in range(used):
+            solution[order[i], first + c] = chunk[i, c]
 
 
 def row_vector(width: int) -> Any:

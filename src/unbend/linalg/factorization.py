@@ -207,13 +207,12 @@ def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _S
 
 
 def _solve_in_chunks(order: Any, factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
-    from unbend.linalg._chunks import moves
+    from unbend.linalg._chunks import load, unload
     from unbend.linalg._triangular import chunk_solver
 
     solution = np.empty_like(rhs)
     n, count = rhs.shape
     width = chunk_width(count)
-    load, unload = moves(width)
     solve = chunk_solver(width)
 
     def work(first: int) -> None:

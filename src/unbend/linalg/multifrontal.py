@@ -18,7 +18,7 @@ import numpy as np
 from unbend._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
 from unbend._parallel import chunk_width, one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
-from unbend.linalg._chunks import moves
+from unbend.linalg._chunks import load, unload
 from unbend.linalg._sweeps import PANEL, largest, sweeps
 from unbend.linalg.dissection import Supernodes, dissect
 
@@ -126,7 +126,6 @@ def _solve_chunk(
     found: Factor, rhs: FloatArray, solution: FloatArray, first: int, width: int
 ) -> None:
     nodes = found.nodes
-    load, unload = moves(width)
     forward, backward = sweeps(width)
     *subtrees, top = nodes.parts
     below = int(nodes.starts[top[0]])  # rows that belong to subtrees
