@@ -13,7 +13,7 @@ from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
 from unbend.matching import _continuation
 from unbend.matching._continuation import _best_explained, continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._polish import _by_details, settled
+from unbend.matching._polish import _fine_energy, settled
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._shape import Shape
 from unbend.matching._solve import candidates, make_sides
@@ -133,7 +133,7 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     was = next(one for one in known if one.registered is other.registered)
     assert was.energy == pytest.approx(other.energy)
     for one in known:  # in the proxies' unit
-        told, first = (_by_details(sides, fine[each]) for each in (one, was))
+        told, first = (_fine_energy(sides, fine[each]) for each in (one, was))
         assert one.energy == pytest.approx(other.energy * told / first)
 
 

@@ -15,9 +15,11 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import (
     Candidate,
     _missed,
+    _sheared,
     _unexplained,
     confidences,
     distinct,
+    fine_energy,
     judge,
     probabilities,
     ranked,
@@ -298,6 +300,84 @@ def test_a_bend_is_seen_in_wide_patches_sooner_than_in_small_ones() -> None:
     for one in (False, True):
         found = judge(sheet, bent, Registered(every, every, pose, back), wide=one)
         assert found.energy == pytest.approx((small, wide)[one], rel=0.1)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.1, 2.0, 5.0])
+def test_the_shear_of_a_stretch_is_known(stretch: float) -> None:
+    sheet = _sheet(9)
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    images = 3 * (sheet.vertices * [1, stretch, 1]) @ turn + 5
+    within = np.ones(len(images), dtype=bool)
+    # Of the metric, which is diag(1, s^2).
+    expected = 1 - stretch / ((1 + stretch**2) / 2)
+    np.testing.assert_allclose(_sheared(sheet, images, within), expected, atol=1e-5)
+
+
+def test_a_line_and_a_point_are_all_sheared_and_a_roll_is_not() -> None:
+    sheet = _sheet(31)
+    x, y, _ = sheet.vertices.T
+    within = np.ones(len(x), dtype=bool)
+    for collapsed in (sheet.vertices * [1, 0, 0], sheet.vertices * 0):
+        np.testing.assert_allclose(_sheared(sheet, collapsed, within), 1, atol=1e-5)
+    rolled = np.stack([np.sin(x), y, np.cos(x)], axis=1)
+    assert _sheared(sheet, rolled, within).max() < 1e-3 < _loss(sheet, rolled)
+
+
+def test_shear_is_asked_of_what_has_a_partner() -> None:
+    sheet = _sheet(31)
+    x, y, z = sheet.vertices.T
+    within = x < 0.1
+    torn = np.stack([np.where(within, x, x**2 + 7), y, z], axis=1)
+    shares = _sheared(sheet, torn, within)
+    np.testing.assert_allclose(shares[within], 0, atol=1e-5)
+    np.testing.assert_array_equal(shares[~within], 0.12)
+
+
+def test_needles_shear_nothing() -> None:
+    """Faces a millionth as high as long say nothing of how what is around them is sheared."""
+    sheet = _sheet(21)
+    n = len(sheet.vertices)
+    a, b, _ = sheet.faces[len(sheet.faces) // 2]
+    between = (sheet.vertices[a] + sheet.vertices[b]) / 2 + [0, 0, 1e-7]
+    vertices = np.vstack([sheet.vertices, between])
+    needle = replace(
+        sheet,
+        vertices=vertices,
+        faces=np.vstack([sheet.faces, [[a, n, b]]]),
+        areas=np.append(sheet.areas, 1e-9),
+    )
+    images = vertices + np.append(np.zeros((n, 3)), [[0, 0, 1e-3]], axis=0)
+    assert _sheared(needle, images, np.ones(n + 1, dtype=bool)).max() < 0.01
+
+
+def test_patches_are_asked_by_what_factor_they_are_explained_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where all maps leave much unexplained, more or less of it tells little."""
+    every = _identity(_sheet(3))
+    trunk_and_arm, tail = (replace(_sheet(3), areas=np.array(one)) for one in ([0.25, 0.75], [1.0]))
+
+    def energy(explained: tuple[list[float], ...], sheared: tuple[list[float], ...]) -> float:
+        names = {id(trunk_and_arm): 0, id(tail): 1}
+        for name, shares in (("_unexplained", explained), ("_sheared", sheared)):
+            monkeypatch.setattr(
+                f"unbend.matching._judge.{name}",
+                lambda shape, images, within, shares=shares: np.array(shares[names[id(shape)]]),
+            )
+        monkeypatch.setattr("unbend.matching._judge._images_of", lambda *given: (None, None))
+        return fine_energy(trunk_and_arm, tail, every)
+
+    none = [0.0, 0.0], [0.0]
+    assert energy(([0.02, 0.5], [0.3]), none) < energy(([0.04, 0.45], [0.3]), none)
+    assert energy(none, none) == pytest.approx(0.001 * 0.01**0.5)  # what no mesh shows any more
+    assert energy(([0.02, 0.5], [0.3]), ([0.1, 0.4], [0.2])) == pytest.approx(
+        (0.021**0.25 * 0.501**0.75 * 0.301 * (0.11**0.25 * 0.41**0.75 * 0.21) ** 0.5) ** 0.5
+    )
+
+
+def test_the_identity_is_as_good_as_meshes_can_show() -> None:
+    sheet = _sheet(9)
+    assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(1e-4, rel=1e-2)
 
 
 def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:

@@ -14,10 +14,10 @@ from unbend import Mesh
 from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching import _polish
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, judge, unexplained
+from unbend.matching._judge import Candidate, fine_energy, judge
 from unbend.matching._polish import (
     _as_most_around,
-    _by_details,
+    _fine_energy,
     grown_start,
     refined,
     settled,
@@ -53,7 +53,7 @@ def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(
     ranks = [candidate(one) for one in rough]
     known = {id(one): candidate(energy) for one, energy in zip(ranks, fine, strict=False)}
     monkeypatch.setattr(_polish, "refined", lambda sides, one: known[id(one)])
-    monkeypatch.setattr(_polish, "_by_details", lambda sides, one: one.energy)
+    monkeypatch.setattr(_polish, "_fine_energy", lambda sides, one: one.energy)
     found, told = settled(SimpleNamespace(partial=False), ranks)
     assert [one.energy for one in found] == pytest.approx(energies)
     assert [told.get(one) for one in found] == [known.get(id(ranks[i])) for i in order]
@@ -67,7 +67,7 @@ def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were
     ranks = [candidate(0.11), candidate(0.112)]
     known = {id(one): candidate(energy) for one, energy in zip(ranks, fine, strict=True)}
     monkeypatch.setattr(_polish, "refined", lambda sides, one: known[id(one)])
-    monkeypatch.setattr(_polish, "_by_details", lambda sides, one: 1 / one.energy)
+    monkeypatch.setattr(_polish, "_fine_energy", lambda sides, one: 1 / one.energy)
     found, told = settled(SimpleNamespace(partial=partial), ranks)
     if partial and less:
         assert found == ranks
@@ -142,7 +142,6 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
     few, many, mirrored = (
         prepare_shape(make_egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
     )
-    areas = np.concatenate([few.areas, many.areas])
     forward = np.arange(162)
     backward = cKDTree(few.vertices).query(many.vertices)[1]
     plain = make_sides(few, many)
@@ -163,34 +162,8 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
             assert one.reflected == reflected
             assert one.orientation > 0.95
             assert one.energy < 0.12
-            small = unexplained(few, many, one.registered)
-            logs = np.log(np.concatenate(small) + 0.001)
-            assert _by_details(sides, one) == pytest.approx(np.exp(areas @ logs / 2), rel=1e-4)
-
-
-def test_where_all_maps_leave_much_unexplained_it_tells_little(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """By what factor each patch is explained better counts, not by how much."""
-    trunk_and_arm, tail = (SimpleNamespace(areas=np.array(one)) for one in ([0.25, 0.75], [1.0]))
-    sides = SimpleNamespace(
-        turned=False,
-        source=SimpleNamespace(shape=trunk_and_arm),
-        target=SimpleNamespace(shape=tail),
-    )
-    monkeypatch.setattr(
-        _polish, "unexplained", lambda source, target, shares: [np.array(one) for one in shares]
-    )
-
-    def energy(*shares: list[float]) -> float:
-        return _by_details(sides, replace(candidate(0.5), registered=shares))
-
-    assert energy([0.02, 0.5], [0.3]) < energy([0.04, 0.45], [0.3])
-    trunk, arm, other = 0.021, 0.501, 0.301
-    assert energy([0.02, 0.5], [0.3]) == pytest.approx(
-        trunk**0.125 * arm**0.375 * other**0.5, rel=1e-12
-    )
-    assert energy([0.0, 0.0], [0.0]) == pytest.approx(0.001)  # what no mesh shows any more
+            told = fine_energy(few, many, one.registered)
+            assert _fine_energy(sides, one) == pytest.approx(told, rel=1e-4)
 
 
 def test_maps_grow_by_quarters(monkeypatch: pytest.MonkeyPatch) -> None:

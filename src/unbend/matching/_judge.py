@@ -30,6 +30,9 @@ _EVEN, _SPREAD, _LEAD = 0.27, 0.022, 0.0275
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
 _WITHOUT = 0.12
+# Shares of a patch that are no less: how meshes differ.
+_LEAST = 0.001, 0.01
+_NEEDLE = 1e-6  # of the squares of a face's sides: no face is taken to be flatter
 DIGITS = 6  # of energies, that are not rounding
 
 
@@ -91,13 +94,30 @@ def unexplained(
     source: Shape, target: Shape, found: Registered, wide: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
-    left, right = landing_places(source, target, found)
-    ahead = _images(left, right, target, found.forward)
-    back = _images(right, left, source, found.backward)
+    ahead, back = _images_of(source, target, found)
     return (
         _unexplained(source, ahead, found.source.within, wide),
         _unexplained(target, back, found.target.within, wide),
     )
+
+
+def fine_energy(source: Shape, target: Shape, found: Registered) -> float:
+    """Energy that tells apart what costs nearly the same.
+
+    The geometric mean of what is unexplained, times the root of that of what is sheared. Where a
+    surface bends much, every map leaves much unexplained, and how much is chance; where it does
+    not, a little more tells. The mean of logarithms is the likelihood of residuals whose variances
+    nobody knows: it asks by what factor a map does better at each patch. Shear hardly knows of
+    bends.
+    """
+    logs = 0.0
+    for shape, images, pose in zip(
+        (source, target), _images_of(source, target, found), found[2:], strict=True
+    ):
+        shares = _unexplained(shape, images, pose.within), _sheared(shape, images, pose.within)
+        for share, least, weight in zip(shares, _LEAST, (1.0, 0.5), strict=True):
+            logs += weight * float(shape.areas @ np.log(share + least))
+    return float(np.exp(logs / 2))
 
 
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
@@ -167,6 +187,13 @@ def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArra
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
+def _images_of(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
+    """Where all vertices of both land on the other one."""
+    left, right = landing_places(source, target, found)
+    ahead = _images(left, right, target, found.forward)
+    return ahead, _images(right, left, source, found.backward)
+
+
 def _unexplained(
     shape: Shape, images: FloatArray, within: BoolArray, wide: bool = False
 ) -> FloatArray:
@@ -188,6 +215,31 @@ def _unexplained(
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
     return np.where(within, np.maximum(1 - explained, 0), _WITHOUT)
+
+
+def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
+    """Shares (n,) by which what is around vertices is sheared on its way to the images (n, 3).
+
+    One less the ratio of the geometric to the arithmetic mean of both eigenvalues of the metric
+    that is pulled back: 0 where a map is conformal. The metric of the faces is averaged over
+    `shape.averaging`. What has no partner counts as sheared in part.
+    """
+    own, theirs = (
+        points[shape.faces[:, 1:]] - points[shape.faces[:, :1]]
+        for points in (shape.vertices, images)
+    )
+    gram, pulled = (sides @ sides.transpose(0, 2, 1) for sides in (own, theirs))
+    gram += _NEEDLE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+    dual = np.linalg.inv(gram) @ own
+    metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
+    weights = np.sqrt(np.linalg.det(gram)) * within[shape.faces].all(axis=1)
+    total = np.zeros((len(images), 9))
+    for corners in shape.faces.T:
+        np.add.at(total, corners, weights[:, None] * metric)
+    averaged = shape.averaging.solve(total).reshape(-1, 3, 3)
+    stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
+    ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
+    return np.where(within, np.maximum(1 - ratio, 0), _WITHOUT)
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:

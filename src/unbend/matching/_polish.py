@@ -10,7 +10,7 @@ import numpy as np
 from unbend._arrays import snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray
-from unbend.matching._judge import Candidate, judge, ranked, unexplained
+from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -30,8 +30,6 @@ _POLISHED_OVER = 2.0
 # At most so many, which cost at most so many times the least, are told apart on the shapes: rims
 # and small details, by which limbs that are alike differ, are coarse on proxies.
 _SETTLED, _NEARLY = 5, 1.15
-# Less of a patch than this share is not unexplained, but how meshes differ.
-_LEAST = 0.001
 # Who has a partner is averaged so often with the neighbours, for rims are ragged.
 _SMOOTHED = 2
 
@@ -89,7 +87,7 @@ def settled(
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
     if sides.partial and min(one.energy for one in fine) > ranks[0].energy:
         return ranks, dict(zip(nearly, fine, strict=True))
-    energies = run_all(functools.partial(_by_details, sides, one) for one in fine)
+    energies = run_all(functools.partial(_fine_energy, sides, one) for one in fine)
     unit = ranks[0].energy / energies[0]
     known = {
         replace(rough, energy=unit * energy): one
@@ -98,19 +96,11 @@ def settled(
     return ranked([*known, *ranks[len(nearly) :]]), known
 
 
-def _by_details(sides: Sides, candidate: Candidate) -> float:
-    """Geometric mean of what small patches leave unexplained.
-
-    Where a surface bends much, every map leaves much unexplained, and how much is chance; where it
-    does not, a little more tells. The mean of logarithms is the likelihood of residuals whose
-    variances nobody knows: it asks by what factor a map explains each patch better.
-    """
+def _fine_energy(sides: Sides, candidate: Candidate) -> float:
+    """See the judge; the sides are taken as the candidate takes them."""
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
-    shapes = sides.source.shape, sides.target.shape
-    shares = unexplained(*shapes, candidate.registered)
-    logs = [one.areas @ np.log(share + _LEAST) for one, share in zip(shapes, shares, strict=True)]
-    return float(np.exp(np.mean(logs)))
+    return fine_energy(sides.source.shape, sides.target.shape, candidate.registered)
 
 
 def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
