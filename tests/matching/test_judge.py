@@ -333,21 +333,25 @@ def test_shear_is_asked_of_what_has_a_partner() -> None:
     np.testing.assert_array_equal(shares[~within], 0.12)
 
 
-def test_needles_shear_nothing() -> None:
-    """Faces a millionth as high as long say nothing of how what is around them is sheared."""
+@pytest.mark.parametrize("height", [1e-7, 1e-16, 0.0])
+@pytest.mark.parametrize("length", [1.0, 0.0])
+def test_needles_and_points_shear_nothing(height: float, length: float) -> None:
+    """Faces that are next to nothing do not say how what is around them is sheared."""
     sheet = _sheet(21)
     n = len(sheet.vertices)
     a, b, _ = sheet.faces[len(sheet.faces) // 2]
-    between = (sheet.vertices[a] + sheet.vertices[b]) / 2 + [0, 0, 1e-7]
-    vertices = np.vstack([sheet.vertices, between])
+    start = sheet.vertices[a]
+    added = start + np.outer([0.5, 1.0], length * (sheet.vertices[b] - start))
+    added[0, 2] += height
     needle = replace(
         sheet,
-        vertices=vertices,
-        faces=np.vstack([sheet.faces, [[a, n, b]]]),
-        areas=np.append(sheet.areas, 1e-9),
+        vertices=np.vstack([sheet.vertices, added]),
+        faces=np.vstack([sheet.faces, [[a, n, n + 1]]]),
+        areas=np.append(sheet.areas, [1e-9, 1e-9]),
     )
-    images = vertices + np.append(np.zeros((n, 3)), [[0, 0, 1e-3]], axis=0)
-    assert _sheared(needle, images, np.ones(n + 1, dtype=bool)).max() < 0.01
+    images = needle.vertices.copy()
+    images[n, 2] += 1e-3
+    assert _sheared(needle, images, np.ones(n + 2, dtype=bool)).max() < 0.01
 
 
 def test_patches_are_asked_by_what_factor_they_are_explained_better(

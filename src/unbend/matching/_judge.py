@@ -32,7 +32,7 @@ _MISSED, _OFF = 0.15, 0.15
 _WITHOUT = 0.12
 # Shares of a patch that are no less: how meshes differ.
 _LEAST = 0.001, 0.01
-_NEEDLE = 1e-6  # of the squares of a face's sides: no face is taken to be flatter
+_NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
 DIGITS = 6  # of energies, that are not rounding
 
 
@@ -229,7 +229,7 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
         for points in (shape.vertices, images)
     )
     gram, pulled = (sides @ sides.transpose(0, 2, 1) for sides in (own, theirs))
-    gram += _NEEDLE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+    gram += _NEEDLE * shape.edge**2 * np.eye(2)
     dual = np.linalg.inv(gram) @ own
     metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
     weights = np.sqrt(np.linalg.det(gram)) * within[shape.faces].all(axis=1)
