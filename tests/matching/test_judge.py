@@ -379,6 +379,18 @@ def test_patches_are_asked_by_what_factor_they_are_explained_better(
     )
 
 
+def test_a_stretch_is_told_by_what_is_unexplained_and_sheared_both_ways() -> None:
+    sheet = _sheet(9)
+    long = replace(sheet, vertices=sheet.vertices * [1, 3, 1])
+    every, pose = np.arange(len(sheet.vertices)), _identity(sheet).source
+    poses = (pose._replace(places=one.vertices) for one in (long, sheet))
+    found = Registered(every, every, *poses)
+    logs = [sheet.areas @ np.log(one + 0.001) for one in unexplained(sheet, long, found)]
+    sheared = 1 - 3 / 5  # there as back
+    expected = np.exp(np.mean(logs)) * (sheared + 0.01) ** 0.5
+    assert fine_energy(sheet, long, found) == pytest.approx(expected, rel=1e-4)
+
+
 def test_the_identity_is_as_good_as_meshes_can_show() -> None:
     sheet = _sheet(9)
     assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(1e-4, rel=1e-2)

@@ -60,7 +60,10 @@ def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(
 
 
 @pytest.mark.parametrize("partial", [True, False])
-@pytest.mark.parametrize(("fine", "less"), [([0.16, 0.12], True), ([0.1, 0.12], False)])
+@pytest.mark.parametrize(
+    ("fine", "less"),
+    [([0.16, 0.12], True), ([0.111, 0.12], True), ([0.11, 0.12], False), ([0.1, 0.12], False)],
+)
 def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were(
     monkeypatch: pytest.MonkeyPatch, partial: bool, fine: list[float], less: bool
 ) -> None:
