@@ -30,8 +30,10 @@ _EVEN, _SPREAD, _LEAD = 0.27, 0.022, 0.0275
 _MISSED, _OFF = 0.15, 0.15
 # What a vertex without a partner counts as, of 1.
 _WITHOUT = 0.12
-# Shares of a patch that are no less: how meshes differ.
-_LEAST = 0.001, 0.01
+# Of what is unexplained and of shear, where these tell apart what costs nearly the same: the share
+# by which meshes differ, what a vertex without a partner counts as (three times what right maps of
+# parts leave, as in the energy), and the weight.
+_UNEXPLAINED, _SHEAR = (0.001, 0.07, 1.0), (0.01, 0.04, 0.5)
 _NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
 DIGITS = 6  # of energies, that are not rounding
 
@@ -114,9 +116,12 @@ def fine_energy(source: Shape, target: Shape, found: Registered) -> float:
     for shape, images, pose in zip(
         (source, target), _images_of(source, target, found), found[2:], strict=True
     ):
-        shares = _unexplained(shape, images, pose.within), _sheared(shape, images, pose.within)
-        for share, least, weight in zip(shares, _LEAST, (1.0, 0.5), strict=True):
-            logs += weight * float(shape.areas @ np.log(share + least))
+        for share, (least, without, weight) in (
+            (_unexplained(shape, images, pose.within), _UNEXPLAINED),
+            (_sheared(shape, images, pose.within), _SHEAR),
+        ):
+            counted = np.where(pose.within, share + least, without)
+            logs += weight * float(shape.areas @ np.log(counted))
     return float(np.exp(logs / 2))
 
 
@@ -221,8 +226,8 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
     """Shares (n,) by which what is around vertices is sheared on its way to the images (n, 3).
 
     One less the ratio of the geometric to the arithmetic mean of both eigenvalues of the metric
-    that is pulled back: 0 where a map is conformal. The metric of the faces is averaged over
-    `shape.averaging`. What has no partner counts as sheared in part.
+    that is pulled back: 0 where a map is conformal. The metric of the faces that have partners is
+    averaged over `shape.averaging`.
     """
     own, theirs = (
         points[shape.faces[:, 1:]] - points[shape.faces[:, :1]]
@@ -239,7 +244,7 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
     averaged = shape.averaging.solve(total).reshape(-1, 3, 3)
     stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
     ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
-    return np.where(within, np.maximum(1 - ratio, 0), _WITHOUT)
+    return np.asarray(np.maximum(1 - ratio, 0))
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
