@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces
+from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces, scatter
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
@@ -238,10 +238,8 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
     dual = np.linalg.inv(gram) @ own
     metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
     weights = np.sqrt(np.linalg.det(gram)) * within[shape.faces].all(axis=1)
-    total = np.zeros((len(images), 9))
-    for corners in shape.faces.T:
-        np.add.at(total, corners, weights[:, None] * metric)
-    averaged = shape.averaging.solve(total).reshape(-1, 3, 3)
+    sums, _ = scatter(shape.faces, weights.repeat(3), metric, len(images))  # by corner
+    averaged = shape.averaging.solve(sums.sum(axis=1)).reshape(-1, 3, 3)
     stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
     ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
     return np.asarray(np.maximum(1 - ratio, 0))
