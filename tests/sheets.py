@@ -1,4 +1,4 @@
-"""A flat square and a lopsided egg, of which all is known."""
+"""A flat square, a lopsided egg and a ball with a twist, of which all is known."""
 
 import numpy as np
 
@@ -22,6 +22,33 @@ def make_egg(level: int, hand: int = 1) -> Mesh:
     Vertices of a coarser one are first.
     """
     ball = make_sphere(level)
-    x, y, z = ball.vertices.T
-    points = np.stack([hand * x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
-    return Mesh(points, ball.faces[:, ::hand])
+    return Mesh(lopsided(ball.vertices) * [hand, 1, 1], ball.faces[:, ::hand])
+
+
+def lopsided(points: np.ndarray) -> np.ndarray:
+    """Move points of the unit ball to those of the egg."""
+    x, y, z = points.T
+    return np.stack([x * (1.3 + 0.4 * y + 0.2 * z), y, 0.7 * z + 0.2 * y**2], axis=1)
+
+
+def make_twisted_ball(level: int) -> tuple[Mesh, np.ndarray]:
+    """Make a ball that has, strictly, one side only, and name the three vertices of its twist.
+
+    The faces around a vertex are gone, and the opposite vertices of the hexagon they leave are one.
+    """
+    ball = make_sphere(level)
+    middle = ball.n_vertices - 1
+    around = ball.faces[(ball.faces == middle).any(axis=1)]
+    rest = ball.faces[(ball.faces != middle).all(axis=1)]
+    after = {a: b for face in around for a, b in _sides(face) if middle not in (a, b)}
+    ring = [int(around[0][around[0] != middle][0])]
+    while len(ring) < 6:
+        ring.append(int(after[ring[-1]]))
+    for k in range(3):
+        rest[rest == ring[k + 3]] = ring[k]
+    used, faces = np.unique(rest, return_inverse=True)
+    return Mesh(ball.vertices[used], faces.reshape(-1, 3)), np.searchsorted(used, ring[:3])
+
+
+def _sides(face: np.ndarray) -> list[tuple[int, int]]:
+    return [(int(face[k]), int(face[(k + 1) % 3])) for k in range(3)]

@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from sheets import make_egg
+from sheets import lopsided, make_egg, make_twisted_ball
 from unbend import Mesh, align, read_mesh, spectrum
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
@@ -269,6 +269,14 @@ def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
 def test_options_that_icp_cannot_use_are_refused(blob: Mesh, options: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=f'{next(iter(options))} is for method="progressive"'):
         match(blob, blob, method="icp", **options)
+
+
+def test_a_small_twist_that_leaves_one_side_is_no_hindrance() -> None:
+    twisted, _ = make_twisted_ball(4)
+    points, egg = lopsided(twisted.vertices), make_egg(3)
+    found = match(Mesh(points, twisted.faces), egg, cache=False)
+    off = np.linalg.norm(egg.vertices[found.source_to_target] - points, axis=1)
+    assert off.mean() < 0.1
 
 
 def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:

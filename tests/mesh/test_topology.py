@@ -113,38 +113,6 @@ def test_rows_that_share_groups_share_labels():
     assert all(len({labels[i] for i in group}) == 1 for group in together)
 
 
-def test_faces_are_wound_alike_and_the_fewer_turned():
-    sphere = make_sphere(2)
-    strip = np.array([[i, i + 1, i + 2][:: 1 if i % 2 else -1] for i in range(6)]) + 162
-    right = np.vstack([sphere.faces, strip, [[170, 171, 172]]])
-    for seed in range(5):
-        draw = np.random.default_rng(seed)
-        flip = draw.random(len(right)) < 0.3
-        flip[-7:] = [0, 1, 0, 1, 0, 0, 0]
-        mixed = np.where(flip[:, None], right[:, ::-1], right)
-        np.testing.assert_array_equal(topology.wind_alike(mixed, 173), right)
-        np.testing.assert_array_equal(topology.wind_alike(mixed[::-1], 173), right[::-1])
-    tie = topology.wind_alike(right[-7:-5] * 1, 173)
-    np.testing.assert_array_equal(tie, right[-7:-5])
-    halves = np.vstack([right[-7:-6], right[-6:-5, ::-1]])
-    turned = topology.wind_alike(halves, 173)
-    assert (turned == halves).all(axis=1).sum() == 1
-    edges = topology.find_edges(turned, 173)
-    assert (edges.n_upward[edges.n_faces == 2] == 1).all()
-
-
-def test_a_face_that_names_a_vertex_twice_turns_nothing():
-    faces = np.array([[0, 1, 2], [2, 1, 3], [3, 3, 1], [4, 4, 4]])
-    np.testing.assert_array_equal(topology.wind_alike(faces, 5), faces)
-
-
-def test_a_surface_of_one_side_cannot_be_wound(moebius_strip: Mesh):
-    assert topology.wind_alike(moebius_strip.faces, moebius_strip.n_vertices) is None
-    sphere = make_sphere(1)
-    both = np.vstack([sphere.faces, moebius_strip.faces + 42])
-    assert topology.wind_alike(both, 42 + moebius_strip.n_vertices) is None
-
-
 @pytest.mark.parametrize("at_once", [1, 7, 2**14])
 @pytest.mark.parametrize("scale", [1e-100, 1.0, 1e100])
 def test_areas_in_any_unit(blob: Mesh, monkeypatch, at_once, scale):

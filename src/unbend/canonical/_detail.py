@@ -47,7 +47,7 @@ def lay_into_pose(
     -------
     (n, 3) ndarray of float64
     """
-    wound = wind_alike(faces, len(vertices))
+    wound = wind_alike(vertices, faces)
     rest = vertices - areas @ vertices
     goal = form - areas @ form
     if wound is not None and _volume(rest, wound) * _volume(goal, wound) < 0:

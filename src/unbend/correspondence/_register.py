@@ -179,7 +179,7 @@ def register(
 
 
 def _wound(mesh: Mesh) -> IntArray:
-    faces = wind_alike(mesh.faces, mesh.n_vertices)
+    faces = wind_alike(mesh.vertices, mesh.faces)
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so inside and "

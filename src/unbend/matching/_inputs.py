@@ -103,7 +103,7 @@ def _check(mesh: Mesh) -> _Checked:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
     largest, kept, own_faces = _largest(mesh)
     surface = make_surface(largest)
-    faces = wind_alike(surface.mesh.faces, surface.n_vertices)
+    faces = wind_alike(surface.mesh.vertices, surface.mesh.faces)
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "

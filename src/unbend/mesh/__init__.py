@@ -15,8 +15,8 @@ from unbend.mesh._topology import (
     has_repeated_index,
     measure_faces,
     proper_faces,
-    wind_alike,
 )
+from unbend.mesh._winding import wind_alike
 
 __all__ = [
     "FACES_AT_ONCE",

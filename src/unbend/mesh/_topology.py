@@ -74,43 +74,7 @@ def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:
     return np.asarray(ends[ends[:, 0] != ends[:, 1]])
 
 
-def wind_alike(faces: IntArray, n_vertices: int) -> IntArray | None:
-    """Turn faces until any two that are alone at an edge walk along it in opposite directions.
-
-    Of each connected part, turned are the fewer faces. Edges of more than two faces connect none.
-
-    Parameters
-    ----------
-    faces : (m, 3) ndarray of int64
-    n_vertices : int
-
-    Returns
-    -------
-    (m, 3) ndarray of int64, or None
-        None for a surface that has only one side.
-    """
-    m = len(faces)
-    edges = find_edges(faces, n_vertices)
-    twin = _other_sides(edges)
-    is_loop = (edges.ends[:, 0] == edges.ends[:, 1])[edges.of_side]
-    sides = np.flatnonzero((twin > np.arange(3 * m)) & ~is_loop)
-    one, other = sides // 3, twin[sides] // 3
-    turned = (edges.n_upward[edges.of_side[sides]] != 1) * m
-    # Each face occurs twice: face i as it is, i + m as it would be, turned.
-    tails = np.concatenate([one, one + m])
-    heads = np.concatenate([other + turned, other + m - turned])
-    graph = coo_matrix((np.ones(len(tails)), (tails, heads)), shape=(2 * m, 2 * m))
-    count, labels = connected_components(graph, directed=False)
-    as_they_are, opposite = labels[:m], labels[m:]
-    if (as_they_are == opposite).any():
-        return None
-    votes = np.bincount(as_they_are, minlength=count)
-    turn = votes[as_they_are] < votes[opposite]
-    turn |= (votes[as_they_are] == votes[opposite]) & (as_they_are > opposite)
-    return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
-
-
-def _other_sides(edges: Edges) -> IntArray:
+def other_sides(edges: Edges) -> IntArray:
     """For each side the other one at its edge, -1 where the edge has not exactly two."""
     side = np.arange(len(edges.of_side))
     # The numbers of an edge's two sides, summed, less one of them is the other one.
@@ -218,7 +182,7 @@ def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
     """
     at_vertex = faces.ravel()
     side = np.arange(len(at_vertex))
-    twin = _other_sides(edges)
+    twin = other_sides(edges)
     inner = twin >= 0
     following = np.where(inner, twin + np.where(twin % 3 == 2, -2, 1), -1)
     begins = np.ones(len(side), dtype=bool)

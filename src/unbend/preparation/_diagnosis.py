@@ -42,8 +42,8 @@ class Diagnosis:
     inconsistent_edges : int
         Edges whose two faces are oriented against each other.
     one_sided : bool
-        Whether no turning of faces mends that, as on a Möbius strip: :func:`unbend.match` refuses
-        such a surface.
+        Whether no turning of faces mends that, as on a Möbius strip, but for a short seam at a
+        twist smaller than a detail: :func:`unbend.match` refuses such a surface.
     degenerate_faces : int
         Faces that name a vertex twice, or whose height over their longest edge is at most 1e-8 of
         that edge, so that the cotangents of their angles mean nothing.
@@ -162,7 +162,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_edges=non_manifold_edges,
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
-        one_sided=inconsistent > 0 and wind_alike(proper, mesh.n_vertices) is None,
+        one_sided=inconsistent > 0 and wind_alike(vertices, proper) is None,
         degenerate_faces=int(degenerate.sum()),
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),

@@ -1,0 +1,91 @@
+"""Which way round faces are: all alike, where a surface has two sides."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigsh
+
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.mesh._topology import find_edges, measure_faces, other_sides
+
+# A twist is a flaw of the mesh, not of the nature of the surface, if the seam along which faces
+# disagree is at most so long, in sqrt(area): less than a limb's girth.
+_SEAM = 0.1
+_SHIFT = 1e-6  # keeps a matrix definite whose least eigenvalue may be less
+
+
+def wind_alike(vertices: FloatArray, faces: IntArray) -> IntArray | None:
+    """Turn faces until any two that are alone at an edge walk along it in opposite directions.
+
+    Of each connected part, turned are the fewer faces. Edges of more than two faces connect none.
+    A scan, or a mesh that was decimated, may have a twist smaller than any detail, through which
+    its surface has, strictly, one side only. Faces then still disagree along a short seam there.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+
+    Returns
+    -------
+    (m, 3) ndarray of int64, or None
+        None for a surface that has only one side, as a Möbius strip.
+    """
+    m = len(faces)
+    edges = find_edges(faces, len(vertices))
+    twin = other_sides(edges)
+    is_loop = (edges.ends[:, 0] == edges.ends[:, 1])[edges.of_side]
+    sides = np.flatnonzero((twin > np.arange(3 * m)) & ~is_loop)
+    pairs = np.column_stack([sides, twin[sides]]) // 3
+    disagree = edges.n_upward[edges.of_side[sides]] != 1
+    as_they_are, opposite = _part_of_each(pairs, disagree, m)
+    votes = np.bincount(as_they_are, minlength=2 * m)
+    turn = votes[as_they_are] < votes[opposite]
+    turn |= (votes[as_they_are] == votes[opposite]) & (as_they_are > opposite)
+    twisted = as_they_are == opposite
+    for part in np.unique(as_they_are[twisted]):
+        members = np.flatnonzero(as_they_are == part)
+        inside = as_they_are[pairs[:, 0]] == part
+        local = np.searchsorted(members, pairs[inside])
+        turn[members] = _least_disagreement(local, disagree[inside], len(members))
+    seam = sides[disagree ^ turn[pairs[:, 0]] ^ turn[pairs[:, 1]]]
+    if len(seam) and _length(vertices, edges.ends[edges.of_side[seam]], faces) > _SEAM:
+        return None
+    return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
+
+
+def _part_of_each(pairs: IntArray, disagree: BoolArray, m: int) -> tuple[IntArray, IntArray]:
+    """Label each of m faces, as it is and turned, by what it winds alike with.
+
+    Both labels are one where a way over the surface leads from a face to the same one, turned.
+    """
+    one, other = pairs.T
+    turned = disagree * m  # face i as it is, i + m as it would be, turned
+    tails = np.concatenate([one, one + m])
+    heads = np.concatenate([other + turned, other + m - turned])
+    graph = coo_matrix((np.ones(len(tails)), (tails, heads)), shape=(2 * m, 2 * m))
+    labels = connected_components(graph, directed=False)[1]
+    return labels[:m], labels[m:]
+
+
+def _least_disagreement(pairs: IntArray, disagree: BoolArray, m: int) -> BoolArray:
+    """Which of m connected faces to turn so that few pairs disagree; at most half of them.
+
+    The signs of the eigenvector to the least eigenvalue of the signed Laplacian of the faces.
+    """
+    links = csr_matrix((np.where(disagree, -1.0, 1.0), tuple(pairs.T)), shape=(m, m))
+    links = links + links.T
+    laplacian = diags(abs(links) @ np.ones(m)) - links
+    vector = eigsh(laplacian.tocsc(), k=1, sigma=-_SHIFT, v0=np.ones(m))[1][:, 0]
+    turn = np.asarray(vector < 0)
+    return turn if 2 * turn.sum() <= m else ~turn
+
+
+def _length(vertices: FloatArray, ends: IntArray, faces: IntArray) -> float:
+    """Length of edges, in sqrt(area) of the surface."""
+    tiny = np.finfo(float).tiny
+    points = vertices / max(np.abs(vertices).max(), tiny)  # no square overflows or vanishes
+    length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1).sum()
+    return float(length / np.sqrt(max(measure_faces(points, faces)[1], tiny)))
