@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from sheets import make_sheet
-from unbend._types import BoolArray
+from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._partners import keep_matched, leads_back
+from unbend.matching._partners import keep_matched, keep_remote, leads_back
 from unbend.matching._shape import Shape
 
 BALL = make_sphere(3)
@@ -20,6 +21,7 @@ class Bitten(NamedTuple):
     part: Shape
     cap: BoolArray  # (n, 1), what the part lacks
     size: float  # how much longer the whole is where the part is: both have unit area
+    origin: IntArray  # of the part's vertices, in the whole
 
 
 def _bitten(least: float) -> Bitten:
@@ -30,7 +32,7 @@ def _bitten(least: float) -> Bitten:
         np.linalg.norm(np.subtract(*one.vertices[ends]))
         for one, ends in ((part, [0, -1]), (whole, bitten.origin[[0, -1]]))
     )
-    return Bitten(whole, part, lacking[:, None], float(np.divide(*lengths)))
+    return Bitten(whole, part, lacking[:, None], float(np.divide(*lengths)), bitten.origin)
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.6, 0.9], ids=["half", "cap", "small cap"])
@@ -89,6 +91,36 @@ def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
     none = np.zeros_like(wide)
     lacking = ~_kept(pricked, ~np.hstack([none, small, wide, small | wide]))
     np.testing.assert_array_equal(lacking, np.hstack([none, small, none, small]))
+
+
+def _nearest(one: Bitten) -> IntArray:
+    """Where each vertex of the whole ball lies on the bitten one."""
+    return np.asarray(cKDTree(one.whole.vertices[one.origin]).query(one.whole.vertices)[1])
+
+
+def test_only_what_ends_at_the_rim_has_no_partner_in_the_end(bitten: Bitten) -> None:
+    """A cap on the other side of the ball lies nowhere near the bite."""
+    remote = _cap(bitten.whole, (0.0, 0.0, -1.0), 0.9)[:, 0]
+    lacking, point_map = bitten.cap[:, 0], _nearest(bitten)
+    found = keep_remote(bitten.whole, bitten.part, ~(lacking | remote), point_map)
+    np.testing.assert_array_equal(found, ~lacking)
+    assert keep_remote(bitten.whole, bitten.part, ~remote, point_map).all()
+    # A patch that only touches the rim is no other one.
+    around = (bitten.whole.spokes != 0) @ lacking.astype(float) > 0
+    np.testing.assert_array_equal(
+        keep_remote(bitten.whole, bitten.part, ~(lacking | around), point_map),
+        ~(lacking | around),
+    )
+
+
+def test_without_a_rim_or_without_any_partner_there_is_nothing_to_tell(bitten: Bitten) -> None:
+    n, point_map = len(bitten.cap), _nearest(bitten)
+    for within in (np.zeros(n, dtype=bool), np.ones(n, dtype=bool)):
+        found = keep_remote(bitten.whole, bitten.part, within, point_map)
+        np.testing.assert_array_equal(found, within)
+    every = np.arange(n)
+    found = keep_remote(bitten.whole, bitten.whole, ~bitten.cap[:, 0], every)
+    np.testing.assert_array_equal(found, ~bitten.cap[:, 0])
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:

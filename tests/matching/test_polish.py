@@ -202,7 +202,8 @@ def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
     pose = mapped_start(sheet, sheet, *[np.arange(225)] * 2, 1.0).source
     poses = [pose._replace(within=one) for one in (ragged, np.ones(225, dtype=bool))]
     begun = replace(candidate(0.1), registered=Registered(np.arange(225), np.arange(225), *poses))
-    sides = (SimpleNamespace(shape=sheet), SimpleNamespace(shape=sheet), False)
+    level = SimpleNamespace(shape=sheet)
+    sides = SimpleNamespace(source=level, target=level)
     found = with_partners(begun, sides, 0.2).registered
     np.testing.assert_array_equal(found.source.within[away], most[away])
     assert found.target.within.all()

@@ -1,13 +1,15 @@
 """Who has a partner on the other shape, and who has none because that one ends before.
 
 What a part lacks was cut off along its rim. A patch that has no partner therefore ends, within its
-own shape, where that rim lies; if its outline is much longer than the rim, it is not what the part
-lacks, but what has not been matched well, and it stays.
+own shape, where that rim lies; if its outline is much longer than the rim, or in the end nowhere
+near it, it is not what the part lacks, but what has not been matched well, and it stays.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -44,6 +46,36 @@ def keep_matched(shape: Shape, goal: Shape, within: BoolArray, size: FloatArray)
     kept = within.copy()
     graph = shape.spokes.indptr, shape.spokes.indices
     _keep_matched(shape.faces, shape.vertices, *graph, kept, _OUTLINE * goal.rim_length / size)
+    return kept
+
+
+def keep_remote(shape: Shape, goal: Shape, within: BoolArray, point_map: IntArray) -> BoolArray:
+    """Leave without partner only patches whose outline leads to the goal's rim somewhere.
+
+    That tells more than the length of the outline, but only once maps are no longer rough.
+
+    Parameters
+    ----------
+    shape, goal : Shape
+    within : (n,) ndarray of bool
+        Whether vertices of the shape have a partner.
+    point_map : (n,) ndarray of int64
+        Vertices of the goal.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    without = ~within
+    if not (goal.on_rim.any() and within.any() and without.any()):
+        return within
+    off, _ = cKDTree(goal.vertices[goal.on_rim]).query(goal.vertices[point_map])
+    at_rim = within & (off < shape.edge + goal.edge)
+    around = (shape.spokes != 0)[without]
+    count, patch = connected_components(around[:, without], directed=False)
+    cut_off = np.bincount(patch, around @ at_rim.astype(np.float64), count) > 0
+    kept = within.copy()
+    kept[without] = ~cut_off[patch]
     return kept
 
 

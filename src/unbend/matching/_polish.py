@@ -11,6 +11,7 @@ from unbend._arrays import snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray
 from unbend.matching._judge import Candidate, fine_energy, judge, ranked
+from unbend.matching._partners import keep_remote
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -106,13 +107,18 @@ def _fine_energy(sides: Sides, candidate: Candidate) -> float:
 def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
     """Give vertices a partner, or none, as most around them have.
 
-    All get one, unless more than a share of either area is to have none.
+    None have only patches that end at a rim of the other shape, and only if that is more than a
+    share of the area.
     """
     found = candidate.registered
+    ours, theirs = sides.source.shape, sides.target.shape
     poses = []
-    for pose, level in zip(found[2:], sides[:2], strict=True):
-        within = _as_most_around(level.shape, pose.within)
-        none = float(level.shape.areas @ ~within)
+    for pose, shape, goal, point_map in (
+        (found.source, ours, theirs, found.forward),
+        (found.target, theirs, ours, found.backward),
+    ):
+        within = keep_remote(shape, goal, _as_most_around(shape, pose.within), point_map)
+        none = float(shape.areas @ ~within)
         poses.append(pose._replace(within=within if none > torn else np.ones_like(within)))
     return replace(candidate, registered=Registered(*found[:2], *poses))
 
