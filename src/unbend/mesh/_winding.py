@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import splu
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.mesh._topology import find_edges, measure_faces, other_sides
@@ -14,6 +14,7 @@ from unbend.mesh._topology import find_edges, measure_faces, other_sides
 # disagree is at most so long, in sqrt(area): less than a limb's girth.
 _SEAM = 0.1
 _SHIFT = 1e-6  # keeps a matrix definite whose least eigenvalue may be less
+_STEPS = 20  # of inverse iteration
 
 
 def wind_alike(vertices: FloatArray, faces: IntArray) -> IntArray | None:
@@ -77,8 +78,12 @@ def _least_disagreement(pairs: IntArray, disagree: BoolArray, m: int) -> BoolArr
     """
     links = csr_matrix((np.where(disagree, -1.0, 1.0), tuple(pairs.T)), shape=(m, m))
     links = links + links.T
-    laplacian = diags(abs(links) @ np.ones(m)) - links
-    vector = eigsh(laplacian.tocsc(), k=1, sigma=-_SHIFT, v0=np.ones(m))[1][:, 0]
+    laplacian = diags(abs(links) @ np.ones(m) + _SHIFT) - links
+    inverse = splu(laplacian.tocsc())
+    vector = np.random.default_rng(0).normal(size=m)
+    for _ in range(_STEPS):
+        vector = inverse.solve(vector)
+        vector /= np.abs(vector).max()
     turn = np.asarray(vector < 0)
     return turn if 2 * turn.sum() <= m else ~turn
 
