@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sheets import make_twisted_ball
+from sheets import make_sheet, make_twisted_ball
 from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.mesh import find_edges, wind_alike
+from unbend.mesh import _winding, find_edges, wind_alike
 
 
 def test_faces_are_wound_alike_and_the_fewer_turned():
@@ -52,7 +52,7 @@ def test_faces_disagree_along_the_short_seam_of_a_small_twist_alone(size: float)
     assert (seam.n_faces == 2).all()
     before = seam.ends[seam.n_upward != 1]
     np.testing.assert_array_equal(np.unique(before), np.sort(ring))
-    for seed in range(3):
+    for seed in range(6):
         flip = np.random.default_rng(seed).random(ball.n_faces) < 0.4
         mixed = np.where(flip[:, None], ball.faces[:, ::-1], ball.faces)
         wound = wind_alike(size * ball.vertices, mixed)
@@ -77,6 +77,14 @@ def test_beside_a_twist_all_else_is_wound_as_if_there_were_none() -> None:
     np.testing.assert_array_equal(wound[: other.n_faces], other.faces)
 
 
-def test_a_twist_as_wide_as_a_limb_is_the_nature_of_a_surface() -> None:
-    ball, _ = make_twisted_ball(2)
+@pytest.mark.parametrize("level", [2, 3])
+def test_a_twist_as_wide_as_a_limb_is_the_nature_of_a_surface(level: int) -> None:
+    ball, _ = make_twisted_ball(level)
     assert wind_alike(ball.vertices, ball.faces) is None
+
+
+def test_a_seam_is_as_long_as_its_edges_in_roots_of_the_area() -> None:
+    sheet = make_sheet(3)
+    ends = np.array([[0, 1], [3, 4], [6, 7]])
+    for size in (1e-200, 3.0):
+        assert _winding._length(size * sheet.vertices, ends, sheet.faces) == pytest.approx(1.5)
