@@ -214,6 +214,23 @@ def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
     assert with_partners(begun, sides, 0.4).registered.source.within.all()
 
 
+def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
+    """A ball, and the same without its upper cap: what is missed on the lower one is given back."""
+    ball = make_sphere(3)
+    upper, lower = ball.vertices[:, 2] > 0.6, ball.vertices[:, 2] < -0.9
+    bitten = keep(ball, ~upper)
+    whole, part = (prepare_shape(one, 10, False, partial=True).shape for one in (ball, bitten.mesh))
+    back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
+    poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
+    poses = [poses[0]._replace(within=~(upper | lower)), poses[1]._replace(within=back >= 0)]
+    begun = replace(candidate(0.1), registered=Registered(ahead, back, *poses))
+    levels = [SimpleNamespace(shape=shape) for shape in (whole, part)]
+    found = with_partners(begun, SimpleNamespace(source=levels[0], target=levels[1]), 0.0)
+    middle = np.abs(ball.vertices[:, 2] - 0.6) > 0.2
+    np.testing.assert_array_equal(found.registered.source.within[middle], ~upper[middle])
+    assert found.registered.target.within.all()
+
+
 def test_half_of_those_around_is_not_most() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
