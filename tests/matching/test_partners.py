@@ -10,7 +10,7 @@ from sheets import make_sheet
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._partners import keep_matched, keep_remote, leads_back
+from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._shape import Shape
 
 BALL = make_sphere(3)
@@ -40,9 +40,11 @@ def bitten(request: pytest.FixtureRequest) -> Bitten:
     return _bitten(request.param)
 
 
-def _kept(one: Bitten, within: BoolArray, times: float = 1.0) -> BoolArray:
+def _kept(one: Bitten, within: BoolArray, times: float = 1.0, near: float = 0.3) -> BoolArray:
     size = np.full(within.shape[1], times * one.size)
-    return keep_matched(one.whole, one.part, within, size)
+    nearest = cKDTree(one.whole.vertices[one.origin]).query(one.whole.vertices)[1]
+    point_maps = nearest[:, None].repeat(within.shape[1], axis=1)
+    return keep_matched(one.whole, one.part, within, size, point_maps, near)
 
 
 def _cap(shape: Shape, direction: tuple[float, float, float], least: float) -> BoolArray:
@@ -79,7 +81,7 @@ def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
     half = (square.vertices[:, axis] > 0)[:, None]
     for rim, kept in ((0.33, True), (0.34, False)):
         square.__dict__["rim_length"] = rim
-        within = keep_matched(square, square, ~half, np.ones(1))
+        within = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None])
         np.testing.assert_array_equal(within, ~half | kept)
 
 
@@ -87,40 +89,33 @@ def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
 def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
     pricked = _bitten(0.97)
     wide = _cap(pricked.whole, (0.0, 0.0, -1.0), 0.3)
-    small = _cap(pricked.whole, (1.0, 0.0, 0.0), 0.97) | pricked.cap
+    small = _cap(pricked.whole, (0.77, 0.0, 0.64), 0.97) | pricked.cap
     none = np.zeros_like(wide)
     lacking = ~_kept(pricked, ~np.hstack([none, small, wide, small | wide]))
     np.testing.assert_array_equal(lacking, np.hstack([none, small, none, small]))
 
 
-def _nearest(one: Bitten) -> IntArray:
-    """Where each vertex of the whole ball lies on the bitten one."""
-    return np.asarray(cKDTree(one.whole.vertices[one.origin]).query(one.whole.vertices)[1])
+@pytest.mark.kernels
+@pytest.mark.parametrize("near", [0.15, 0.3])
+def test_only_what_ends_near_the_rim_has_no_partner(bitten: Bitten, near: float) -> None:
+    """Of two small caps, one is less far off and one farther, by a mean edge and a rim's zigzag."""
+    height = np.arcsin(bitten.whole.vertices[~bitten.cap[:, 0], 2].max() * np.sqrt(4 * np.pi))
+    for off, kept in ((near - 0.08, False), (near + 0.08, True)):
+        # Angles of the middle, half a cap farther than its nearest end.
+        middle = height - 2 * np.arcsin(off / bitten.size * np.sqrt(np.pi)) - 0.3
+        cap = _cap(bitten.whole, (np.cos(middle), 0.0, np.sin(middle)), np.cos(0.3))
+        assert cap.any()
+        assert not (cap & bitten.cap).any()
+        np.testing.assert_array_equal(_kept(bitten, ~cap, near=near), ~cap | kept)
 
 
-def test_only_what_ends_at_the_rim_has_no_partner_in_the_end(bitten: Bitten) -> None:
-    """A cap on the other side of the ball lies nowhere near the bite."""
-    remote = _cap(bitten.whole, (0.0, 0.0, -1.0), 0.9)[:, 0]
-    lacking, point_map = bitten.cap[:, 0], _nearest(bitten)
-    found = keep_remote(bitten.whole, bitten.part, ~(lacking | remote), point_map)
-    np.testing.assert_array_equal(found, ~lacking)
-    assert keep_remote(bitten.whole, bitten.part, ~remote, point_map).all()
-    # A patch that only touches the rim is no other one.
-    around = (bitten.whole.spokes != 0) @ lacking.astype(float) > 0
-    np.testing.assert_array_equal(
-        keep_remote(bitten.whole, bitten.part, ~(lacking | around), point_map),
-        ~(lacking | around),
-    )
-
-
-def test_without_a_rim_or_without_any_partner_there_is_nothing_to_tell(bitten: Bitten) -> None:
-    n, point_map = len(bitten.cap), _nearest(bitten)
-    for within in (np.zeros(n, dtype=bool), np.ones(n, dtype=bool)):
-        found = keep_remote(bitten.whole, bitten.part, within, point_map)
-        np.testing.assert_array_equal(found, within)
-    every = np.arange(n)
-    found = keep_remote(bitten.whole, bitten.whole, ~bitten.cap[:, 0], every)
-    np.testing.assert_array_equal(found, ~bitten.cap[:, 0])
+def test_without_a_rim_nothing_is_without_partner_unless_all_is(bitten: Bitten) -> None:
+    n = len(bitten.cap)
+    every, size = np.arange(n)[:, None], np.ones(1)
+    ball = bitten.whole
+    assert keep_matched(ball, ball, ~bitten.cap, size, every).all()
+    none = np.zeros((n, 1), dtype=bool)
+    assert not keep_matched(ball, ball, none, size, every).any()
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:

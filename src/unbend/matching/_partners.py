@@ -1,15 +1,13 @@
 """Who has a partner on the other shape, and who has none because that one ends before.
 
 What a part lacks was cut off along its rim. A patch that has no partner therefore ends, within its
-own shape, where that rim lies; if its outline is much longer than the rim, or in the end nowhere
-near it, it is not what the part lacks, but what has not been matched well, and it stays.
+own shape, where that rim lies; if its outline is much longer than the rim, or nowhere near it, it
+is not what the part lacks, but what has not been matched well, and it stays.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -19,6 +17,8 @@ from unbend.matching._shape import Shape
 _WAY_BACK = 2.0
 # An outline may be so many times as long as the rim.
 _OUTLINE = 3.0
+# And the rim may be so far from where an outline is led, in sqrt(area), by maps that are rough yet.
+_NEAR = 0.3
 
 
 def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
@@ -28,7 +28,14 @@ def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray
     return np.asarray(off < _WAY_BACK * shape.edge)
 
 
-def keep_matched(shape: Shape, goal: Shape, within: BoolArray, size: FloatArray) -> BoolArray:
+def keep_matched(
+    shape: Shape,
+    goal: Shape,
+    within: BoolArray,
+    size: FloatArray,
+    point_maps: IntArray,
+    near: float = _NEAR,
+) -> BoolArray:
     """Leave without partner only what the goal's rim may have cut off.
 
     Parameters
@@ -38,6 +45,10 @@ def keep_matched(shape: Shape, goal: Shape, within: BoolArray, size: FloatArray)
         Whether vertices of the shape have a partner, by so many maps.
     size : (p,) ndarray of float64
         How much longer the shape is where the goal is.
+    point_maps : (n, p) ndarray of int64
+        Vertices of the goal.
+    near : float, default=0.3
+        How near the rim some of an outline is led.
 
     Returns
     -------
@@ -45,42 +56,15 @@ def keep_matched(shape: Shape, goal: Shape, within: BoolArray, size: FloatArray)
     """
     kept = within.copy()
     graph = shape.spokes.indptr, shape.spokes.indices
-    _keep_matched(shape.faces, shape.vertices, *graph, kept, _OUTLINE * goal.rim_length / size)
-    return kept
-
-
-def keep_remote(shape: Shape, goal: Shape, within: BoolArray, point_map: IntArray) -> BoolArray:
-    """Leave without partner only patches whose outline leads to the goal's rim somewhere.
-
-    That tells more than the length of the outline, but only once maps are no longer rough.
-
-    Parameters
-    ----------
-    shape, goal : Shape
-    within : (n,) ndarray of bool
-        Whether vertices of the shape have a partner.
-    point_map : (n,) ndarray of int64
-        Vertices of the goal.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-    """
-    without = ~within
-    if not (goal.on_rim.any() and within.any() and without.any()):
-        return within
-    off, _ = cKDTree(goal.vertices[goal.on_rim]).query(goal.vertices[point_map])
-    at_rim = within & (off < shape.edge + goal.edge)
-    around = (shape.spokes != 0)[without]
-    count, patch = connected_components(around[:, without], directed=False)
-    cut_off = np.bincount(patch, around @ at_rim.astype(np.float64), count) > 0
-    kept = within.copy()
-    kept[without] = ~cut_off[patch]
+    longest, off = _OUTLINE * goal.rim_length / size, goal.off_rim[point_maps]
+    _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near)
     return kept
 
 
 @compiled
-def _keep_matched(faces, vertices, start, neighbors, within, longest):  # type: ignore[no-untyped-def]
+def _keep_matched(  # type: ignore[no-untyped-def]
+    faces, vertices, start, neighbors, within, longest, off, near
+):
     n, n_maps = within.shape
     patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
     for m in range(n_maps):
@@ -102,7 +86,7 @@ def _keep_matched(faces, vertices, start, neighbors, within, longest):  # type: 
         if count == 0:
             continue
         # An outline leads through the middles of the sides between who has a partner and who not.
-        outline = np.zeros(count)
+        outline, nearest = np.zeros(count), np.full(count, np.inf)
         for f in range(len(faces)):
             inside = 0
             for c in range(3):
@@ -116,7 +100,12 @@ def _keep_matched(faces, vertices, start, neighbors, within, longest):  # type: 
             square = 0.0
             for a in range(3):
                 square += (vertices[u, a] - vertices[v, a]) ** 2
-            outline[max(patch[u], patch[faces[f, odd]])] += np.sqrt(square) / 2
+            p = max(patch[u], patch[faces[f, odd]])
+            outline[p] += np.sqrt(square) / 2
+            for c in range(3):
+                if within[faces[f, c], m]:
+                    nearest[p] = min(nearest[p], off[faces[f, c], m])
         for i in range(n):
-            if patch[i] >= 0 and outline[patch[i]] > longest[m]:
+            p = patch[i]
+            if p >= 0 and outline[p] > 0 and (outline[p] > longest[m] or nearest[p] > near):
                 within[i, m] = True

@@ -11,7 +11,7 @@ from unbend._arrays import snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray
 from unbend.matching._judge import Candidate, fine_energy, judge, ranked
-from unbend.matching._partners import keep_remote
+from unbend.matching._partners import keep_matched
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -117,7 +117,10 @@ def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
         (found.source, ours, theirs, found.forward),
         (found.target, theirs, ours, found.backward),
     ):
-        within = keep_remote(shape, goal, _as_most_around(shape, pose.within), point_map)
+        within = _as_most_around(shape, pose.within)[:, None]
+        near = shape.edge + goal.edge  # maps are no longer rough
+        size, maps = np.array([pose.size]), point_map[:, None]
+        within = keep_matched(shape, goal, within, size, maps, near)[:, 0]
         none = float(shape.areas @ ~within)
         poses.append(pose._replace(within=within if none > torn else np.ones_like(within)))
     return replace(candidate, registered=Registered(*found[:2], *poses))

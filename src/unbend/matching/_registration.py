@@ -306,7 +306,7 @@ class _Moving:
     def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
         within = leads_back(self.shape, forward, backward) & ~off
-        self.within = keep_matched(self.shape, self.goal, within, self.size)
+        self.within = keep_matched(self.shape, self.goal, within, self.size, forward)
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""

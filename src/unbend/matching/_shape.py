@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
@@ -85,6 +86,13 @@ class Shape:
     def on_rim(self) -> BoolArray:
         """Whether a vertex (n,) lies where a partial surface ends."""
         return np.asarray(self.rim.any(axis=1))
+
+    @cached_property
+    def off_rim(self) -> FloatArray:
+        """Distance (n,) to the nearest vertex where a partial surface ends."""
+        if not self.on_rim.any():
+            return np.full(len(self.vertices), np.inf)
+        return np.asarray(cKDTree(self.vertices[self.on_rim]).query(self.vertices)[0])
 
     @cached_property
     def rim_length(self) -> float:
