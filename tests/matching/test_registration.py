@@ -356,7 +356,7 @@ def test_what_lands_on_a_rim_does_not_pull() -> None:
 def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: Shape) -> None:
     """And what is whole has one where that leads back."""
     part = replace(standing, partial=True)
-    part.__dict__["rim_length"] = np.inf  # it may lack anything
+    part.__dict__.update(rim_length=np.inf, off_rim=np.zeros(700))  # it may lack anything
     every = np.arange(700)
     shuffled = np.random.default_rng(0).permutation(700)
     start = mapped_start(part, walking, every, shuffled, 1.0)

@@ -14,7 +14,6 @@ from unbend.datasets import keep, make_biped, make_sphere, rest_map
 from unbend.matching import _solve
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import Candidate, distinct, ranked
-from unbend.matching._polish import with_partners
 from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import LOOSE, LOOSEST, PULLS, mapped_start
 from unbend.matching._relocation import EVERYWHERE, TRUNK
@@ -99,23 +98,6 @@ def test_what_is_clear_is_what_a_thorough_search_finds(boxes: list[Shape], monke
     # Where several are equally good nothing is clear.
     candidates(make_sides(boxes[0], boxes[0]))
     assert tried[-1] == _solve._MANY
-
-
-def test_a_vertex_has_a_partner_where_most_around_it_have(boxes: list[Shape]) -> None:
-    sides = make_sides(boxes[0], boxes[0])
-    best = candidates(sides)[0]
-    right = boxes[0].vertices[:, 0] > 0.1
-    astray = np.abs(boxes[0].vertices[:, 0]) > 0.9 * boxes[0].vertices[:, 0].max()
-    few = np.flatnonzero(astray)[[0, -1]]  # one at either end
-    ragged = right.copy()
-    ragged[few] = ~ragged[few]
-    ours = best.registered.source._replace(within=ragged)
-    found = replace(best, registered=best.registered._replace(source=ours))
-    smooth = with_partners(found, sides, 0.0).registered
-    assert (smooth.source.within == right)[few].all()
-    assert (smooth.source.within == right).mean() > 0.95
-    assert smooth.target.within.all()
-    assert with_partners(found, sides, 0.7).registered.source.within.all()
 
 
 def one_of(cost: float, orientation: float = 1.0) -> Candidate:
