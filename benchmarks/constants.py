@@ -100,6 +100,7 @@ OF_PARTS = {
     "_NEARLY": ("_polish",),
     "_SMOOTHED": ("_polish",),
     "_OUTLINE": ("_partners",),
+    "_NEAR": ("_registration",),
     "_SHORTEST_RIM": ("_shape",),
     "_FAR": ("_points",),
     "_POLISHED_OVER": ("_polish",),

@@ -81,7 +81,7 @@ def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
     half = (square.vertices[:, axis] > 0)[:, None]
     for rim, kept in ((0.33, True), (0.34, False)):
         square.__dict__["rim_length"] = rim
-        within = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None])
+        within = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None], 0.3)
         np.testing.assert_array_equal(within, ~half | kept)
 
 
@@ -113,9 +113,9 @@ def test_without_a_rim_nothing_is_without_partner_unless_all_is(bitten: Bitten) 
     n = len(bitten.cap)
     every, size = np.arange(n)[:, None], np.ones(1)
     ball = bitten.whole
-    assert keep_matched(ball, ball, ~bitten.cap, size, every).all()
+    assert keep_matched(ball, ball, ~bitten.cap, size, every, 0.3).all()
     none = np.zeros((n, 1), dtype=bool)
-    assert not keep_matched(ball, ball, none, size, every).any()
+    assert not keep_matched(ball, ball, none, size, every, 0.3).any()
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:

@@ -17,8 +17,6 @@ from unbend.matching._shape import Shape
 _WAY_BACK = 2.0
 # An outline may be so many times as long as the rim.
 _OUTLINE = 3.0
-# And the rim may be so far from where an outline is led, in sqrt(area), by maps that are rough yet.
-_NEAR = 0.3
 
 
 def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
@@ -34,7 +32,7 @@ def keep_matched(
     within: BoolArray,
     size: FloatArray,
     point_maps: IntArray,
-    near: float = _NEAR,
+    near: float,
 ) -> BoolArray:
     """Leave without partner only what the goal's rim may have cut off.
 
@@ -47,8 +45,8 @@ def keep_matched(
         How much longer the shape is where the goal is.
     point_maps : (n, p) ndarray of int64
         Vertices of the goal.
-    near : float, default=0.3
-        How near the rim some of an outline is led.
+    near : float
+        How near the rim some of an outline must be led, in sqrt(area).
 
     Returns
     -------

@@ -41,6 +41,9 @@ _MOMENTUM = 0.7
 NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
 _SLACK = 0.3  # mean edges beyond a rim that still count as on the surface
+_NEAR = (
+    0.3  # how near the rim that cut it off a patch must end, in sqrt(area), while maps are rough
+)
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
@@ -306,7 +309,7 @@ class _Moving:
     def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
         within = leads_back(self.shape, forward, backward) & ~off
-        self.within = keep_matched(self.shape, self.goal, within, self.size, forward)
+        self.within = keep_matched(self.shape, self.goal, within, self.size, forward, _NEAR)
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""
