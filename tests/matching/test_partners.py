@@ -109,6 +109,7 @@ def test_only_what_ends_near_the_rim_has_no_partner(bitten: Bitten, near: float)
         np.testing.assert_array_equal(_kept(bitten, ~cap, near=near), ~cap | kept)
 
 
+@pytest.mark.kernels
 def test_without_a_rim_nothing_is_without_partner_unless_all_is(bitten: Bitten) -> None:
     n = len(bitten.cap)
     every, size = np.arange(n)[:, None], np.ones(1)
