@@ -19,11 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hard import calibration
+from hard import WRONG, calibration
 from processes import run_all
 from scipy.io import loadmat
 
-from matching import WRONG
 from unbend import Mesh, match
 from unbend.mesh import vertex_areas
 

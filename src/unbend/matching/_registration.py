@@ -41,9 +41,7 @@ _MOMENTUM = 0.7
 NORMAL_WEIGHT = 0.1
 _SAMPLES = 1000
 _SLACK = 0.3  # mean edges beyond a rim that still count as on the surface
-_NEAR = (
-    0.3  # how near the rim that cut it off a patch must end, in sqrt(area), while maps are rough
-)
+_NEAR = 0.3  # to a rim from where what it cut off ends, in sqrt(area), by maps that are rough
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
