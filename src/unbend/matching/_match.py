@@ -115,7 +115,7 @@ def match(
 
     Notes
     -----
-    Nothing is random: the same meshes give the same map.
+    Nothing is random: the same meshes give the same map, up to rounding.
 
     References
     ----------
