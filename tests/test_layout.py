@@ -76,3 +76,28 @@ def test_the_tests_mirror_the_modules():
     for path in (ROOT / "tests").rglob("test_*.py"):
         folder = path.relative_to(ROOT / "tests").parent
         assert folder == Path() or (SOURCE / folder).is_dir(), path
+
+
+def test_kernels_use_no_names_of_files_without_kernels():
+    """Compiled code is kept until one of the files with kernels changes (`_compiled.py`)."""
+    texts = {name: path.read_text() for name, path in MODULES.items()}
+    with_kernels = {name for name, text in texts.items() if "_compiled import" in text}
+    assert "linalg._sweeps" in with_kernels
+    for name in with_kernels:
+        ours, foreign, uses = set(), set(), {}
+        for node in ast.parse(texts[name]).body:
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("unbend"):
+                names = {alias.asname or alias.name for alias in node.names}
+                module = node.module.removeprefix("unbend.")
+                if module == "_compiled":
+                    ours = names & {"compiled", "kernel", "generated"}
+                elif module not in {*with_kernels, "_types"}:  # annotations are not compiled
+                    foreign |= names
+            elif isinstance(node, ast.FunctionDef | ast.Assign):
+                names = {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+                defined = [node] if isinstance(node, ast.FunctionDef) else node.targets
+                uses |= {getattr(one, "name", getattr(one, "id", "")): names for one in defined}
+        used = {one for one, names in uses.items() if names & ours}
+        while more := {inner for one in used for inner in uses.get(one, ())} - used:
+            used |= more
+        assert not used & foreign, name

@@ -1,17 +1,82 @@
-"""Numba's compiler, with the options that every kernel here needs."""
+"""Numba's compiler, with the options that every kernel here needs, and a cache of compiled code."""
 
 from __future__ import annotations
 
 import functools
+import os
+import pickle
+import secrets
 from collections.abc import Callable
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import FunctionCache
+from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
 # Types of arrays that kernels are compiled for.
 INTS, LONGS, FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
 PAIRS, BLOCK = "int64[:, ::1]", "float64[:, ::1]"
+
+# The sources of all kernels. A kernel uses names from no other files of ours than these, which
+# import this one (tests/test_layout.py checks that), so their hash changes whenever a kernel does.
+_SOURCES = [
+    source
+    for path in sorted(Path(__file__).parent.rglob("*.py"))
+    if b"_compiled import" in (source := path.read_bytes())
+]
+_FINGERPRINT = sha256(b"".join(_SOURCES)).digest()
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """A folder of compiled code, the same one that Numba would use.
+
+    Numba keeps an index and numbered files of code. Processes that compile at the same time can
+    leave an index that names another's code, an index knows nothing of imported constants, and a
+    damaged file or a full disk raises an error. Here each file is complete: a hash, and the code
+    for one kernel and one tuple of types. The hash covers the code and all that it depends on.
+    A file with a wrong hash is ignored and replaced.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        target_context.refresh()
+        try:
+            path, origin = self._locate(sig, target_context.codegen())
+            content = path.read_bytes()
+            code = content[len(origin) :]
+            if content == _seal(origin, code):
+                return self._impl.rebuild(target_context, pickle.loads(code))
+        except Exception:  # a file that cannot be read or loaded is as good as none
+            return None
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(Exception):  # the next process will have to compile, which is all
+            if not self._impl.check_cachable(data):
+                return
+            path, origin = self._locate(sig, data.codegen)
+            code = dumps(self._impl.reduce(data))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
+            try:
+                temporary.write_bytes(_seal(origin, code))
+                os.replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
+
+    def _locate(self, sig: Any, codegen: Any) -> tuple[Path, bytes]:
+        """Give the file for these types, and a hash of everything that its code depends on."""
+        key = repr(self._index_key(sig, codegen)).encode()
+        stamp = repr((numba.__version__, self._impl.locator.get_source_stamp())).encode()
+        name = f"{self._impl.filename_base}-{sha256(key).hexdigest()[:16]}.nbc"
+        return Path(self.cache_path, name), sha256(_FINGERPRINT + stamp + key).digest()
+
+
+def _seal(origin: bytes, code: bytes) -> bytes:
+    return sha256(origin + code).digest() + code
 
 
 def compiled(
@@ -34,18 +99,24 @@ def compiled(
     -------
     callable
     """
-    signatures = [] if signature is None else [signature]
-    options: dict[str, Any] = {"nogil": True, "fastmath": set(fastmath)}
-    try:
-        kernel: Callable[..., Any] = numba.njit(*signatures, **options, cache=True)(function)
-    except Exception:  # no usable cache folder costs compilations, never the result
-        kernel = numba.njit(*signatures, **options)(function)
-    return kernel
+    if numba.config.DISABLE_JIT:
+        return function
+    # The linker and the cache tell kernels apart by name: add the values of a closure to it.
+    for cell in function.__closure__ or ():
+        function.__qualname__ += f"_{cell.cell_contents}"
+    made: Any = numba.njit(nogil=True, fastmath=set(fastmath))(function)
+    if _SOURCES:  # without them, as in a zip file, old code could not be told from new
+        with suppress(Exception):  # no usable folder costs compilations, never the result
+            made._cache = _Cache(function)
+    if signature is not None:
+        made.compile(signature)
+        made.disable_compile()
+    return made  # type: ignore[no-any-return]
 
 
 def kernel(*types: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a decorator that compiles for arguments of these types at once."""
-    return functools.partial(compiled, signature=f"({', '.join(types)})")
+    return functools.partial(compiled, signature=f"({', '.join(types)},)")
 
 
 def generated(plain: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
