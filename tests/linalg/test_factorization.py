@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import unbend
 from tests.linalg.problems import icosphere, laplacian, square
 from unbend.errors import InputError, SolverError
-from unbend.linalg import factorization
+from unbend.linalg import factorization, multifrontal
 from unbend.linalg.factorization import factorize
 
 BACKENDS = ["multifrontal", "qdldl+numba", "qdldl", "superlu", "cholmod"]
@@ -151,6 +151,17 @@ def test_random_matrices_against_dense(n, density, seed, definite, name, unit):
     np.testing.assert_allclose(
         factor.solve(dense @ exact * 10.0**unit), exact, atol=1e-13 * largest / smallest + 1e-13
     )
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, ValueError, OSError])
+def test_a_failure_of_the_compiler_is_not_called_a_singular_matrix(kind, monkeypatch):
+    def fail(matrix):
+        raise kind("the compiler failed")
+
+    monkeypatch.setattr(factorization, "_DENSE_BLOCKS_PAY", 0)
+    monkeypatch.setattr(multifrontal, "factor", fail)
+    with pytest.raises(kind, match="the compiler failed"):
+        factorize(grid(1.0))
 
 
 def test_zero_pivots_are_refined_away(backend):

@@ -149,7 +149,7 @@ def factorize(
         for name, decompose in _backends(n, indefinite, many):
             try:
                 order, pivots, solve = decompose(shifted)
-            except (RuntimeError, ValueError, ArithmeticError):  # a zero pivot, or not definite
+            except ArithmeticError:  # a zero pivot, or not definite
                 continue
             if shift == 0 and _cancelled(matrix, order, pivots):
                 break
@@ -192,7 +192,10 @@ def _multifrontal(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
 def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _Solve]:
     import qdldl
 
-    solver = qdldl.Solver(matrix)
+    try:
+        solver = qdldl.Solver(matrix)
+    except (RuntimeError, ValueError) as error:
+        raise ArithmeticError("a zero pivot") from error
     lower, pivots, order = solver.factors()
     if not compiled:
         return order, pivots, lambda rhs: np.column_stack([solver.solve(c) for c in rhs.T])
@@ -236,12 +239,15 @@ def _cholmod(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
 
 
 def _superlu(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
-    factor = spla.splu(
-        matrix,
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    try:
+        factor = spla.splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise ArithmeticError("a zero pivot") from error
     if not np.array_equal(factor.perm_r, factor.perm_c):
         raise ArithmeticError("a pivot off the diagonal: the inertia would be lost")
     return np.argsort(factor.perm_c), factor.U.diagonal(), factor.solve
