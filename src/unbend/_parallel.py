@@ -158,17 +158,17 @@ if hasattr(os, "register_at_fork"):
 
 
 def chunk_width(count: int) -> int:
-    """Columns that solves for so many work on at once: one, half a chunk or a chunk.
+    """Choose how many columns solves for so many work on at once: half a chunk or a chunk.
 
     Eight columns cost little more than one.
 
     Examples
     --------
     >>> from unbend._parallel import chunk_width
-    >>> [chunk_width(count) for count in (1, 3, 9, 40)]
-    [1, 8, 16, 16]
+    >>> [chunk_width(count) for count in (1, 8, 9, 40)]
+    [8, 8, 16, 16]
     """
-    return 1 if count == 1 else COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+    return COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
