@@ -1,7 +1,8 @@
 """Interrupts, crowds and long runs: ``PYTHONPATH=tests python tests/endurance.py WHAT``.
 
 ``interrupts`` ends commands at random moments, by Ctrl-C and by ``kill -9``; ``crowd`` lets many
-processes use one cache and one collection at once; ``soak`` computes thousands of forms and
+processes use one cache and one collection at once; ``kernels`` lets as many begin with one empty
+folder for compiled code, three times over; ``soak`` computes thousands of forms and
 hundreds of matches in one process and prints its memory and threads; ``memory`` gives commands too
 little of it; ``quota`` runs some under half a processor, where control groups can be made.
 """
@@ -278,6 +279,76 @@ def crowd(number: int) -> None:
         print(f"{number} processes, one collection: {len(shapes)} shapes, none twice", flush=True)
 
 
+FIRST_RUN = """
+import sys
+import numpy as np
+import scipy.sparse as sp
+import unbend
+from corpus.good import stone
+from unbend.datasets import make_sphere
+from unbend.linalg import factorization
+
+operator = unbend.laplacian(make_sphere(3))
+matrix = sp.csc_matrix(operator.stiffness + sp.diags_array(operator.areas))
+draw = np.random.default_rng(0)
+engines = {"qdldl": lambda matrix: factorization._qdldl(matrix, compiled=True)}
+engines["multifrontal"] = factorization._multifrontal
+for name in sys.argv[1:]:
+    if name in engines:
+        _, _, solve = engines[name](matrix)
+        for count in (1, 3, 8, 16, 40):
+            rhs = draw.standard_normal((matrix.shape[0], count))
+            expected = np.linalg.solve(matrix.toarray(), rhs)
+            np.testing.assert_allclose(solve(rhs), expected, rtol=0, atol=1e-9)
+if "match" in sys.argv:
+    order = draw.permutation(42)
+    turn = np.linalg.qr(draw.standard_normal((3, 3)))[0]
+    shape, turned = stone().vertices, np.empty((42, 3))
+    shape = shape + shape[:, :1] ** 2 * [0, 0.3, 0]  # a stone turned over is the same stone
+    turned[order] = shape @ turn * np.linalg.det(turn)
+    meshes = (shape, stone().faces), (turned, order[stone().faces])
+    found = unbend.match(*meshes, cache=False)
+    np.testing.assert_array_equal(found.source_to_target, order)
+"""
+
+
+def kernels(number: int, *parts: str) -> int:
+    """Compile the same kernels in many processes at once, then load them in one more.
+
+    Returns
+    -------
+    int
+        Number of files of compiled code.
+    """
+    kept = []
+    with tempfile.TemporaryDirectory() as place:
+        paths = os.pathsep.join([str(Path(unbend.__file__).parents[1]), str(Path(__file__).parent)])
+        environment = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": place}
+        command = [sys.executable, "-c", FIRST_RUN, *parts]
+        for count in (number, 1):
+            several = [
+                subprocess.Popen(command, env=environment, stderr=subprocess.PIPE)
+                for _ in range(count)
+            ]
+            for code, said in [ended(one) for one in several]:
+                assert code == 0, said
+            files = [path for path in Path(place).rglob("*") if path.is_file()]
+            assert all(path.suffix == ".nbc" for path in files), files
+            kept.append({path: path.stat().st_mtime_ns for path in files})
+    assert kept[0] == kept[1], "the last process compiled what was there"
+    return len(files)
+
+
+def first_runs(number: int) -> None:
+    """Compile everything in many processes at once, three times over."""
+    for _ in range(3):
+        begin = time.monotonic()
+        count = kernels(number, "qdldl", "multifrontal", "match")
+        seconds = time.monotonic() - begin
+        done = f"{number} processes and one more, {count} files, all right"
+        print(f"{done}, {seconds:.0f} s", flush=True)
+
+
 def soak(n_forms: int, n_matches: int) -> None:
     """Compute in one process, and print what it holds now and then."""
     draw = np.random.default_rng(0)
@@ -311,21 +382,23 @@ def _threads() -> int:
 
 def main() -> None:
     """Run what is asked for."""
+    what = {
+        "interrupts": lambda: interrupts(asked.rounds, asked.only),
+        "crowd": lambda: crowd(asked.processes),
+        "kernels": lambda: first_runs(asked.processes),
+        "soak": lambda: soak(asked.forms, asked.matches),
+        "memory": lambda: memory(asked.only),
+        "quota": quota,
+    }
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=("interrupts", "crowd", "soak", "memory", "quota"))
+    parser.add_argument("what", choices=what)
     parser.add_argument("only", nargs="*", help="commands, by the names that they have here")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--processes", type=int, default=20)
     parser.add_argument("--forms", type=int, default=2000)
     parser.add_argument("--matches", type=int, default=500)
     asked = parser.parse_args()
-    {
-        "interrupts": lambda: interrupts(asked.rounds, asked.only),
-        "crowd": lambda: crowd(asked.processes),
-        "soak": lambda: soak(asked.forms, asked.matches),
-        "memory": lambda: memory(asked.only),
-        "quota": quota,
-    }[asked.what]()
+    what[asked.what]()
 
 
 if __name__ == "__main__":

@@ -70,6 +70,14 @@ def test_compiled_code_is_kept_and_found_again(folder: Path) -> None:
     assert n_loaded(filler(16)) == 0
 
 
+def test_code_of_another_version_of_numba_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    halver()(3.0)
+    monkeypatch.setattr(numba, "__version__", "0.0")
+    again = halver()
+    assert again(3.0) == 1.5
+    assert n_loaded(again) == 0
+
+
 def mixtures(one: Path, other: Path, mixed: Path) -> Iterator[None]:
     """Make every folder that two processes could leave behind that write files at the same time.
 
@@ -215,6 +223,8 @@ def test_code_of_another_version_is_not_used(zipped: bool, folder: Path, tmp_pat
     shutil.copy(compiler, package)
     for name, text in FILES.items():
         (package / name).write_text(text)
+    if sys.platform != "win32":
+        (package / ".#first.py").symlink_to("nowhere")  # an editor's lock
     constants = package / "numbers.py"
     before = constants.stat()
     path = tmp_path / "package.zip" if zipped else tmp_path

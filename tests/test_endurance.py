@@ -1,4 +1,4 @@
-"""A command that is ended leaves its whole output or none, and nothing that harms the next."""
+"""What happens at random moments or in many processes at once harms nothing that comes after."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import sys
 
 import pytest
 
-from endurance import COMMANDS, interrupt
-
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are others there")
+from endurance import COMMANDS, interrupt, kernels
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are others there")
 @pytest.mark.parametrize(
     ("name", "by"), [("distance", signal.SIGKILL), ("collection export", signal.SIGINT)]
 )
 def test_an_ended_command_leaves_no_half(name: str, by: signal.Signals) -> None:
     codes = interrupt(COMMANDS[name], by, [0.9])
     assert set(codes) <= {0, 130, -by, 1}
+
+
+def test_processes_that_compile_at_once_solve_right() -> None:
+    assert kernels(4, "qdldl") > 0

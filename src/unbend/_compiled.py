@@ -6,7 +6,7 @@ import functools
 import os
 import pickle
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -21,14 +21,20 @@ from numba.extending import intrinsic
 INTS, LONGS, FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
 PAIRS, BLOCK = "int64[:, ::1]", "float64[:, ::1]"
 
-# The sources of all kernels. A kernel uses names from no other files of ours than these, which
-# import this one (tests/test_layout.py checks that), so their hash changes whenever a kernel does.
-_SOURCES = [
-    source
-    for path in sorted(Path(__file__).parent.rglob("*.py"))
-    if b"_compiled import" in (source := path.read_bytes())
-]
-_FINGERPRINT = sha256(b"".join(_SOURCES)).digest()
+
+def _kernel_sources() -> Iterator[bytes]:
+    """Yield the files that kernels are compiled from: those that import this one, and this one.
+
+    A kernel uses no names from other files of ours, which `tests/test_layout.py` checks.
+    """
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        with suppress(OSError):  # a dangling link, which some editors leave
+            source = path.read_bytes()
+            if b"_compiled import" in source:
+                yield source
+
+
+_SOURCES = b"".join(_kernel_sources())
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -72,7 +78,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         key = repr(self._index_key(sig, codegen)).encode()
         stamp = repr((numba.__version__, self._impl.locator.get_source_stamp())).encode()
         name = f"{self._impl.filename_base}-{sha256(key).hexdigest()[:16]}.nbc"
-        return Path(self.cache_path, name), sha256(_FINGERPRINT + stamp + key).digest()
+        return Path(self.cache_path, name), sha256(_SOURCES + stamp + key).digest()
 
 
 def _seal(origin: bytes, code: bytes) -> bytes:
