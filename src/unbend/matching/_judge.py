@@ -147,14 +147,27 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
     return sorted(kept or candidates, key=lambda one: round(one.cost, DIGITS))
 
 
-def distinct(candidates: Sequence[Candidate], target: Shape, areas: FloatArray) -> list[Candidate]:
-    """Leave out of ranked candidates those that lead where a better one does."""
+def distinct(
+    candidates: Sequence[Candidate], areas: FloatArray, ways: FloatArray, places: IntArray
+) -> list[Candidate]:
+    """Leave out of ranked candidates those that lead where a better one does.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+    areas : (n,) ndarray of float64
+        Of the source's vertices.
+    ways : (k, k) ndarray of float64
+        Geodesic distances between some vertices of the target.
+    places : (m,) ndarray of int64
+        Which of those stands for each of the target's vertices.
+    """
     found: list[Candidate] = []
 
     def same(one: Candidate, other: Candidate) -> bool:
-        images, others = (target.vertices[c.registered.forward] for c in (one, other))
+        images, others = (places[c.registered.forward] for c in (one, other))
         both = areas * (one.registered.source.within & other.registered.source.within)
-        return bool(both @ (np.linalg.norm(images - others, axis=1) > _APART) <= _SHARE)
+        return bool(both @ (ways[images, others] > _APART) <= _SHARE)
 
     for one in candidates:
         if not any(same(one, other) for other in found):
@@ -247,9 +260,11 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     ours, theirs = source.landmarks, target.landmarks
+    if not len(ours):
+        return np.zeros(0, dtype=bool)
+    every = np.arange(len(ours))
     off = np.maximum(
-        np.linalg.norm(target.vertices[forward[ours]] - target.vertices[theirs], axis=1),
-        np.linalg.norm(source.vertices[backward[theirs]] - source.vertices[ours], axis=1),
+        target.landmark_ways[every, forward[ours]], source.landmark_ways[every, backward[theirs]]
     )
     return np.asarray(off > _OFF)
 
