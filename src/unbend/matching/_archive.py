@@ -34,7 +34,7 @@ _REQUIRED = (
     "confidence",
 )
 _OPTIONAL = ("faces", "weights", "mirrored")
-_SHARES = ("overlap_source", "overlap_target")
+_SHARES = ("overlap_source", "overlap_target", "confidence_bound")
 _LISTS = ("hypotheses", "missed_landmarks")
 _ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
 # Packing makes a match some ten times smaller. What claims to grow more than a hundredfold, and

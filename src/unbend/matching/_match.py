@@ -22,6 +22,7 @@ from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, p
 from unbend.matching._judge import Candidate, confidences, judge, ranked
 from unbend.matching._polish import refined, settled, with_partners
 from unbend.matching._projection import closest_faces
+from unbend.matching._quality import confidence_bound, warn_of_disorder
 from unbend.matching._registration import (
     Registered,
     landing_places,
@@ -117,7 +118,8 @@ def match(
     Warns
     -----
     UnbendWarning
-        Of what was done to a mesh, as when it has several components; and of missed landmarks.
+        Of what was done to a mesh, as when it has several components; of missed landmarks; and of
+        a map that is in disorder, so that part of it is wrong.
 
     Notes
     -----
@@ -199,6 +201,7 @@ def match(
             UnbendWarning,
             stacklevel=3,
         )
+    warn_of_disorder(result, stacklevel=3)
     return result
 
 
@@ -312,6 +315,7 @@ def _result(
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     there, back = registered.source.within, registered.target.within
+    bound = confidence_bound(left, right, chosen)
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
@@ -322,9 +326,10 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=trust,
+        confidence=float(np.minimum(trust, bound)),  # NaN stays
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
+        confidence_bound=bound,
         hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
     )
