@@ -470,3 +470,11 @@ def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
     assert _distinct(shape, [one, other]) == [one]
     every = replace(other, registered=partial._replace(source=identity.source))
     assert _distinct(shape, [one, every]) == [one, every]
+
+
+def test_a_lead_tells_less_where_other_maps_leave_next_to_nothing_unexplained() -> None:
+    costs = np.array([0.1, 0.11])
+    featured, smooth = (probabilities(f * costs, f * costs, 1.0)[0] for f in (1.0, 0.4))
+    assert featured > 0.9
+    assert 0.5 < smooth < 0.8
+    assert probabilities(np.array([0.0, 0.02]), np.array([0.0, 0.02]), 1.0)[0] > 0.99

@@ -66,7 +66,7 @@ class _Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         try:
             with warnings.catch_warnings():
-                warnings.showwarning = warning_printer()  # type: ignore[assignment]
+                warnings.showwarning = warning_printer()
                 warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
                 if sys.stdout is not None:  # as it is where the shell closed it
