@@ -4,7 +4,8 @@
 processes use one cache and one collection at once; ``kernels`` lets as many begin with one empty
 folder for compiled code, three times over; ``soak`` computes thousands of forms and
 hundreds of matches in one process and prints its memory and threads; ``memory`` gives commands too
-little of it; ``quota`` runs some under half a processor, where control groups can be made.
+little of it; ``quota`` runs some under half a processor, where control groups can be made; ``bits``
+matches one pair in many processes, several at a time, and compares the results byte by byte.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -367,6 +369,45 @@ def soak(n_forms: int, n_matches: int) -> None:
                 print(f"{i + 1:6} {what:8} {_resident():12.1f} {_threads():8}", flush=True)
 
 
+def bits(number: int, at_once: int = 4) -> None:
+    """Match one pair in many processes, beside other load; all must give the same bytes."""
+    code = (
+        "import pickle, sys, threadpoolctl\n"
+        "from unbend import match, read_mesh\n"
+        "def blas(): return [one['num_threads'] for one in threadpoolctl.threadpool_info()]\n"
+        "before = blas()\n"
+        "found = match(read_mesh('left.ply'), read_mesh('right.ply'), cache=False)\n"
+        "assert blas() == before, 'BLAS was left with another number of threads'\n"
+        "parts = [getattr(found, name) for name in found.__dataclass_fields__]\n"
+        "sys.stdout.buffer.write(pickle.dumps(parts))\n"
+    )
+    with tempfile.TemporaryDirectory() as place:
+        for name, meshing in (("left", 0), ("right", 1)):
+            body = make_biped(
+                "running" if meshing else "standing", n_vertices=1500, meshing=meshing
+            )
+            unbend.write_mesh(Path(place, f"{name}.ply"), body.mesh)
+
+        def results() -> Iterator[bytes]:
+            for _ in range(0, number, at_once):
+                several = [
+                    subprocess.Popen(
+                        [sys.executable, "-W", "ignore", "-c", code],
+                        cwd=place,
+                        stdout=subprocess.PIPE,
+                    )
+                    for _ in range(at_once)
+                ]
+                for one in several:
+                    said = one.communicate()[0]
+                    assert one.returncode == 0
+                    yield said
+
+        found = Counter(results())
+    print(f"{sum(found.values())} processes: {len(found)} different results", flush=True)
+    assert len(found) == 1, sorted(found.values())
+
+
 def _status(key: str) -> int:
     lines = Path("/proc/self/status").read_text().splitlines()
     return int(next(line for line in lines if line.startswith(key)).split()[1])
@@ -389,6 +430,7 @@ def main() -> None:
         "soak": lambda: soak(asked.forms, asked.matches),
         "memory": lambda: memory(asked.only),
         "quota": quota,
+        "bits": lambda: bits(asked.processes),
     }
     parser = argparse.ArgumentParser()
     parser.add_argument("what", choices=what)

@@ -4,8 +4,11 @@ import contextlib
 import functools
 import multiprocessing
 import os
+import subprocess
+import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -117,3 +120,47 @@ def test_a_process_forked_while_blas_is_pinned_has_it_back():
             assert blas_threads() == {1}
             assert pool.apply_async(forked).get() == (outside, {1}, outside)
         assert blas_threads() == outside
+
+
+def test_blas_is_pinned_whichever_thread_asks():
+    """Also beside a thread that set a number of its own, and by a thread that lives on."""
+    with threadpool_limits(2, "blas"), ThreadPoolExecutor(1) as helper:
+        outside = blas_threads()
+        for _ in range(2):
+            assert helper.submit(blas_threads, inside=True).result() == {1}
+            assert blas_threads() == outside
+            assert blas_threads(inside=True) == {1}
+            assert blas_threads() == outside
+
+
+def test_the_last_thread_out_restores_blas():
+    inside, done = threading.Event(), threading.Event()
+
+    def stay():
+        with one_blas_thread():
+            inside.set()
+            done.wait()
+
+    with threadpool_limits(2, "blas"), ThreadPoolExecutor(1) as helper:
+        outside = blas_threads()
+        with one_blas_thread():
+            staying = helper.submit(stay)
+            inside.wait()
+        assert blas_threads() == {1}
+        done.set()
+        staying.result()
+        assert blas_threads() == outside
+
+
+def test_blas_libraries_loaded_later_are_pinned_too():
+    """SciPy has a BLAS of its own, which may not be loaded when BLAS is first pinned."""
+    code = """
+from unbend._parallel import one_blas_thread
+with one_blas_thread():
+    pass
+import scipy.linalg, threadpoolctl
+threadpoolctl.threadpool_limits(2, "blas")
+with one_blas_thread():
+    assert {one["num_threads"] for one in threadpoolctl.threadpool_info()} <= {1}
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

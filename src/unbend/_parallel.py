@@ -149,7 +149,7 @@ def _begin_anew() -> None:
     _lock = threading.Lock()
     _pools.clear()
     if _pins:
-        _pins[0].restore_original_limits()
+        _as_controller(_pins[0].restore_original_limits)
     _pins = []
 
 
@@ -219,9 +219,11 @@ def column_slices(count: int) -> list[slice]:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Pin BLAS to one thread: its own threads lose more by waiting than narrow products gain.
+    """Pin BLAS to one thread, in the whole process.
 
-    Several threads may be inside at once; the last one out restores what the first one found.
+    Results then do not depend on the number of threads, and narrow products are faster: BLAS's own
+    threads lose more by waiting than they gain. Several threads may be inside at once; the last
+    one out restores the number that the first one found.
 
     Examples
     --------
@@ -230,22 +232,40 @@ def one_blas_thread() -> Iterator[None]:
     ...     pass
     """
     with _lock:
-        pins = _pins  # a process forked inside has others
-        pins.append(_blas().limit(limits=1, user_api="blas") if not pins else None)
+        pins = _pins  # a forked process has a list of its own
+        if pins:
+            pins.append(None)
+        else:
+            pins.append(_as_controller(lambda: _blas().limit(limits=1, user_api="blas")))
     try:
         yield
     finally:
         with _lock:
-            # The limit was put first; take a later place instead while others are inside.
+            # The limit is first in the list: drop a later entry while others are inside.
             if len(pins) > 1:
                 pins.pop()
             else:
-                pins.pop().restore_original_limits()
+                _as_controller(pins.pop().restore_original_limits)
+
+
+def _as_controller(change: Callable[[], Any]) -> Any:
+    """Change the number of BLAS threads, from any thread.
+
+    threadpoolctl lets only the thread that first set OpenBLAS's number set it again, and ignores
+    all others in silence, until that thread gives up control.
+    """
+    release = threadpoolctl.OpenBLASController.clear_controlling_thread
+    release(force=True)
+    changed = change()
+    release(force=True)
+    return changed
 
 
 @functools.cache
 def _blas() -> Any:
-    return threadpoolctl.ThreadpoolController()  # it looks at every library loaded: slow
+    import scipy.linalg  # noqa: F401 - loads the second BLAS, which must be found too
+
+    return threadpoolctl.ThreadpoolController()  # slow: it looks at every loaded library
 
 
 def row_slices(n: int) -> list[slice]:

@@ -1,6 +1,7 @@
 """match, evaluate, transfer and similarity as commands: one story on two poses of a dog."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,10 @@ from typer.testing import CliRunner
 from unbend import match_colors, read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._common import warn_if_doubtful
-from unbend.cli.match import describe_side
+from unbend.cli.match import describe_side, summary
 from unbend.datasets import keep, make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
-from unbend.matching import read_match
+from unbend.matching import read_match, write_match
 
 SOURCE = make_quadruped("standing", n_vertices=800)
 TARGET = make_quadruped("walking", n_vertices=700, meshing=1)
@@ -55,6 +56,7 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     written = read_match(folder / "ab.npz")
     assert (told["matched"], told["source_vertices"], told["target_vertices"]) == (800, 800, 700)
     assert told["confidence"] == written.confidence > 0.5
+    assert told["confidence_bound"] == written.confidence_bound == 1
     assert told["orientation"] == written.orientation > 0
     assert len(told["hypotheses"]) == len(written.hypotheses)
     assert written.faces is not None
@@ -73,9 +75,10 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
 def test_match_writes_every_kind_of_map(folder: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"map{suffix}"
     done = right("match", folder / "a.ply", folder / "b.ply", "-o", out, "--method", "icp")
-    found, next_step = done.stdout.splitlines()
-    assert found.startswith("matched 800 vertices of a.ply to b.ply: ")
-    assert "confidence not estimated" in found
+    *found, next_step = done.stdout.splitlines()
+    told = dict(line.split(maxsplit=1) for line in found)
+    assert told["matched"].startswith("800 vertices of a.ply to b.ply, ")
+    assert told["confidence"].startswith("not estimated")
     assert next_step.startswith("next: unbend transfer")
     assert len(read_map(out, n_target=700)) == 800
 
@@ -87,10 +90,10 @@ def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
     write_mesh(tmp_path / "two.ply", (both, faces))
     arguments = ["match", tmp_path / "two.ply", folder / "b.ply", "--method", "icp"]
     whole = right(*arguments)
-    assert "matched 1,300 vertices" in whole.stdout
+    assert "1,300 vertices" in whole.stdout
     assert "its largest component is matched, 800 of 1300 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
-    assert "matched 800 of 1,300 vertices" in done.stdout
+    assert "800 of 1,300 vertices" in done.stdout
     assert "500 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
 
@@ -121,7 +124,29 @@ def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Pat
     assert other["out"] == str(tmp_path / "map-2.npz")
     assert len(read_match(other["out"]).source_to_target) == 800
     spoken = right("match", folder / "a.ply", tmp_path / "torn.ply", "--no-refine").stdout
-    assert "of its area, 100% of the target's" in spoken
+    assert "of the source's area, 100% of the target's" in spoken
+
+
+def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: Path) -> None:
+    """Its confidence is bounded by what it shows; the terminal, JSON and files say so."""
+    poor = replace(
+        read_match(folder / "ab.npz"), orientation=0.68, confidence=0.1, confidence_bound=0.1
+    )
+    write_match(tmp_path / "poor.npz", poor)
+    shapes = [folder / "a.ply", folder / "b.ply"]
+    given = [*shapes, "--map", tmp_path / "poor.npz"]
+    np.save(tmp_path / "values.npy", np.arange(800.0))
+    carried = right("transfer", *given, "--values", tmp_path / "values.npy", "-o",
+                    tmp_path / "out.npy")  # fmt: skip
+    fitted = right("register", *given, "-o", tmp_path / "fitted.ply")
+    for done in (carried, fitted):
+        assert done.stderr.count("warning: the map is in disorder") == 1
+        assert "orientation +0.68, confidence at most 0.10" in done.stderr
+        assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
+    told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
+    assert told["orientation"].startswith("+0.68")
+    assert told["confidence"] == "0.10 (the map's disorder allows at most 0.10)"
+    assert told["overlap"] == "100% of the source's area, 100% of the target's"
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:

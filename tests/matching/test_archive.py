@@ -5,6 +5,7 @@ import struct
 import tracemalloc
 import zipfile
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,16 +54,36 @@ def test_functional_maps_round_trip(tmp_path_factory, table) -> None:
     np.testing.assert_array_equal(read_functional_map(path), table)
 
 
-@pytest.mark.parametrize("match", [RIGHT, BARE])
+SEVERAL = replace(RIGHT, alternatives=(BARE,) * 11 + (RIGHT,), missed_landmarks=(0, 2))
+
+
+@pytest.mark.parametrize("match", [RIGHT, BARE, SEVERAL])
 def test_matches_round_trip(tmp_path: Path, match: Match) -> None:
     path = tmp_path / "match.npz"
     write_match(path, match)
     found = read_match(path)
-    assert found.hypotheses == match.hypotheses
-    for name, value in vars(match).items():
-        if name != "hypotheses":
-            np.testing.assert_array_equal(getattr(found, name), value)
+    _assert_same(found, match)
     np.testing.assert_array_equal(read_functional_map(path), match.functional_map)
+
+
+def _assert_same(found: Match, match: Match) -> None:
+    assert found.hypotheses == match.hypotheses
+    for one, other in zip(found.alternatives, match.alternatives, strict=True):
+        _assert_same(one, other)
+    for name, value in vars(match).items():
+        if name not in ("hypotheses", "alternatives"):
+            np.testing.assert_array_equal(getattr(found, name), value)
+
+
+def test_an_alternative_that_lacks_an_array_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "match.npz"
+    write_match(path, SEVERAL)
+    with np.load(path) as file:
+        arrays = dict(file)
+    del arrays["alternatives/3/orientation"]
+    np.savez(path, **arrays)
+    with pytest.raises(FileError, match=r"match\.npz: holds no alternatives/3/orientation"):
+        read_match(path)
 
 
 def test_what_is_no_match_is_refused(tmp_path: Path) -> None:

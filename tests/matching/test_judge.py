@@ -82,8 +82,46 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
     shifted[order] = np.roll(order, 1)  # each vertex to the next one up: another limb as a rule
     first = judge(shape, shape, identity)
     second = judge(shape, shape, identity._replace(forward=shifted))
-    assert distinct([first, first], shape, shape.areas) == [first]
-    assert distinct([first, second], shape, shape.areas) == [first, second]
+    assert _distinct(shape, [first, first]) == [first]
+    assert _distinct(shape, [first, second]) == [first, second]
+
+
+def _distinct(shape: Shape, candidates: list[Candidate]) -> list[Candidate]:
+    return distinct(candidates, shape.areas, shape.ways, np.arange(len(shape.areas)))
+
+
+def _hairpin(side: int) -> Mesh:
+    """Fold a sheet in the middle: its ends are one over the other, 0.05 apart."""
+    sheet = make_sheet(side)
+    x, y, _ = sheet.vertices.T
+    along = np.minimum(x, 1 - x)
+    return Mesh(np.stack([along, y, 0.05 * np.tanh(20 * (x - 0.5))], axis=1), sheet.faces)
+
+
+def test_limbs_that_touch_are_not_taken_for_each_other() -> None:
+    shape = prepare_shape(_hairpin(15), 10, False).shape
+    ends = np.array([0, len(shape.areas) - 15])  # two corners, one over the other
+    shape = replace(shape, landmarks=ends)
+    identity = _identity(shape)
+    swap = np.arange(len(shape.areas)).reshape(15, 15)[::-1].ravel()
+    swapped = Registered(swap, swap, identity.source, identity.target)
+    first = judge(shape, shape, identity)
+    second = replace(first, registered=swapped)
+    assert np.linalg.norm(shape.vertices - shape.vertices[swap], axis=1).max() < 0.22
+    assert _distinct(shape, [first, second]) == [first, second]
+    np.testing.assert_array_equal(first.missed, [False, False])
+    np.testing.assert_array_equal(judge(shape, shape, swapped).missed, [True, True])
+
+
+def test_maps_on_finer_vertices_are_compared_through_those_that_stand_for_them() -> None:
+    shape = _sheet(9)
+    one = judge(shape, shape, _identity(shape))
+    other = replace(one, registered=one.registered._replace(forward=one.registered.forward[::-1]))
+    corners = np.array([0, 8, 72, 80])
+    ways = shape.ways[np.ix_(corners, corners)]
+    nearest = shape.ways[corners].argmin(axis=0)
+    assert distinct([one, other], shape.areas, ways, nearest) == [one, other]
+    assert distinct([one, other], shape.areas, ways, np.zeros(81, dtype=int)) == [one]
 
 
 def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> None:
@@ -102,7 +140,7 @@ def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> Non
         elsewhere = every.copy()
         elsewhere[at_end] = cKDTree(shape.vertices).query(moved[at_end])[1]
         other = replace(ones, registered=ones.registered._replace(forward=elsewhere))
-        assert (len(distinct([ones, other], shape, shape.areas)) == 2) == expected
+        assert (len(_distinct(shape, [ones, other])) == 2) == expected
 
 
 @pytest.mark.parametrize("stretch", [1.1, 1.5, 2.0, 4.0])
@@ -429,6 +467,14 @@ def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
         elsewhere, np.arange(n), identity.source._replace(within=within), identity.target
     )
     one, other = (replace(_judged(0.1), registered=found) for found in (identity, partial))
-    assert distinct([one, other], shape, shape.areas) == [one]
+    assert _distinct(shape, [one, other]) == [one]
     every = replace(other, registered=partial._replace(source=identity.source))
-    assert distinct([one, every], shape, shape.areas) == [one, every]
+    assert _distinct(shape, [one, every]) == [one, every]
+
+
+def test_a_lead_tells_less_where_other_maps_leave_next_to_nothing_unexplained() -> None:
+    costs = np.array([0.1, 0.11])
+    featured, smooth = (probabilities(f * costs, f * costs, 1.0)[0] for f in (1.0, 0.4))
+    assert featured > 0.9
+    assert 0.5 < smooth < 0.8
+    assert probabilities(np.array([0.0, 0.02]), np.array([0.0, 0.02]), 1.0)[0] > 0.99

@@ -1,5 +1,6 @@
 """Matching: truths on shapes whose correspondence is known, and on real ones where given."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -113,6 +114,32 @@ def test_mirror_image_keeps_the_side_that_faces_name(blob: Mesh) -> None:
     allowed = match(blob, rewound, allow_mirror=True)
     assert (allowed.source_to_target == every).all()
     assert allowed.orientation < -0.9
+
+
+def test_places_of_a_map_that_mirrors_are_on_the_target(blob: Mesh) -> None:
+    image = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
+    found = match(blob, image, allow_mirror=True, barycentric=True)
+    assert found.orientation < -0.9
+    places = np.einsum("ij,ijk->ik", found.weights, image.vertices[image.faces[found.faces]])
+    assert np.abs(places - image.vertices).max() < 0.02
+
+
+def test_progress_ends_where_fewer_matches_are_found_than_asked_for(blob: Mesh) -> None:
+    told: list[tuple[str, float]] = []
+    found = match(blob, blob, n_matches=1000, refine=False, progress=lambda *s: told.append(s))
+    assert len(found.alternatives) < 999
+    assert told[-1] == ("refine", 1.0)
+
+
+def test_icp_needs_no_table_of_all_pairs() -> None:
+    ball = make_sphere(4)  # 2,562 vertices: a table has 26 MB in single precision
+    egg = Mesh(lopsided(ball.vertices), ball.faces)
+    match(egg, egg, method="icp")  # compiles
+    tracemalloc.start()
+    match(egg, egg, method="icp")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4 * len(ball.vertices) ** 2
 
 
 def test_symmetric_shape_and_its_mirror_image() -> None:
@@ -340,6 +367,7 @@ class Asked:
         self.polished: list[bool] = []
         self.torn: list[float] = []
         self.within = [np.ones(162, dtype=bool)] * 2  # which vertices have partners
+        self.order: list[int] = []  # of candidates, when near ones have been ranked anew
         self.costs = {False: [0.1, 0.12, 0.3, 0.4], True: [0.2, 0.25, 0.5, 0.6]}
         ball = make_sphere(2)
         self.box = self.target = Mesh(ball.vertices * [1.6, 1, 0.7], ball.faces)
@@ -353,7 +381,7 @@ class Asked:
             for turned, sign in ((False, 1), (True, -1))
         }
 
-        def search(sides: Sides, progress: Any, thorough: bool) -> list[Candidate]:
+        def search(sides: Sides, progress: Any, thorough: bool = False) -> list[Candidate]:
             self.searches.append((sides.turned, thorough))
             if progress is not None:
                 progress("search", 1.0)
@@ -369,7 +397,7 @@ class Asked:
 
         def settle(sides: Sides, found: list[Candidate]) -> tuple[list[Candidate], dict]:
             self.settled += 1
-            return found, {}
+            return [found[i] for i in self.order or range(len(found))], {}
 
         def refine(sides: Sides, one: Candidate, *, polish: bool = True) -> Candidate:
             self.polished.append(polish)
@@ -438,8 +466,22 @@ def test_a_map_that_turns_the_surface_inside_out_is_taken_where_allowed_if_it_is
 def test_maps_are_polished_unless_asked_not_to(asked: Asked, refine: bool | None) -> None:
     asked(refine=refine, mirrored=True, n_matches=2)
     polish = refine is not False
-    assert asked.settled == polish
+    assert asked.settled == 2 * polish
     assert asked.polished == [polish] * 3
+
+
+def test_maps_that_reflect_are_ranked_anew_too(asked: Asked) -> None:
+    asked.order = [1, 0, 2, 3]
+    found = asked(mirrored=True)
+    np.testing.assert_array_equal(found.source_to_target, asked.turns[False][1])
+    np.testing.assert_array_equal(found.mirrored, asked.turns[True][1])
+    found = symmetry(asked.box, n_eigenpairs=20)
+    np.testing.assert_array_equal(found.source_to_target, asked.turns[True][1])
+
+
+def test_rounding_does_not_choose_between_a_map_and_its_mirror_image(asked: Asked) -> None:
+    asked.costs = {False: [0.2 + 1e-9, 0.3, 0.4, 0.5], True: [0.2, 0.6, 0.7, 0.8]}
+    assert asked(allow_mirror=True).orientation == pytest.approx(1)
 
 
 @pytest.mark.parametrize("partial", get_args(Partial))

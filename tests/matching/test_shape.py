@@ -106,6 +106,22 @@ def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
         assert shape.rim_length == pytest.approx(4)
 
 
+def test_the_tip_of_a_slit_is_on_the_rim() -> None:
+    side, sheet = 9, make_sheet(9)
+    row = side // 2
+    left = np.arange(row * side, row * side + row)  # the slit's vertices, of which there are two
+    copies = np.arange(side**2, side**2 + row)
+    faces = sheet.faces.copy()
+    below = (faces // side).max(axis=1) > row
+    for vertex, copy in zip(left, copies, strict=True):
+        faces[below[:, None] & (faces == vertex)] = copy
+    vertices = np.concatenate([sheet.vertices, sheet.vertices[left]])
+    shape = prepare_shape(Mesh(vertices, faces), 10, False, partial=True).shape
+    tip = row * side + row
+    assert shape.on_rim[[*left, *copies, tip]].all()
+    assert not shape.on_rim[tip + 1 : tip + row].any()
+
+
 def test_lengths_and_ways_along_edges_of_a_square() -> None:
     side = 6
     sheet = make_sheet(side)
@@ -161,6 +177,10 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_allclose(mirror.stiffness.toarray(), fresh.stiffness.toarray(), atol=1e-9)
     np.testing.assert_allclose(
         mirror.position_coefficients, shape.position_coefficients * [-1, 1, 1], atol=1e-9
+    )
+    proxy = make_proxy(shape, 100).shape
+    np.testing.assert_array_equal(
+        proxy.reflected().position_coefficients, shape.position_coefficients * [-1, 1, 1]
     )
     again = mirror.reflected()
     np.testing.assert_array_equal(again.vertices, shape.vertices)

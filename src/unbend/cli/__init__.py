@@ -37,7 +37,7 @@ from unbend.cli import (
     similarity,
     transfer,
 )
-from unbend.cli._common import EXIT_REFUSED, print_warning, say
+from unbend.cli._common import EXIT_REFUSED, say, warning_printer
 from unbend.errors import UnbendError, UnbendWarning
 
 COMMANDS = (
@@ -66,7 +66,7 @@ class _Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         try:
             with warnings.catch_warnings():
-                warnings.showwarning = print_warning  # type: ignore[assignment]
+                warnings.showwarning = warning_printer()
                 warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
                 if sys.stdout is not None:  # as it is where the shell closed it

@@ -6,7 +6,7 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -112,10 +112,17 @@ def print_notes(notes: Iterable[str]) -> None:
         say("note", note)
 
 
-def print_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
-    """Print a warning without the line of code it came from: users did not write that code."""
-    kind = "warning" if issubclass(category, UnbendWarning) else f"warning ({category.__name__})"
-    say(kind, str(message))
+def warning_printer() -> Callable[..., None]:
+    """Make what prints each warning once, without the line of code: users did not write it."""
+    printed: set[str] = set()
+
+    def print_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
+        if str(message) not in printed:
+            printed.add(str(message))
+            ours = issubclass(category, UnbendWarning)
+            say("warning" if ours else f"warning ({category.__name__})", str(message))
+
+    return print_warning
 
 
 def print_json(value: Any) -> None:

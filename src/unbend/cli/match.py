@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend._text import printable
 from unbend.choices import Axis, MatchMethod, Partial
 from unbend.cli._common import (
     CacheOption,
@@ -24,6 +23,7 @@ from unbend.cli._common import (
     parse_component,
     print_json,
     print_notes,
+    print_rows,
     quoted,
     read_truth,
     steps_on_stderr,
@@ -232,19 +232,23 @@ def match(
                     {
                         "out": out and _numbered(out, i + 1),
                         "confidence": one.confidence,
+                        "confidence_bound": one.confidence_bound,
                         "orientation": one.orientation,
+                        "overlap_source": one.overlap_source,
+                        "overlap_target": one.overlap_target,
                     }
                     for i, one in enumerate(found.alternatives)
                 ],
                 "orientation": found.orientation,
                 "residual": found.residual,
                 "confidence": found.confidence,
+                "confidence_bound": found.confidence_bound,
                 "hypotheses": [vars(one) for one in found.hypotheses],
                 "seconds": seconds,
             }
         )
         return
-    typer.echo(printable(summary(shapes, found, seconds)))
+    print_rows(summary(shapes, found, seconds))
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
         typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
@@ -263,21 +267,20 @@ def _truth_files(report: str | None, *paths: str | None) -> list[str]:
     return given
 
 
-def summary(shapes: list[Mesh], found: Match, seconds: float) -> str:
-    """Say the result in one line."""
+def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
+    """Name the results."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
-    side = describe_side(found.orientation)
-    unknown = math.isnan(found.confidence)
-    trust = "confidence not estimated" if unknown else f"confidence {found.confidence:.2f}"
-    part = ""
-    if min(found.overlap_source, found.overlap_target) < 1:
-        shares = found.overlap_source, found.overlap_target
-        part = "{:.0%} of its area, {:.0%} of the target's, ".format(*shares)
-    return (
-        f"matched {count} vertices of {shapes[0].name} to {shapes[1].name}: {part}{side} "
-        f"({found.orientation:+.2f}), {trust}, {seconds:.1f} s"
-    )
+    trust = "not estimated" if math.isnan(found.confidence) else f"{found.confidence:.2f}"
+    if found.confidence_bound < 1:
+        trust += f" (the map's disorder allows at most {found.confidence_bound:.2f})"
+    return {
+        "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
+        "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
+        "of the target's",
+        "orientation": f"{found.orientation:+.2f}, {describe_side(found.orientation)}",
+        "confidence": trust,
+    }
 
 
 def describe_side(orientation: float) -> str:

@@ -20,7 +20,6 @@ from unbend.cli._common import (
     print_rows,
     quoted,
     steps_on_stderr,
-    warn_if_doubtful,
 )
 from unbend.cli.transfer import found_match
 
@@ -81,7 +80,6 @@ def register(
         value_colors,
         write_mesh,
     )
-    from unbend.matching import Match
     from unbend.preparation import only_component
 
     check_writable(out, _SUFFIXES)
@@ -107,8 +105,6 @@ def register(
         write_mesh(out, found.mesh, scalars=scalars, colors=colors)
     for shape in shapes:
         print_notes(shape.notes)
-    if map_file is not None and isinstance(match, Match):
-        warn_if_doubtful(found.confidence)
     on = _spread(found, found.distances[found.covered])
     everywhere = _spread(found, found.distances)
     if as_json:

@@ -143,6 +143,7 @@ def found_match(
     if Path(map_file).suffix.lower() != ".npz":
         return read_map(map_file, base=base, n_source=source.n_vertices, n_target=target.n_vertices)
     found = read_match(map_file)
+    warn_if_doubtful(found.confidence)
     sizes = len(found.source_to_target), len(found.target_to_source)
     if sizes != (source.n_vertices, target.n_vertices):
         raise InputError(

@@ -21,7 +21,7 @@ from unbend.correspondence._landing import make_ground
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
-from unbend.matching import Match, Shape
+from unbend.matching import Match, Shape, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, vertex_areas, wind_alike
 
@@ -100,6 +100,11 @@ def register(
     InputError
         If a shape has no faces, or the match does not fit the shapes.
 
+    Warns
+    -----
+    UnbendWarning
+        Of a match that is in disorder, see :class:`unbend.Match`.
+
     See Also
     --------
     unbend.transfer : Carries values instead of a mesh.
@@ -126,6 +131,8 @@ def register(
             raise InputError(f"{mesh.name}: registering needs faces, and this is a point cloud")
     if match is None:
         match = find_match(template, scan, barycentric=True, cache=cache, progress=progress)
+    elif isinstance(match, Match):
+        warn_of_disorder(match, stacklevel=2)
     goal = positions_on_target(match, scan)
     if len(goal) != template.n_vertices:
         raise InputError(

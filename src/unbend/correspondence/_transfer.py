@@ -12,7 +12,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, invert_map
-from unbend.matching import Match, closest_faces
+from unbend.matching import Match, closest_faces, warn_of_disorder
 from unbend.mesh import Mesh
 
 _GREY = 128
@@ -62,6 +62,11 @@ def transfer(
     InputError
         If the lengths do not agree or the values do not fit the kind.
 
+    Warns
+    -----
+    UnbendWarning
+        Of a match that is in disorder, see :class:`unbend.Match`.
+
     See Also
     --------
     unbend.morph : Moves vertices instead of values.
@@ -84,6 +89,8 @@ def transfer(
     target = None if target is None else as_mesh(target)
     if np.ma.is_masked(values):
         raise InputError("some of the values are masked; fill them first, for instance with NaN")
+    if isinstance(match, Match):
+        warn_of_disorder(match, stacklevel=2)
     array = array_of(values, "values")
     corners, shares = _preimages(match, source, target)
     n_source = _source_size(match, source)

@@ -16,6 +16,7 @@ from unbend.matching._kernels import (
 )
 from unbend.matching._match import match, prepare_spectrum, symmetry
 from unbend.matching._projection import closest_faces
+from unbend.matching._quality import warn_of_disorder
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
 
@@ -35,6 +36,7 @@ __all__ = [
     "symmetry",
     "turn_rotations",
     "walk",
+    "warn_of_disorder",
     "write_functional_map",
     "write_match",
 ]

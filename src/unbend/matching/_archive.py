@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import math
 import os
+import re
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +34,9 @@ _REQUIRED = (
     "confidence",
 )
 _OPTIONAL = ("faces", "weights", "mirrored")
-_SHARES = ("overlap_source", "overlap_target")
+_SHARES = ("overlap_source", "overlap_target", "confidence_bound")
+_LISTS = ("hypotheses", "missed_landmarks")
+_ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
 # Packing makes a match some ten times smaller. What claims to grow more than a hundredfold, and
 # to more than 64 MiB, is not unpacked.
 _MOST_GROWTH, _ALWAYS_ALLOWED = 100, 2**26
@@ -100,7 +104,7 @@ def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
 
 
 def write_match(path: str | os.PathLike[str], match: Match) -> None:
-    """Write everything that is known of a match to a .npz file.
+    """Write a match to a .npz file: all its fields, its alternatives included.
 
     Parameters
     ----------
@@ -121,14 +125,23 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     """
     if not isinstance(match, Match):
         raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")
+    _save(path, _arrays_of(match))
+
+
+def _arrays_of(match: Match) -> _Arrays:
     arrays = {name: np.asarray(getattr(match, name)) for name in _REQUIRED}
     arrays["hypotheses"] = np.reshape(
         [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)
     )
+    if match.missed_landmarks:
+        arrays["missed_landmarks"] = np.array(match.missed_landmarks)
     for name in (*_OPTIONAL, *_SHARES):
         if getattr(match, name) is not None:
             arrays[name] = np.asarray(getattr(match, name))
-    _save(path, arrays)
+    for i, alternative in enumerate(match.alternatives):
+        for name, array in _arrays_of(alternative).items():
+            arrays[f"alternatives/{i}/{name}"] = array
+    return arrays
 
 
 def read_match(path: str | os.PathLike[str]) -> Match:
@@ -160,9 +173,19 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> len(read_match(path).source_to_target)
     162
     """
-    arrays = _load(path, _REQUIRED, (*_OPTIONAL, *_SHARES, "hypotheses"))
+    arrays = _load(path, _REQUIRED, (*_OPTIONAL, *_SHARES, *_LISTS))
     with _naming(path):
-        return _checked_match(arrays)
+        alternatives: dict[str, _Arrays] = {}
+        for name in [name for name in arrays if _ALTERNATIVE.match(name)]:
+            folder, _, own_name = name.rpartition("/")
+            alternatives.setdefault(folder, {})[own_name] = arrays.pop(name)
+        for folder, own in alternatives.items():
+            if missing := set(_REQUIRED) - set(own):
+                raise FileError(f"holds no {folder}/{min(missing)}")
+        return replace(
+            _checked_match(arrays),
+            alternatives=tuple(_checked_match(own) for own in alternatives.values()),
+        )
 
 
 def _checked_match(arrays: _Arrays) -> Match:
@@ -198,16 +221,19 @@ def _checked_match(arrays: _Arrays) -> Match:
         known = _numbers(arrays, "hypotheses", (None, 2))
         _check_range("hypotheses", known[:, 1], -1, 1)
         fields["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
+    if "missed_landmarks" in arrays:
+        rows = _vertices(arrays, "missed_landmarks", None, None)
+        fields["missed_landmarks"] = tuple(rows.tolist())
     return Match(**fields)
 
 
-def _vertices(arrays: _Arrays, name: str, n: int, below: int | None) -> IntArray:
-    """Check a list of vertices or faces, -1 for none."""
+def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> IntArray:
+    """Check a list of vertices or faces, -1 for none; of any length if n is None."""
     try:
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
     except FileError as error:
         raise FileError(f"its {name}: {error}") from None
-    if len(found) != n:
+    if n is not None and len(found) != n:
         raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
     return found
 
@@ -284,7 +310,12 @@ def _load(
                         raise FileError(f"holds no {name}; it was not written by unbend match")
                 if len(there) < len(members):
                     raise FileError("holds two arrays of one name; it was not written by unbend")
-                wanted = {name: there[name] for name in (*required, *optional) if name in there}
+                known = (*required, *optional)
+                wanted = {
+                    name: info
+                    for name, info in there.items()
+                    if name in known or (optional and _ALTERNATIVE.sub("", name, 1) in known)
+                }
                 _check_sizes(archive, wanted, len(data))
                 return {name: read_array(archive.read(info)) for name, info in wanted.items()}
         except FileError:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from unbend._parallel import one_blas_thread, run_all
+from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, UnbendWarning
@@ -112,7 +112,6 @@ def _check(mesh: Mesh) -> _Checked:
     return _Checked(mesh, surface, faces, kept, own_faces)
 
 
-@one_blas_thread()  # so that nothing depends on what runs beside it
 def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -> Input:
     mesh, surface, faces, kept, own_faces = checked
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2), cache=cache)

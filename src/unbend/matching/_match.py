@@ -19,10 +19,16 @@ from unbend.choices import MatchMethod, Partial
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._judge import Candidate, confidences, judge
+from unbend.matching._judge import Candidate, confidences, judge, ranked
 from unbend.matching._polish import refined, settled, with_partners
 from unbend.matching._projection import closest_faces
-from unbend.matching._registration import landing_places, rough_start, spectral_residual
+from unbend.matching._quality import confidence_bound, warn_of_disorder
+from unbend.matching._registration import (
+    Registered,
+    landing_places,
+    smooth_poses,
+    spectral_residual,
+)
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
 from unbend.matching._solve import candidates, make_sides
@@ -34,6 +40,7 @@ _POINTS_FOR_ICP = 1500
 _TORN = 0.02  # of either area, less than which is not left without partner unless asked for
 
 
+@one_blas_thread()
 def match(
     source: MeshLike,
     target: MeshLike,
@@ -111,7 +118,8 @@ def match(
     Warns
     -----
     UnbendWarning
-        Of what was done to a mesh, as when it has several components; and of missed landmarks.
+        Of what was done to a mesh, as when it has several components; of missed landmarks; and of
+        a map that is in disorder, so that part of it is wrong.
 
     Notes
     -----
@@ -169,7 +177,7 @@ def match(
     found = candidates(sides, progress, several)
     turned = candidates(sides.reflected(), progress, several) if mirrored or allow_mirror else []
     if allow_mirror:
-        found = sorted([*found, *turned], key=lambda one: one.cost)
+        found = ranked([*found, *turned])
     found, fine = settled(sides, found) if polish else (found, {})
     whole = _TORN if partial == "auto" else 0.0
     results = []
@@ -180,17 +188,20 @@ def match(
         result = _result(ours, theirs, chosen, float(trust), ranks)
         results.append(_below_vertices(result, ours, theirs, chosen) if barycentric else result)
         if progress is not None:
-            progress("refine", (i + 1) / n_matches)
+            progress("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        other = with_partners(refined(sides, turned[0], polish=polish), sides, whole).registered
+        turned, fine = settled(sides, turned) if polish else (turned, {})
+        chosen = fine.get(turned[0]) or refined(sides, turned[0], polish=polish)
+        other = with_partners(chosen, sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
     for row in result.missed_landmarks:
         warnings.warn(
             f"landmark {row} is left aside: what fits best leads it elsewhere",
             UnbendWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
+    warn_of_disorder(result, stacklevel=3)
     return result
 
 
@@ -205,6 +216,7 @@ def prepare_spectrum(mesh: MeshLike) -> None:
     prepare_shape(mesh, _N_EIGENPAIRS, cache=True)
 
 
+@one_blas_thread()
 def symmetry(
     mesh: MeshLike,
     *,
@@ -251,7 +263,8 @@ def symmetry(
         progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
-    chosen = refined(sides, found[0], polish=refine)
+    found, fine = settled(sides, found) if refine else (found, {})
+    chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
     return _result(one, one, chosen, float(confidences(found)[0]), found)
@@ -288,8 +301,8 @@ def _match_by_icp(ours: Input, theirs: Input) -> Match:
         forms[0][left.samples[:_POINTS_FOR_ICP]], forms[1][right.samples[:_POINTS_FOR_ICP]]
     )
     forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
-    poses = rough_start(left, right, found.rotation.T)
-    judged = judge(left, right, poses._replace(forward=forward, backward=backward))
+    poses = smooth_poses(left, right, found.rotation.T)
+    judged = judge(left, right, Registered(forward, backward, *poses))
     result = _result(ours, theirs, judged, float("nan"), [])
     return replace(
         result,
@@ -297,12 +310,12 @@ def _match_by_icp(ours: Input, theirs: Input) -> Match:
     )
 
 
-@one_blas_thread()  # so that the functional map is the same for any number
 def _result(
     ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     there, back = registered.source.within, registered.target.within
+    bound = confidence_bound(left, right, chosen)
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
@@ -313,9 +326,10 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=trust,
+        confidence=float(np.minimum(trust, bound)),  # NaN stays
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
+        confidence_bound=bound,
         hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
     )
@@ -328,7 +342,8 @@ def _share(shape: Shape, within: BoolArray) -> float:
 def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
     """Add where each source vertex falls within a face of the target."""
     registered = chosen.registered
-    landing = landing_places(ours.shape, theirs.shape, registered)
+    target = theirs.shape.reflected() if chosen.reflected else theirs.shape
+    landing = landing_places(ours.shape, target, registered)
     faces, weights = theirs.on_own_faces(
         *closest_faces(*landing, theirs.shape.faces, registered.forward)
     )

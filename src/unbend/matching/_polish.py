@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from unbend._arrays import snap
-from unbend._parallel import one_blas_thread, run_all
+from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray
 from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._partners import keep_matched
@@ -35,7 +35,6 @@ _SETTLED, _NEARLY = 5, 1.15
 _SMOOTHED = 2
 
 
-@one_blas_thread()
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves.
 

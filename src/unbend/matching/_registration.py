@@ -97,7 +97,7 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     left = source.basis[:, :k] @ functional_map * weights
     pairs = nearest_pairs(left[None], target.basis[:, :k] * weights)
     return Registered(
-        pairs.forward[0], pairs.backward[0], *_smooth_poses(source, target, functional_map)
+        pairs.forward[0], pairs.backward[0], *smooth_poses(source, target, functional_map)
     )
 
 
@@ -142,10 +142,11 @@ def smooth_start(
     for _ in range(2):
         forward = walk(left, right, forward, *ours, *theirs)
         backward = walk(right, left, backward, *theirs, *ours)
-    return Registered(forward, backward, *_smooth_poses(source, target, functional_map))
+    return Registered(forward, backward, *smooth_poses(source, target, functional_map))
 
 
-def _smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
+def smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
+    """Pose either shape as the other by a functional map alone."""
     ours = _smooth_pose(source, target, functional_map)
     return ours, _smooth_pose(target, source, functional_map.T)
 

@@ -50,6 +50,10 @@ class Match(Drawn):
     confidence : float
         Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
         geodesic error is below 0.08 of the square root of the area. NaN for ``method="icp"``.
+    confidence_bound : float
+        The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
+        tenth of the surface is turned inside out, crowded together, or not led back to where it
+        began; then part of the map is wrong. `confidence` is never higher.
     hypotheses : tuple of Hypothesis
         The one that was taken, then the runners-up as ranked. Empty for ``method="icp"``.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
@@ -80,6 +84,7 @@ class Match(Drawn):
     mirrored: IntArray | None = None
     overlap_source: float = 1.0
     overlap_target: float = 1.0
+    confidence_bound: float = 1.0
     alternatives: tuple[Match, ...] = ()
     missed_landmarks: tuple[int, ...] = ()
 

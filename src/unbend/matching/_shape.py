@@ -85,7 +85,10 @@ class Shape:
     @cached_property
     def on_rim(self) -> BoolArray:
         """Whether a vertex (n,) lies where a partial surface ends."""
-        return np.asarray(self.rim.any(axis=1))
+        found = np.zeros(len(self.vertices), dtype=bool)
+        if self.partial:
+            found[_boundary(self.faces, len(found))] = True
+        return found
 
     @cached_property
     def off_rim(self) -> FloatArray:
@@ -115,6 +118,11 @@ class Shape:
     def ways(self) -> FloatArray:
         """Lengths of the shortest ways along edges between all vertices, (n, n), of few."""
         return np.asarray(dijkstra(self.edge_lengths, directed=False))
+
+    @cached_property
+    def landmark_ways(self) -> FloatArray:
+        """Lengths (l, n) of the shortest ways along edges from the landmarks to all vertices."""
+        return np.asarray(dijkstra(self.edge_lengths, directed=False, indices=self.landmarks))
 
     @cached_property
     def samples(self) -> IntArray:
@@ -190,9 +198,16 @@ class Shape:
 
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
-        mirrored = self.vertices * np.array([-1.0, 1.0, 1.0])
-        mirror = replace(self, vertices=mirrored, faces=np.ascontiguousarray(self.faces[:, ::-1]))
-        # What does not depend on handedness.
+        flip = np.array([-1.0, 1.0, 1.0])
+        mirror = replace(
+            self,
+            vertices=self.vertices * flip,
+            faces=np.ascontiguousarray(self.faces[:, ::-1]),
+        )
+        # A proxy's are those of the fine shape, and cannot be computed anew.
+        mirror.__dict__["position_coefficients"] = self.position_coefficients * flip
+        mirror.__dict__["_pulled"] = self._pulled
+        # What does not depend on handedness, where it is known.
         for name in (
             "samples",
             "signature",
@@ -202,12 +217,15 @@ class Shape:
             "averaging",
             "patches",
             "details",
-            "_pulled",
             "edge",
+            "edge_lengths",
             "edge_squares",
             "patch_sizes",
+            "ways",
+            "landmark_ways",
         ):
-            mirror.__dict__[name] = getattr(self, name)
+            if name in self.__dict__:
+                mirror.__dict__[name] = self.__dict__[name]
         return mirror
 
 
@@ -228,9 +246,14 @@ def find_rim(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
 
+def _boundary(faces: IntArray, n: int) -> IntArray:
+    """Find the edges of a single face, and give their ends (e, 2)."""
+    edges = find_edges(faces, n)
+    return np.asarray(edges.ends[edges.n_faces == 1])
+
+
 def _rim_length(vertices: FloatArray, faces: IntArray) -> float:
-    edges = find_edges(faces, len(vertices))
-    ends = vertices[edges.ends[edges.n_faces == 1]]
+    ends = vertices[_boundary(faces, len(vertices))]
     return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
 
 

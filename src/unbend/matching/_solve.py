@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._parallel import one_blas_thread, run_all
+from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.alignment import Pairs
 from unbend.matching._continuation import continued, patches_to_hold
@@ -94,7 +94,6 @@ class Sides(NamedTuple):
         return Sides(self.source, self.target.reflected(), not self.turned)
 
 
-@one_blas_thread()  # the threads are ours
 def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     sides = Sides(*run_all(functools.partial(_make_levels, one) for one in (source, target)))
@@ -102,11 +101,11 @@ def make_sides(source: Shape, target: Shape) -> Sides:
         loosest = LOOSEST if sides.partial else ()
         pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(make_ready, one, pulls) for one in pair)
-    _ = [one.patches for one in sides.rough]  # once, before several threads do
+    for one in sides.rough:  # once, before several threads do
+        _ = one.patches, one.ways, one.landmark_ways
     return sides
 
 
-@one_blas_thread()
 def candidates(
     sides: Sides, on_step: Progress | None = None, thorough: bool = False
 ) -> list[Candidate]:
@@ -118,38 +117,40 @@ def candidates(
     step = None if on_step is None else lambda share: on_step("search", share / 2)
     maps = search(sides.source.shape, sides.target.shape, on_step=step)
     begun = ranked(from_maps(sides, sides.rough, maps, PULLS[:1]))
-    spectral = distinct_on(sides.rough, begun)
+    spectral = distinct_on(sides, sides.rough, begun)
     clear = not thorough and is_clear(spectral)
     if clear:
-        ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_FEW)]))
+        ways = distinct_on(sides, sides.rough, ranked([*begun, *from_tips(sides, *_FEW)]))
         clear = is_clear(ways)
     if clear:
         found = follow_all(sides, ways[:_CLEARLY_FOLLOWED], spectral[:1])
-        clear = is_clear(distinct_on(sides.proxies, found))
+        clear = is_clear(distinct_on(sides, sides.proxies, found))
     if not clear:
-        ways = distinct_on(sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
+        ways = distinct_on(sides, sides.rough, ranked([*begun, *from_tips(sides, *_MANY)]))
         others = spectral[:_SPECTRAL]
         if sides.partial:
-            others += distinct_on(sides.rough, ranked(from_points(sides)))[:_POINTED]
+            others += distinct_on(sides, sides.rough, ranked(from_points(sides)))[:_POINTED]
         found = follow_all(sides, ways[:_FOLLOWED], others)
     n_best = 1 if clear else _REGROWN
-    best = distinct_on(sides.proxies, found)[:n_best]
+    best = distinct_on(sides, sides.proxies, found)[:n_best]
     if not clear:
         found = mended(sides, found)
-        best += [one for one in distinct_on(sides.proxies, found)[:n_best] if one not in best]
+        best += [
+            one for one in distinct_on(sides, sides.proxies, found)[:n_best] if one not in best
+        ]
     if sides.partial:
         again = drawn_again(sides, best, (*LOOSEST, *LOOSE, *PULLS[1:]))
     else:
         again = regrown(sides, best)
     found = ranked([*found, *again])
-    best = distinct_on(sides.proxies, found)[:n_best]
+    best = distinct_on(sides, sides.proxies, found)[:n_best]
     if sides.partial and not clear:
         found = ranked([*found, *continued_on(sides, best)])
-        best = distinct_on(sides.proxies, found)[:n_best]
+        best = distinct_on(sides, sides.proxies, found)[:n_best]
     found = ranked([*found, *drawn_again(sides, best, PULLS)])
     if on_step is not None:
         on_step("search", 1.0)
-    return distinct_on(sides.proxies, found)
+    return distinct_on(sides, sides.proxies, found)
 
 
 def is_clear(ways: list[Candidate]) -> bool:
@@ -159,9 +160,13 @@ def is_clear(ways: list[Candidate]) -> bool:
     return ahead and first <= _CLEAR and ways[0].orientation > 0
 
 
-def distinct_on(shapes: tuple[Shape, Shape], ranks: list[Candidate]) -> list[Candidate]:
-    """Leave out of ranked candidates those that lead where a better one does."""
-    return distinct(ranks, shapes[1], shapes[0].areas)
+def distinct_on(
+    sides: Sides, shapes: tuple[Shape, Shape], ranks: list[Candidate]
+) -> list[Candidate]:
+    """Leave out of ranked candidates on proxies, or rough ones, those that a better one equals."""
+    rough = sides.target.rough
+    places = rough.parents if shapes == sides.proxies else np.arange(len(rough.kept))
+    return distinct(ranks, shapes[0].areas, rough.shape.ways, places)
 
 
 def follow_all(sides: Sides, ways: list[Candidate], besides: list[Candidate]) -> list[Candidate]:
@@ -237,18 +242,17 @@ def from_guesses(
         for i in np.argsort(costs, kind="stable")[:n_begun]
     ]
     begun = ranked(drawn(sides, sides.rough, starts, LOOSE[:1], resize=False))
-    best = distinct_on(sides.rough, begun)[:_TIGHTENED]
+    best = distinct_on(sides, sides.rough, begun)[:_TIGHTENED]
     poses = [one.registered for one in best]
     return drawn(sides, sides.rough, poses, LOOSE[1:], resize=False)
 
 
 def mended(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Add to ranked candidates what the best become by the ways, and by the patches, that agree."""
-    _ = [one.ways for one in sides.rough]  # once, before several threads do
-    leading = distinct_on(sides.proxies, found)
+    leading = distinct_on(sides, sides.proxies, found)
     found = ranked([*found, *relocated(sides, leading[:_RELOCATED])])
     if sides.partial:
-        leading = distinct_on(sides.proxies, found)
+        leading = distinct_on(sides, sides.proxies, found)
         found = ranked([*found, *continued_on(sides, leading[:_CONTINUED])])
     return found
 
@@ -277,10 +281,10 @@ def continued_on(sides: Sides, candidates: Iterable[Candidate]) -> list[Candidat
         starts = run_all(
             functools.partial(continued, ours, theirs, one, patches) for one, patches in held
         )
-        begun = distinct_on(sides.rough, ranked(drawn(sides, sides.rough, starts, LOOSE)))
+        begun = distinct_on(sides, sides.rough, ranked(drawn(sides, sides.rough, starts, LOOSE)))
         poses = [one.registered for one in begun[:_FOLLOWED]]
         found += begun
-    return follow_all(sides, distinct_on(sides.rough, ranked(found))[:_FOLLOWED], [])
+    return follow_all(sides, distinct_on(sides, sides.rough, ranked(found))[:_FOLLOWED], [])
 
 
 def drawn_again(

@@ -1,0 +1,119 @@
+"""What a finished map shows of itself bounds its confidence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from sheets import make_sheet
+from unbend import match, register, transfer
+from unbend.datasets import cut, make_biped, make_quadruped
+from unbend.errors import UnbendWarning
+from unbend.matching import Match
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._judge import Candidate
+from unbend.matching._quality import confidence_bound
+from unbend.matching._registration import Pose, Registered
+from unbend.matching._shape import Shape
+
+SIDE = 41
+
+
+@pytest.fixture(scope="module")
+def sheet() -> Shape:
+    return prepare_shape(make_sheet(SIDE), 10, False).shape
+
+
+def bound(
+    shapes: tuple[Shape, Shape],
+    forward: np.ndarray,
+    backward: np.ndarray,
+    orientation: float = 1.0,
+    within: np.ndarray | None = None,
+) -> float:
+    poses = [
+        Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.ones(n, dtype=bool))
+        for one in shapes
+        for n in [len(one.areas)]
+    ]
+    if within is not None:
+        poses = [one._replace(within=within) for one in poses]
+    found = Registered(forward, backward, *poses)
+    nothing = np.zeros(0, dtype=bool)
+    return confidence_bound(*shapes, Candidate(found, 0.0, orientation, False, nothing, 1.0))
+
+
+def test_the_identity_is_in_order_and_a_surface_turned_inside_out_is_not(sheet: Shape) -> None:
+    every = np.arange(SIDE**2)
+    assert bound((sheet, sheet), every, every) == 1
+    assert bound((sheet, sheet), every, every, orientation=0.9) == pytest.approx(1)
+    assert bound((sheet, sheet), every, every, orientation=0.8) == pytest.approx(0.5)
+    assert bound((sheet, sheet), every, every, orientation=0.68) == 0
+    assert bound((sheet, sheet), every, every, orientation=-1.0) == 0
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.05, 1.0), (0.2, 0.5), (0.5, 0.0)])
+def test_a_map_that_does_not_lead_back_is_in_disorder(
+    sheet: Shape, share: float, expected: float
+) -> None:
+    """A strip of so much of the area is led back to the opposite side."""
+    every = np.arange(SIDE**2)
+    back = every.copy()
+    strip = every < share * SIDE**2
+    back[strip] = every[::-1][strip]
+    assert bound((sheet, sheet), every, back) == pytest.approx(expected, abs=0.15)
+    assert bound((sheet, sheet), back, every) == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize(("share", "most"), [(0.05, 1.0), (0.3, 0.5), (0.5, 0.0)])
+def test_a_map_that_crowds_is_in_disorder(sheet: Shape, share: float, most: float) -> None:
+    """A strip is pressed into a tenth of its width, though most of it returns."""
+    x = sheet.vertices[:, 0] - sheet.vertices[:, 0].min()
+    pressed = sheet.vertices.copy()
+    pressed[x < share, 0] -= 0.9 * x[x < share]
+    forward = cKDTree(sheet.vertices).query(pressed)[1]
+    backward = cKDTree(pressed).query(sheet.vertices)[1]
+    assert bound((sheet, sheet), forward, backward) <= most
+
+
+def test_only_what_has_a_partner_counts(sheet: Shape) -> None:
+    every = np.arange(SIDE**2)
+    left = every < SIDE**2 // 2
+    back = np.where(left, every, every[::-1])
+    assert bound((sheet, sheet), every, back) == 0
+    assert bound((sheet, sheet), every, back, within=left) == 1
+
+
+def test_shapes_of_very_different_resolution_are_not_crowded() -> None:
+    fine, coarse = make_sheet(SIDE), make_sheet(5)
+    shapes = tuple(prepare_shape(mesh, 10, False).shape for mesh in (fine, coarse))
+    there, back = (
+        cKDTree(one.vertices).query(other.vertices)[1] for one, other in (shapes[::-1], shapes)
+    )
+    assert bound(shapes, there, back) == 1
+    assert bound(shapes[::-1], back, there) == 1
+
+
+@pytest.mark.parametrize("make", [make_biped, make_quadruped])
+def test_right_maps_are_in_order(make) -> None:
+    one = make("standing", n_vertices=1500)
+    other = make("walking", n_vertices=900, meshing=1)
+    found = match(one.mesh, other.mesh)
+    assert found.confidence_bound == 1
+    half = cut(one.mesh, one.mesh.vertices[:, 1], 0.5)
+    part = match(half.mesh, other.mesh)
+    assert part.overlap_target < 0.7
+    assert part.confidence_bound > 0.9
+
+
+def test_what_uses_a_match_in_disorder_says_so() -> None:
+    sheet = make_sheet(5)
+    every = np.arange(25)
+    poor = Match(every, every, np.eye(1), 0.68, 0.0, 0.1, confidence_bound=0.1)
+    with pytest.warns(UnbendWarning, match=r"orientation \+0.68, confidence at most 0.10"):
+        transfer(np.arange(25.0), poor, target=sheet)
+    with pytest.warns(UnbendWarning, match="in disorder"):
+        register(sheet, sheet, poor)
+    good = replace(poor, confidence_bound=1.0)
+    transfer(np.arange(25.0), good, target=sheet)
