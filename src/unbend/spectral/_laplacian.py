@@ -10,12 +10,14 @@ import scipy.sparse as sp
 
 from unbend._display import Brief
 from unbend._parallel import run_all
-from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend._types import FloatArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, SolverError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh
 from unbend.preparation import Prepared, check_area, check_size, prepare
+from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
+from unbend.spectral._point_cloud import cloud_operator
 
 # Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
 _SUMS, _LOST = 1e-9, 1e-9
@@ -144,7 +146,7 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
             f"have {area:g}"
         )
     cotangents /= 2
-    return Laplacian(_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
+    return Laplacian(assemble_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
 
 
 def _measure_corners(
@@ -165,52 +167,15 @@ def _measure_corners(
     cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
     area = float(double_area.sum() / 2)
     if area_kind == "voronoi":
-        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2), area
+        return cotangents, mixed_voronoi(squared, cotangents, double_area / 2), area
     return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1), area
-
-
-def _stiffness(faces: IntArray, weights: FloatArray, n: int) -> SparseMatrix:
-    """Assemble W from half-cotangents: corner c of a face weighs the edge that faces it."""
-    index = faces.astype(np.int32)
-    tails = np.roll(index, -1, axis=1).ravel()
-    heads = np.roll(index, -2, axis=1).ravel()
-    weight = weights.ravel()
-    diagonal = np.bincount(tails, weight, n) + np.bincount(heads, weight, n)
-    every = np.arange(n, dtype=np.int32)
-    entries = np.concatenate([-weight, -weight, diagonal])
-    rows = np.concatenate([tails, heads, every])
-    columns = np.concatenate([heads, tails, every])
-    return sp.csr_array(sp.coo_array((entries, (rows, columns)), shape=(n, n)))
-
-
-def _mixed_voronoi(
-    squared: FloatArray, cotangents: FloatArray, face_areas: FloatArray
-) -> FloatArray:
-    """Share of each face that belongs to each of its corners (Meyer et al. 2003, fig. 4)."""
-    product = squared * cotangents
-    # A corner's Voronoi cell reaches the midpoints of the two edges that meet there.
-    voronoi = (np.roll(product, -1, axis=1) + np.roll(product, -2, axis=1)) / 8
-    obtuse = cotangents < 0
-    clipped = np.where(obtuse, face_areas[:, None] / 2, face_areas[:, None] / 4)
-    shares: FloatArray = np.where(obtuse.any(axis=1, keepdims=True), clipped, voronoi)
-    return shares
 
 
 def _robust(mesh: Mesh) -> Laplacian:
     import robust_laplacian
 
     if mesh.is_point_cloud:
-        check_size(mesh)
-        neighbours = min(30, mesh.n_vertices - 1)
-        try:
-            stiffness, mass = robust_laplacian.point_cloud_laplacian(
-                mesh.vertices, n_neighbors=neighbours
-            )
-        except RuntimeError as error:  # a point is in no triangle
-            raise MeshError(
-                f"{mesh.name}: its points span no surface: round some of them they lie on one line"
-            ) from error
-        return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
+        return Laplacian(*cloud_operator(mesh), "robust")
     check_area(mesh)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces] = True
