@@ -53,9 +53,10 @@ def laplacian(
         Anything :func:`unbend.as_mesh` accepts.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         ``"cotangent"``: ``W_ij = -(cot alpha_ij + cot beta_ij) / 2`` (Pinkall and Polthier
-        1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020),
-        for any triangle soup and for point clouds. ``"auto"``: robust for point clouds and
-        where a face is degenerate or an edge non-manifold, cotangent otherwise.
+        1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020)
+        for any triangle soup; for a point cloud, one from Delaunay triangles around its points.
+        ``"auto"``: robust for point clouds and where a face is degenerate or an edge
+        non-manifold, cotangent otherwise.
     area_kind : {"voronoi", "barycentric"}, default="voronoi"
         Lumped areas of the cotangent Laplacian: mixed Voronoi cells (Meyer et al. 2003) or a
         third of each triangle. The robust Laplacian has its own.
@@ -70,14 +71,18 @@ def laplacian(
         If `laplacian` or `area_kind` is not one of the names above.
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
-        mesh with a degenerate face. If no face has an area, or the mesh is too small or too large
-        for double precision.
+        mesh with a degenerate face. If no face has an area, the points of a cloud lie on lines,
+        or the mesh is too small or too large for double precision.
     SolverError
         If the rows do not sum to zero, an area is negative, or some of the area is lost.
 
     Notes
     -----
     The factor 1/2 belongs to the weights; Eq. 5 of Yang, Obaseki and Chen (2019) omits it.
+
+    The triangles around a point of a cloud are those that its Voronoi cell in its tangent plane
+    belongs to (Boissonnat and Ghosh 2014). A warning tells if neighbouring points disagree about
+    much of the surface.
 
     Examples
     --------
