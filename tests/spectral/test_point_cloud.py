@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from unbend import Mesh, canonical_form, descriptor, distance, laplacian, spectrum
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.errors import MeshError, SolverError, UnbendWarning
-from unbend.spectral import triangulate_points
+from unbend.spectral import _point_cloud, triangulate_points
 from unbend.spectral._point_cloud import check_energy
 
 SIZES_AWAY = [0, 1, 10, 1e3, 1e6]
@@ -420,3 +420,10 @@ def test_weights_and_areas_of_different_surfaces_are_an_error(points):
         check_energy(cloud, stiffness, areas * np.nan)
     operator = laplacian(points)
     check_energy(cloud, operator.stiffness, operator.areas)
+
+
+def test_area_that_is_lost_is_an_error(monkeypatch):
+    right = _point_cloud._cells
+    monkeypatch.setattr(_point_cloud, "_cells", lambda *triangles: 0.999 * right(*triangles))
+    with pytest.raises(SolverError, match=r"^less: the weights .* of \d.*, but its points have \d"):
+        laplacian(Mesh(make_fibonacci(100), name="less"))
