@@ -301,7 +301,13 @@ def _points() -> Iterator[Case]:
         "point cloud, points that repeat",
         _cloud(np.concatenate([v, v[:5]])),
         (f"{_clouds()[0]} --weighting area",),
-        Answer(_cloud(v), _same_form(0.05), "about the form of the points without repetitions"),
+        Answer(_cloud(v), _same_form(0.01), "about the form of the points without repetitions"),
+    )
+    yield Case(
+        "point cloud, a million sizes away from the origin",
+        _cloud(v + 1e6),
+        _clouds()[:1],
+        Answer(_cloud(v), _same_form(1e-6), "the form of the cloud at the origin"),
     )
     yield Case(
         "point cloud, coordinates of 1e+30",

@@ -1,4 +1,5 @@
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -52,6 +53,41 @@ def test_heat_method_on_a_point_cloud(arcs):
     sphere, expected = arcs
     found = distance(sphere.vertices, 0, distance="geodesic")[0]
     assert abs(found - expected).max() < 0.1 * np.pi
+
+
+@pytest.mark.parametrize("away", [0, 1, 10, 1e3, 1e6])
+def test_heat_on_a_point_cloud_does_not_depend_on_where_it_lies(arcs, away):
+    points = arcs[0].vertices[::3]
+    found = distance(points + away * np.array([2, -1, 0.5]), 0, distance="geodesic")[0]
+    assert abs(found - arcs[1][::3]).max() < 0.03 * np.pi
+    np.testing.assert_allclose(found, distance(points, 0, distance="geodesic")[0], atol=1e-4)
+
+
+def test_heat_on_a_flat_point_cloud_is_straight():
+    points = np.column_stack(
+        [np.random.default_rng(0).random((3000, 2)) * [1.5, 1], np.zeros(3000)]
+    )
+    straight = np.linalg.norm(points - points[5], axis=1)
+    found = distance(points, 5, distance="geodesic")[0]
+    assert abs(found - straight).max() < 0.03 * straight.max()
+
+
+def test_heat_does_not_jump_from_limb_to_limb_of_a_point_cloud():
+    body = make_biped(n_vertices=2000).mesh
+    found = distance(body.vertices, 0, distance="geodesic")[0]
+    expected = geodesic_solver(body, exact=True)(0)
+    assert abs(found - expected).max() < 0.06 * expected.max()
+
+
+@pytest.mark.parametrize("n", range(4, 33))
+def test_heat_on_few_points(n):
+    points = np.random.default_rng(n).standard_normal((n, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)
+        found = distance(points, 2, distance="geodesic")[0]
+    assert np.isfinite(found).all()
+    assert found[2] == 0
+    assert np.delete(found, 2).max() > 0.5 * np.linalg.norm(points - points[2], axis=1).max()
 
 
 def test_point_clouds_have_no_exact_geodesics():

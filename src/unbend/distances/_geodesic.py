@@ -21,7 +21,7 @@ from unbend.mesh import (
     has_earlier_twin,
 )
 from unbend.preparation import check_size, restrict
-from unbend.spectral import Surface
+from unbend.spectral import Surface, triangulate_points
 
 _FromVertex = Callable[[int], FloatArray]
 
@@ -113,12 +113,11 @@ def _heat(mesh: Mesh) -> _FromVertex:
     import potpourri3d
 
     if mesh.is_point_cloud:
-        solver = potpourri3d.PointCloudHeatSolver(mesh.vertices)
-    else:
-        solver = potpourri3d.MeshHeatMethodDistanceSolver(
-            mesh.vertices, mesh.faces, use_robust=True
-        )
-
+        faces, _, first = triangulate_points(mesh)
+        distinct, of_point = np.unique(first, return_inverse=True)
+        on_surface = _heat(Mesh(mesh.vertices[distinct], of_point[faces], name=mesh.name))
+        return lambda source: on_surface(int(of_point[source]))[of_point]
+    solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces, use_robust=True)
     some = np.linspace(0, mesh.n_vertices - 1, min(_SHOWING, mesh.n_vertices)).astype(int)
     told = False
 
@@ -138,7 +137,7 @@ def _heat(mesh: Mesh) -> _FromVertex:
             warnings.warn(
                 f"{mesh.name}: geodesic distances are shorter than the straight line, by up to "
                 f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
-                "method; use geodesic-exact, or remesh it",
+                "method; use geodesic-exact, which needs a mesh, or remesh it",
                 UnbendWarning,
                 stacklevel=2,
             )

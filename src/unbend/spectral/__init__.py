@@ -2,6 +2,7 @@
 
 from unbend.spectral._cache import cache_folder, cache_info, clear_cache
 from unbend.spectral._laplacian import Laplacian, laplacian
+from unbend.spectral._point_cloud import Triangulation, triangulate_points
 from unbend.spectral._spectrum import Spectrum, eigenpairs, spectrum
 from unbend.spectral._surface import Surface, local_ids, make_surface
 
@@ -9,6 +10,7 @@ __all__ = [
     "Laplacian",
     "Spectrum",
     "Surface",
+    "Triangulation",
     "cache_folder",
     "cache_info",
     "clear_cache",
@@ -17,4 +19,5 @@ __all__ = [
     "local_ids",
     "make_surface",
     "spectrum",
+    "triangulate_points",
 ]

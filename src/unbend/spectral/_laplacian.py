@@ -10,12 +10,14 @@ import scipy.sparse as sp
 
 from unbend._display import Brief
 from unbend._parallel import run_all
-from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend._types import FloatArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, SolverError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh
 from unbend.preparation import Prepared, check_area, check_size, prepare
+from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
+from unbend.spectral._point_cloud import cloud_operator
 
 # Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
 _SUMS, _LOST = 1e-9, 1e-9
@@ -51,9 +53,10 @@ def laplacian(
         Anything :func:`unbend.as_mesh` accepts.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         ``"cotangent"``: ``W_ij = -(cot alpha_ij + cot beta_ij) / 2`` (Pinkall and Polthier
-        1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020),
-        for any triangle soup and for point clouds. ``"auto"``: robust for point clouds and
-        where a face is degenerate or an edge non-manifold, cotangent otherwise.
+        1993). ``"robust"``: the tufted intrinsic Delaunay Laplacian of Sharp and Crane (2020)
+        for any triangle soup; for a point cloud, one from Delaunay triangles around its points.
+        ``"auto"``: robust for point clouds and where a face is degenerate or an edge
+        non-manifold, cotangent otherwise.
     area_kind : {"voronoi", "barycentric"}, default="voronoi"
         Lumped areas of the cotangent Laplacian: mixed Voronoi cells (Meyer et al. 2003) or a
         third of each triangle. The robust Laplacian has its own.
@@ -68,14 +71,18 @@ def laplacian(
         If `laplacian` or `area_kind` is not one of the names above.
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
-        mesh with a degenerate face. If no face has an area, or the mesh is too small or too large
-        for double precision.
+        mesh with a degenerate face. If no face has an area, the points of a cloud lie on lines,
+        or the mesh is too small or too large for double precision.
     SolverError
         If the rows do not sum to zero, an area is negative, or some of the area is lost.
 
     Notes
     -----
     The factor 1/2 belongs to the weights; Eq. 5 of Yang, Obaseki and Chen (2019) omits it.
+
+    The triangles around a point of a cloud are those that its Voronoi cell in its tangent plane
+    belongs to (Boissonnat and Ghosh 2014). A warning tells if neighbouring points disagree about
+    much of the surface.
 
     Examples
     --------
@@ -144,7 +151,7 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
             f"have {area:g}"
         )
     cotangents /= 2
-    return Laplacian(_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
+    return Laplacian(assemble_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
 
 
 def _measure_corners(
@@ -165,52 +172,15 @@ def _measure_corners(
     cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
     area = float(double_area.sum() / 2)
     if area_kind == "voronoi":
-        return cotangents, _mixed_voronoi(squared, cotangents, double_area / 2), area
+        return cotangents, mixed_voronoi(squared, cotangents, double_area / 2), area
     return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1), area
-
-
-def _stiffness(faces: IntArray, weights: FloatArray, n: int) -> SparseMatrix:
-    """Assemble W from half-cotangents: corner c of a face weighs the edge that faces it."""
-    index = faces.astype(np.int32)
-    tails = np.roll(index, -1, axis=1).ravel()
-    heads = np.roll(index, -2, axis=1).ravel()
-    weight = weights.ravel()
-    diagonal = np.bincount(tails, weight, n) + np.bincount(heads, weight, n)
-    every = np.arange(n, dtype=np.int32)
-    entries = np.concatenate([-weight, -weight, diagonal])
-    rows = np.concatenate([tails, heads, every])
-    columns = np.concatenate([heads, tails, every])
-    return sp.csr_array(sp.coo_array((entries, (rows, columns)), shape=(n, n)))
-
-
-def _mixed_voronoi(
-    squared: FloatArray, cotangents: FloatArray, face_areas: FloatArray
-) -> FloatArray:
-    """Share of each face that belongs to each of its corners (Meyer et al. 2003, fig. 4)."""
-    product = squared * cotangents
-    # A corner's Voronoi cell reaches the midpoints of the two edges that meet there.
-    voronoi = (np.roll(product, -1, axis=1) + np.roll(product, -2, axis=1)) / 8
-    obtuse = cotangents < 0
-    clipped = np.where(obtuse, face_areas[:, None] / 2, face_areas[:, None] / 4)
-    shares: FloatArray = np.where(obtuse.any(axis=1, keepdims=True), clipped, voronoi)
-    return shares
 
 
 def _robust(mesh: Mesh) -> Laplacian:
     import robust_laplacian
 
     if mesh.is_point_cloud:
-        check_size(mesh)
-        neighbours = min(30, mesh.n_vertices - 1)
-        try:
-            stiffness, mass = robust_laplacian.point_cloud_laplacian(
-                mesh.vertices, n_neighbors=neighbours
-            )
-        except RuntimeError as error:  # a point is in no triangle
-            raise MeshError(
-                f"{mesh.name}: its points span no surface: round some of them they lie on one line"
-            ) from error
-        return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
+        return Laplacian(*cloud_operator(mesh), "robust")
     check_area(mesh)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces] = True

@@ -25,7 +25,7 @@ from unbend.spectral._surface import Surface, make_surface
 _RESIDUAL = 1e-8
 # Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
 # otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
-_VERSION = 2
+_VERSION = 3
 # How far from orthonormal eigenfunctions may be, and residuals, as one random combination of the
 # pairs shows them, may exceed the tolerance: by as many times as chance makes of many pairs.
 _SKEW, _CHANCE = 1e-7, 100.0
