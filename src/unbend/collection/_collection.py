@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -205,14 +206,7 @@ class Collection:
         query = as_mesh(mesh)
         basis = make_basis(query)
         most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
-        found = self._store.nearest(describe(basis), most, index=index)
-        apart = {one["id"]: float(np.sqrt(max(one["_distance"], 0))) for one in found}
-        paths = self._store.paths_of(apart)
-        hits = [
-            Hit(one, paths[one][0], apart[one], also=tuple(paths[one][1:]))
-            for one in apart
-            if one in paths
-        ]
+        hits = self._store.nearest(describe(basis), most, index=index)
         if rerank == "none":
             return hits
         if rerank == "form":
@@ -262,12 +256,10 @@ class Collection:
 
     def _find(self, name: str | os.PathLike[str]) -> Entry:
         name = os.fspath(name)
-        path = os.path.abspath(name)
-        conditions = [among("path", [name, path])]
+        conditions = [among("path", [name, os.path.abspath(name)])]
         if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
             conditions.append(f"id LIKE '{name}%'")
-        rows = self._store.select(["id"], " OR ".join(conditions))
-        ids = {row["id"] for row in rows}
+        ids = {row["id"] for row in self._store.select(["id"], " OR ".join(conditions))}
         if len(ids) != 1:
             what = "is not" if not ids else "may be several shapes"
             raise InputError(
@@ -347,19 +339,14 @@ class Collection:
         if pairs is None:
             entries = sorted(self, key=lambda entry: entry.path)
             n = len(entries)
-            return match_pairs(
-                lambda: itertools.combinations(entries, 2),
-                n * (n - 1) // 2,
-                out,
-                self.path,
-                **options,
-            )
+            every = functools.partial(itertools.combinations, entries, 2)
+            return match_pairs(every, n * (n - 1) // 2, out, store=self.path, **options)
         named = [tuple(pair) for pair in pairs]
         if wrong := [pair for pair in named if len(pair) != 2]:
             raise InputError(f"a pair is a source and a target, not {wrong[0]}")
         known = {name: self._find(name) for name in dict.fromkeys(itertools.chain(*named))}
         chosen = list(dict.fromkeys((known[source], known[target]) for source, target in named))
-        return match_pairs(lambda: iter(chosen), len(chosen), out, self.path, **options)
+        return match_pairs(lambda: iter(chosen), len(chosen), out, store=self.path, **options)
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from unbend._parallel import n_cores
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
-from unbend.collection._rows import Entry
+from unbend.collection._rows import Entry, Hit
 from unbend.errors import FileError, MissingExtraError, UnbendError
 
 _TABLE = "shapes"
@@ -226,10 +226,8 @@ class Store:
             with self._told():
                 self._table.delete(among("path", paths))
 
-    def nearest(
-        self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool
-    ) -> list[dict[str, Any]]:
-        """Ids of the nearest descriptors, the nearest first, with their `_distance` squared."""
+    def nearest(self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool) -> list[Hit]:
+        """Shapes with the nearest descriptors, the nearest first."""
         limit = n
         while True:
             with self._told():
@@ -237,10 +235,16 @@ class Store:
                 query = query.distance_type("l2").select(["id", "_distance"]).limit(limit)
                 query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
                 rows = query.to_list()
-            found = {row["id"]: row for row in rows}
-            if len(found) >= n or len(rows) < limit:
-                return list(found.values())[:n]
+            apart = {row["id"]: float(np.sqrt(max(row["_distance"], 0))) for row in rows}
+            if len(apart) >= n or len(rows) < limit:
+                break
             limit *= 2  # some are of one shape
+        paths = self.paths_of(list(apart)[:n])
+        return [
+            Hit(one, paths[one][0], distance, also=tuple(paths[one][1:]))
+            for one, distance in apart.items()
+            if one in paths
+        ]
 
     def build_index(self) -> None:
         """Index the descriptors, or what was added since they were."""
