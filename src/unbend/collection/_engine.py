@@ -189,7 +189,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         import dask
         from distributed import Client
     except ImportError:
-        raise MissingExtraError("dask", "collection") from None
+        raise MissingExtraError("dask", "distributed") from None
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=_PATIENCE_SECONDS // 4, set_as_default=False)

@@ -59,7 +59,7 @@ class Store:
         try:
             import lancedb
         except ImportError:
-            raise MissingExtraError("lancedb", "collection") from None
+            raise MissingExtraError("lancedb", "dask", "distributed") from None
         self.path = os.fspath(path)
         self._commits, self._next_tidy = 0, 0.0
         self._table: Any = None
