@@ -174,7 +174,7 @@ def search(place: Path, like: np.ndarray[Any, Any], count: int) -> str:
     queries = itertools.cycle(like)
 
     def ids(query: np.ndarray[Any, Any], index: bool) -> set[str]:
-        return {row["id"] for row in store.nearest(query, N_FOUND, index=index)}
+        return {hit.id for hit in store.nearest(query, N_FOUND, index=index)}
 
     exact = milliseconds(lambda: ids(next(queries), False))
     cells = f"{count:>9,}  {exact:5.1f} ms"
@@ -190,7 +190,7 @@ def search(place: Path, like: np.ndarray[Any, Any], count: int) -> str:
     else:
         cells += " " * 27
     some = [f"{i:032x}" for i in range(256)]
-    asked = milliseconds(lambda: store.known("id", some))
+    asked = milliseconds(lambda: store.paths_of(some))
     fresh = ({**_empty_row(like.shape[1]), "id": f"x{i}", "path": f"x{i}"} for i in range(10**6))
     committed = milliseconds(lambda: store.commit(list(itertools.islice(fresh, 64))))
     cells += f"  {asked:5.1f} ms  {committed:6.1f} ms"

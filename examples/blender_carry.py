@@ -2,10 +2,11 @@
 In Blender's Python
 ===================
 
-Run in Blender's own Python console, with unbend installed into it (``path/to/blender/python -m
-pip install unbend``). It carries the vertex groups of the active object to the other selected
-one, which may stand in another pose and have another mesh. The site is built without Blender, so
-this page only shows the code; it was run with Blender 5.0.1, as the ``bpy`` package has it.
+Run in Blender's own Python console, with unbend installed into it (``path/to/blender/python -m pip
+install path/to/unbend``, a clone of the repository). It carries the vertex groups of the active
+object to the other selected one, which may stand in another pose and have another mesh. The site
+is built without Blender, so this page only shows the code; it was run with Blender 5.0.1, as the
+``bpy`` package has it.
 """
 
 import bpy

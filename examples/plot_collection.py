@@ -3,7 +3,7 @@ Search a collection by shape
 ============================
 
 A folder of meshes is described once. Then any shape, in any pose, finds those that are most like
-it; and without labels, those that belong together find each other. Needs ``unbend[collection]``.
+it; and without labels, those that belong together find each other. Needs the extra ``collection``.
 """
 
 import io

@@ -3,7 +3,7 @@ In a scikit-learn pipeline
 ==========================
 
 Meshes go in, classes come out. ``descriptor`` makes each mesh a row of numbers, and from there on
-scikit-learn does what it does with any table. Needs ``unbend[sklearn]``.
+scikit-learn does what it does with any table. Needs scikit-learn.
 """
 
 import matplotlib.pyplot as plt

@@ -268,7 +268,7 @@ def crowd(number: int) -> None:
         for i in range(number):
             meshes.append(f"shape{i}.off")
             unbend.write_mesh(
-                folder / meshes[-1], (stone().vertices * (1, 1, 1 + i), stone().faces)
+                folder / meshes[-1], (stone().vertices * (1, 1, 2 + i), stone().faces)
             )
         several = [
             subprocess.Popen([sys.executable, "-c", code, one, "good.off"], cwd=folder)

@@ -76,6 +76,19 @@ def test_downloads_are_encrypted_pinned_and_hashed() -> None:
         assert re.fullmatch(r"(\w[\w.]*/)*\w[\w.]*", name)
 
 
+def test_nobody_is_told_to_fetch_a_package_of_our_name() -> None:
+    """Until a package index knows it as ours, it may be a stranger's."""
+    root = Path(__file__).parents[1]
+    places = (SOURCE, root / "docs", root / "examples", root / "integrations")
+    pages = [
+        path for folder in places for path in folder.rglob("*.*") if "_build" not in path.parts
+    ]
+    for path in (root / "README.md", *pages):
+        if path.suffix in (".py", ".md", ".rst"):
+            text = re.sub(r"\s+", " ", path.read_text("utf-8"))
+            assert not re.search(r"install (-\S+ )*[\"'`]*unbend\b(?!/)", text), path
+
+
 class _Skeleton(HTMLParser):
     """The tags of a page with the names of their attributes: what a browser would act on."""
 

@@ -66,7 +66,8 @@ def index_page() -> str:
     left = [word for word in top if not any(word in words for words in SUBJECTS.values())]
     parts = [
         "# Commands",
-        "Whatever Python does, the shell does too. Results go to standard output or to the file "
+        "The commands cover the main functions; [Python](../api/index) has more of them, and more "
+        "of their options. Results go to standard output or to the file "
         "that `-o` names, notes and warnings to standard error. `--json` prints what a program "
         "can read. A mistake gives one sentence and exit code 2; no file is left half-written. "
         "These pages are made from the commands themselves, as `unbend COMMAND --help` is.",

@@ -42,17 +42,16 @@ class MissingExtraError(UnbendError, ImportError):
 
     Parameters
     ----------
-    package : str
-        Name of the missing package.
-    extra : str
-        The extra of ``unbend`` that installs it.
+    *packages : str
+        The missing package, and what else the same extra installs, by their names on the package
+        index. (``unbend[extra]`` would be looked up there too, and may be another's package.)
     """
 
-    def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is needed for this: pip install 'unbend[{extra}]'")
-        self._given = package, extra
+    def __init__(self, *packages: str) -> None:
+        super().__init__(f"{packages[0]} is needed for this: pip install {' '.join(packages)}")
+        self._given = packages
 
-    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, ...]]:
         """Travel between processes by what it was made of, which is not its message."""
         return type(self), self._given
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -124,10 +123,8 @@ def test_json(folder: Path) -> None:
     assert json.loads(out)["usable"] is False
 
 
-def test_real_shapes() -> None:
-    if "UNBEND_DATA" not in os.environ:
-        pytest.skip("UNBEND_DATA is unset: it names a folder with tosca_remeshed/*.off")
-    path = Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed" / "david0.off"
+def test_real_shapes(real_data: Path) -> None:
+    path = real_data / "tosca_remeshed" / "david0.off"
     code, out, _ = check(str(path))
     assert code == 0
     assert "5,000" in out

@@ -89,6 +89,63 @@ def test_search(folder: Path) -> None:
     assert len(rows) == 5
 
 
+def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None:
+    paths = [str(one) for one in write_stones(tmp_path / "stones", 2)]
+    for name in ("copy.ply", "more.ply"):
+        (tmp_path / name).write_bytes(Path(paths[0]).read_bytes())
+    copies = [str(tmp_path / "copy.ply"), str(tmp_path / "more.ply")]
+    store = tmp_path / "store"
+    done = run("add", store, tmp_path / "stones", *copies, "--workers", 1)
+    assert done.stdout.startswith("added 2, there before 2 (2 under a new path), failed 0; ")
+    assert f"{store} has 2 shapes" in done.stdout
+    first = f"{copies[0]} (also {copies[1]} and 1 more)"
+    for arguments in (("list",), ("search", paths[0]), ("groups", "-n", 1), ("matrix",)):
+        assert first in run(arguments[0], store, *arguments[1:]).stdout
+    assert f"also      {copies[1]}, {paths[0]}\n" in run("info", store, paths[0]).stdout
+    every = {*copies, *paths}
+    told = json_of("list", store)["shapes"]
+    assert {path for one in told for path in (one["path"], *one["also"])} == every
+    assert json_of("info", store, paths[0])["also"] == [copies[1], paths[0]]
+    assert json_of("search", store, paths[0])["hits"][0]["also"] == [copies[1], paths[0]]
+    assert json_of("matrix", store)["also"] == [[copies[1], paths[0]], []]
+    (group,) = json_of("groups", store, "-n", 1, "--csv", tmp_path / "out.csv")["groups"]
+    assert sorted(group) == sorted(every)
+    with open(tmp_path / "out.csv", newline="") as file:
+        assert [row["path"] for row in csv.DictReader(file)] == sorted(every)
+    rows = run("info", store).stdout.splitlines()
+    assert [row.split() for row in rows[:2]] == [["shapes", "2"], ["files", "4"]]
+    assert json_of("export", store, "-o", tmp_path / "out.csv")["rows"] == 4
+    done = run("remove", store, copies[0])
+    assert done.stdout.startswith(f"removed {copies[0]}; the shape stays as {copies[1]}\n")
+    assert run("remove", store, copies[1], paths[0]).stdout == (
+        f"removed {copies[1]}\nremoved {paths[0]}\n{store} has 1 shapes\n"
+    )
+
+
+def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> None:
+    stones = write_stones(tmp_path / "stones", 3)
+    store = tmp_path / "store"
+    Collection(store).add(stones, workers=0)
+    query = stones[0].rename(tmp_path / "query.ply")
+    (tmp_path / "stones").rename(tmp_path / "away")
+    mend = f"(there is no such file): run unbend collection add {store} NEWFOLDER"
+    for arguments in (
+        ("search", store, query, "--rerank", "match"),
+        ("search", store, query, "--report", tmp_path / "out.html"),
+        ("groups", store, "-n", 1, "--report", tmp_path / "out.html"),
+        ("match", store, "--all", "-o", tmp_path / "out", "--workers", 1),
+        ("mean", store, "--template", query, "-o", tmp_path / "out"),
+    ):
+        done = run(*arguments)
+        for stone in stones:
+            assert f"{stone} {mend}" in done.stderr, done.output
+    done = run("add", store, tmp_path / "away", query)
+    assert done.stdout.startswith("added 0, there before 3 (3 under a new path), failed 0")
+    done = run("search", store, query, "--rerank", "match", "--report", tmp_path / "out.html")
+    assert done.exit_code == 0
+    assert all(line.startswith("progress: ") for line in done.stderr.splitlines())
+
+
 def test_pages_show_what_is_there(folder: Path, tmp_path: Path) -> None:
     write_stones(tmp_path / "stones", 3)
     Collection(tmp_path / "store").add(tmp_path / "stones", workers=0)
@@ -140,8 +197,9 @@ def test_match(folder: Path) -> None:
 
 def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
     Collection(tmp_path / "store").add("stones/stone00.ply", workers=0)
-    assert json_of("export", tmp_path / "store", "-o", tmp_path / "all.csv")["shapes"] == 1
-    assert run("export", "shapes", "-o", "all.parquet").stdout == "wrote 4 shapes to all.parquet\n"
+    assert json_of("export", tmp_path / "store", "-o", tmp_path / "all.csv")["rows"] == 1
+    done = run("export", "shapes", "-o", "all.parquet")
+    assert done.stdout == "wrote 4 rows to all.parquet, one for each file\n"
     told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
     assert (len(told["removed"]), told["shapes"]) == (1, 0)
 

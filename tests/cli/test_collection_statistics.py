@@ -37,7 +37,7 @@ def labels(shapes):
 def test_evaluate_measures_the_labelled(shapes, labels):
     done = run("evaluate", shapes / "shapes", "--labels", labels, "--json")
     assert done.exit_code == 0, done.output
-    assert "1 of 5 shapes have no label" in done.stderr
+    assert "1 of 5 shapes have no label that counts" in done.stderr
     found = json.loads(done.stdout)
     entries, distances = Collection(shapes / "shapes").distances()
     order = np.argsort([entry.path for entry in entries])[:4]
@@ -54,6 +54,26 @@ def test_evaluate_names_a_line_that_does_not_fit(shapes, tmp_path):
     done = run("evaluate", shapes / "shapes", "--labels", tmp_path / "labels.csv")
     assert done.exit_code == 2
     assert "line 2: none.ply is no shape of the collection" in done.stderr
+
+
+def test_identical_files_take_a_label_together_and_none_where_theirs_differ(
+    shapes, labels, tmp_path
+):
+    copy = tmp_path / "copy.ply"
+    copy.write_bytes((shapes / "stones" / "stone00.ply").read_bytes())
+    store = tmp_path / "shapes"
+    Collection(store).add([shapes / "stones", copy], workers=0)
+    before = json.loads(run("evaluate", shapes / "shapes", "--labels", labels, "--json").stdout)
+    given = ("evaluate", store, "--labels", tmp_path / "labels.csv", "--json")
+    rows = labels.read_text()
+    (tmp_path / "labels.csv").write_text(f"{rows}copy.ply,a\n")
+    done = run(*given)
+    assert json.loads(done.stdout) == {**before, "store": str(store)}
+    assert "warning" not in done.stderr
+    (tmp_path / "labels.csv").write_text(f"{rows}copy.ply,b\n")
+    done = run(*given)
+    assert f"stone00.ply a a and {copy} a b, but these files are identical" in done.stderr
+    assert json.loads(done.stdout)["n_shapes"] == before["n_shapes"] - 1
 
 
 def test_mean_gives_all_shapes_to_the_workers_and_writes(shapes, blob, tmp_path, monkeypatch):
@@ -80,3 +100,22 @@ def test_mean_gives_all_shapes_to_the_workers_and_writes(shapes, blob, tmp_path,
     assert found["n_shapes"] == 2
     assert len(found["left_out"]) == 1
     assert "mean.ply" in found["files"]
+
+
+def test_mean_says_which_file_is_missing_and_how_to_mend_it(shapes, tmp_path, monkeypatch, blob):
+    store, here = tmp_path / "shapes", tmp_path / "stones"
+    write_stones(here, 3)
+    Collection(store).add(here, workers=0)
+    (here / "stone01.ply").unlink()
+
+    def mean(paths, template, **options):
+        statistics = shape_statistics([blob.vertices, 1.2 * blob.vertices * [1, 1, 1.1]])
+        return MeanShape(blob, statistics, tuple(paths), np.ones(2), np.ones(2), ())
+
+    monkeypatch.setattr("unbend.collection.mean_shape", mean)
+    done = run("mean", store, "--template", "t.ply", "-o", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    mend = f"{here}/stone01.ply (there is no such file): run unbend collection add {store} NEWF"
+    assert mend in done.stderr
+    assert mend in (tmp_path / "out" / "left_out.csv").read_text()
+    assert "2 of 3" in done.stdout

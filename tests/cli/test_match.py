@@ -75,7 +75,8 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
 def test_match_writes_every_kind_of_map(folder: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"map{suffix}"
     done = right("match", folder / "a.ply", folder / "b.ply", "-o", out, "--method", "icp")
-    *found, next_step = done.stdout.splitlines()
+    *found, written, next_step = done.stdout.splitlines()
+    assert written == f"written: {out}"
     told = dict(line.split(maxsplit=1) for line in found)
     assert told["matched"].startswith("800 vertices of a.ply to b.ply, ")
     assert told["confidence"].startswith("not estimated")
@@ -173,7 +174,8 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
     assert lines[0].split()[:4] == ["protocol", "mean", "median", "AUC"]
     assert [line.split()[0] for line in lines[1:4]] == ["direct", "map-min", "vertex-min"]
     assert float(lines[1].split()[1]) < 0.05
-    assert lines[-1].startswith("800 rows; ")
+    assert lines[-2].startswith("800 rows; ")
+    assert lines[-1] == f"written: {tmp_path / 'curves.png'}"
     assert (tmp_path / "curves.png").exists()
     told = json.loads(right("evaluate", *arguments, "--json").stdout)
     assert list(told["protocols"]) == ["direct"]
@@ -222,7 +224,7 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     done = right("similarity", *shapes, "--known-correspondence", "--csv", table)
     lines = [line.split() for line in done.stdout.splitlines()]
-    assert [line[0] for line in lines] == ["probe", str(shapes[2]), str(shapes[1])]
+    assert [line[0] for line in lines] == ["probe", str(shapes[2]), str(shapes[1]), "written:"]
     assert 1 >= float(lines[1][1]) > float(lines[2][1])
     assert len(table.read_text().splitlines()) == 3
     options = ["--known-correspondence", "--matrix", "--csv", table]

@@ -51,7 +51,12 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert rows[0].startswith(f"covered          {told['coverage']:.1%} of the area, within ")
     assert rows[1].startswith("distance there   mean ")
     assert rows[3] == "confidence       not estimated"
-    assert rows[-1].startswith("next: unbend match template.ply scan.ply")
+    assert rows[-1] == (
+        "next: open out.ply and scan.ply together in MeshLab or Blender; its colours are the "
+        "distance from the scan"
+    )
+    given[-1] = "out.stl"
+    assert run(*given).stdout.splitlines()[-1].endswith(" in MeshLab or Blender")
 
 
 def test_it_matches_where_no_map_is_given(folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -22,11 +22,15 @@ class Kept:
     def commit(self, rows: list[dict]) -> None:
         self.commits.append([row["id"] for row in rows])
 
-    def select(self, columns: list[str], where: str) -> list[dict]:
-        return []
+    def paths_of(self, ids: Iterable[str]) -> dict[str, list[str]]:
+        kept = {one for commit in self.commits for one in commit}
+        return {one: [f"path of {one}"] for one in kept.intersection(ids)}
 
-    def known(self, column: str, values: list[str]) -> set[str]:
-        return {one for commit in self.commits for one in commit}.intersection(values)
+    def copy(self, files: list[tuple[str, str]]) -> None:
+        pass
+
+    def remove(self, paths: list[str]) -> None:
+        pass
 
 
 def test_rows_are_committed_when_it_is_time_or_there_are_many(
@@ -39,7 +43,7 @@ def test_rows_are_committed_when_it_is_time_or_there_are_many(
 
     def take(ids: str) -> int:
         for one in ids:
-            adding.take((one, one), {"id": one})
+            adding.take((one, one), {"id": one, "path": one})
         adding.commit_if_due()
         return len(store.commits)
 
@@ -59,7 +63,7 @@ def test_what_the_store_has_is_no_longer_remembered(tmp_path: Path) -> None:
         Path(path).write_text(path)
         (file,) = filter(None, adding.fresh([path, path]))  # a second time it is under way
         assert adding._under_way == {file[1]}
-        adding.take(file, {"id": file[1]})
+        adding.take(file, {"id": file[1], "path": path})
         adding.commit()
     assert (adding.added, adding.skipped) == (2, 2)
 

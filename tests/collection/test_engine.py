@@ -40,6 +40,7 @@ def test_this_process_will_do() -> None:
 def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
+    import dask
     from distributed import default_client
 
     monkeypatch.setattr(_engine, "_THREADS_PER_ITEM", 1)  # several in a task, as on a large cluster
@@ -56,7 +57,9 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     logger, handler = logging.getLogger("distributed"), logging.StreamHandler(shown)
     logger.addHandler(handler)
     request.addfinalizer(lambda: logger.removeHandler(handler))
-    with engine(workers=2) as run:
+    # The cluster gives no worker up that takes its time to start again.
+    hasty = dask.config.set({"distributed.deploy.lost-worker-timeout": "0s"})
+    with hasty, engine(workers=2) as run:
         assert list(run.args[0].nthreads().values()) == [1, 1]
         with pytest.raises(ValueError, match="No client"):
             default_client()  # what else the user does with Dask is left alone

@@ -9,8 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from unbend.collection._files import content_hash, count_files, find_files, hashed
-from unbend.collection._rows import Failure
+from unbend.collection._files import (
+    content_hash,
+    count_files,
+    find_file,
+    find_files,
+    hashed,
+    is_gone,
+)
+from unbend.collection._rows import Failure, Hit
+from unbend.errors import FileError
 
 
 @pytest.fixture
@@ -72,3 +80,37 @@ def test_what_may_never_end_is_not_read(tmp_path: Path) -> None:
     assert [one.reason for one in found if isinstance(one, Failure)] == [
         "it is not a regular file"
     ] * 2
+
+
+def test_only_what_certainly_is_not_there_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    assert not is_gone(str(tmp_path / "file"))
+    assert is_gone(str(tmp_path / "nowhere" / "file"))
+    assert is_gone(str(tmp_path / "file" / "below"))
+
+    def closed(path: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("unbend.collection._files.os.stat", closed)
+    assert not is_gone(str(tmp_path / "nowhere"))
+
+
+def test_a_shape_is_in_the_first_file_that_is_as_it_was(tmp_path: Path) -> None:
+    paths = [str(tmp_path / name) for name in ("a.off", "b.off", "c.off")]
+    for path in paths:
+        Path(path).write_text("the same")
+    shape = Hit(content_hash(paths[0]), paths[0], 0.0, also=tuple(paths[1:]))
+    assert find_file(shape, "store") == paths[0]
+    os.remove(paths[0])
+    Path(paths[1]).write_text("something else")
+    assert find_file(shape, "store") == paths[2]
+    Path(paths[2]).unlink()
+    with pytest.raises(FileError) as told:
+        find_file(shape, "store")
+    assert str(told.value) == (
+        f"cannot read {paths[0]} (there is no such file), nor {paths[1]} (it has changed since it "
+        f"was added), nor {paths[2]} (there is no such file): run unbend collection add store "
+        "NEWFOLDER, with the folder that it is in now"
+    )

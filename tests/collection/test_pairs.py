@@ -63,7 +63,7 @@ def test_what_cannot_be_matched_is_named_once(
     reasons = {Path(one.path).name: one.reason for one in done.failures}
     assert set(reasons) == {"strip.ply", paths[2].name}
     assert "only one side" in reasons["strip.ply"]
-    assert "is not what it was when it was added" in reasons[paths[2].name]
+    assert f"{paths[2]} (it has changed since it was added)" in reasons[paths[2].name]
     pair = paths[1], str(paths[1])
     assert collection.match([pair, pair[::-1]], tmp_path / "twice", workers=0).matched == 1
     with pytest.raises(InputError, match="a pair is a source and a target, not"):
@@ -71,7 +71,10 @@ def test_what_cannot_be_matched_is_named_once(
     paths[2].unlink()
     done = collection.match(None, tmp_path / "matches", workers=0)
     reasons = {Path(one.path).name: one.reason for one in done.failures}
-    assert reasons[paths[2].name] == f"cannot read {paths[2]}: No such file or directory"
+    assert reasons[paths[2].name] == (
+        f"cannot read {paths[2]} (there is no such file): run unbend collection add "
+        f"{collection.path} NEWFOLDER, with the folder that it is in now"
+    )
 
 
 def test_workers_are_those_asked_for(

@@ -28,11 +28,12 @@ def test_matches_rank_by_their_best_energy_then_by_distance(
             hypotheses=[SimpleNamespace(energy=energies[path] + i) for i in (0, 1)]
         )
 
+    monkeypatch.setattr(_ranking, "find_file", lambda hit, store: hit.path)
     monkeypatch.setattr(_ranking, "read_mesh", lambda path: path)
     monkeypatch.setattr(_ranking, "match", match)
     told = []
     hits = [Hit(path=path, id=path, distance=4 - i) for i, path in enumerate("abcd")]
-    found = rank_by_match(BALL, hits, lambda *at: told.append(at))
+    found = rank_by_match(BALL, hits, "store", lambda *at: told.append(at))
     assert [hit.path for hit in found] == ["d", "b", "a", "c"]
     assert [hit.reranked for hit in found] == [0.1, 0.1, 0.3, math.inf]
     assert told == [(f"matching {i + 1} of 4", i / 4) for i in range(4)]

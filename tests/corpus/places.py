@@ -6,10 +6,11 @@ import functools
 import os
 import re
 import shlex
-import stat
+import shutil
 import subprocess
 import sys
 import tempfile
+import unittest
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,37 @@ from unbend import write_mesh
 from .case import Answer, Case, Refused, Seen, here
 from .good import Command, beside, reading, stone
 
-PATIENCE = 60  # seconds after which a command hangs
+PATIENCE = 300  # seconds after which a command hangs
 _BEGIN = (sys.executable, "-c", "from unbend.cli import main; main()")
+_NOBODY, _MAY_NOT = 65534, 77
+# Runs a command in a copy of the folder, which loads modules from places that may be closed to
+# others, and then in the folder itself as another user.
+_RUN_AS_NOBODY = f"""
+import contextlib, io, os, sys
+from pathlib import Path
+from unbend.cli import main
+
+def run():
+    try:
+        main()
+    except SystemExit as end:
+        return end.code
+
+folder = os.open(".", os.O_RDONLY)
+os.chdir(sys.argv.pop(1))
+with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    run()
+os.fchdir(folder)
+try:
+    for path in Path(), *Path().rglob("*"):
+        os.chown(path, {_NOBODY}, {_NOBODY}, follow_symlinks=False)
+    os.setgroups([])
+    os.setgid({_NOBODY})
+    os.setuid({_NOBODY})
+except OSError:
+    sys.exit({_MAY_NOT})
+sys.exit(run())
+"""
 _DISTANCE = "distance bad.off --from 0 -o field.npy --no-cache"
 
 
@@ -38,12 +68,14 @@ def cases() -> Iterator[Case]:
 def alone(folder: Path, command: Command, *, shell: str = "{}") -> Seen:
     """Run a command in a process of its own, perhaps as part of a line of the shell."""
     line = shell.format(shlex.join([*_BEGIN, *shlex.split(command)]))
+    return _started(folder, "bash", "-c", line)
+
+
+def _started(folder: Path, *words: str) -> Seen:
     # As a terminal that is strict about text, which most are.
     source = Path(unbend.__file__).parents[1]
     environment = os.environ | {"PYTHONIOENCODING": "utf-8:strict", "PYTHONPATH": str(source)}
-    done = subprocess.run(
-        ["bash", "-c", line], cwd=folder, capture_output=True, timeout=PATIENCE, env=environment
-    )
+    done = subprocess.run(words, cwd=folder, capture_output=True, timeout=PATIENCE, env=environment)
     out, err = (text.decode(errors="replace") for text in (done.stdout, done.stderr))
     return Seen(folder, done.returncode, out, err)
 
@@ -121,33 +153,32 @@ def _write_stone(path: Path) -> None:
 
 def _closed(path: Path) -> None:
     _write_stone(path)
-    _open_the_way(path.parent)
     path.chmod(0)
 
 
 def _closed_folder(path: Path) -> None:
     path.mkdir()
-    _open_the_way(path.parent)
     path.chmod(0)
-
-
-def _open_the_way(folder: Path) -> None:
-    """Let other users come this far; temporary folders are closed to them."""
-    for one in (folder, *folder.parents):
-        if os.stat(one).st_uid == os.getuid() and not os.stat(one).st_mode & stat.S_IXOTH:
-            one.chmod(0o755)
 
 
 def _as_nobody(folder: Path, command: Command) -> Seen:
     """Run without what root may do; others have not got it in the first place."""
-    root = os.geteuid() == 0
-    if root:
-        os.seteuid(65534)
-    try:
+    if _bound():
         return here(folder, command)
-    finally:
-        if root:
-            os.seteuid(0)
+    with tempfile.TemporaryDirectory() as other:
+        shutil.copytree(folder, other, dirs_exist_ok=True)
+        words = sys.executable, "-c", _RUN_AS_NOBODY, other, *shlex.split(command)
+        seen = _started(folder, *words)
+    if seen.code == _MAY_NOT:
+        raise unittest.SkipTest("no permission binds this user, who may not become another")
+    return seen
+
+
+def _bound() -> bool:
+    """Whether permissions bind us, as they do not bind root."""
+    with tempfile.NamedTemporaryFile() as file:
+        os.chmod(file.name, 0)
+        return not os.access(file.name, os.R_OK)
 
 
 def _same_bytes(name: str) -> Callable[[Seen, Seen], str]:

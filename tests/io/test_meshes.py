@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -106,10 +105,8 @@ class TestRoundTrip:
         np.testing.assert_array_equal(other.vertices, SQUARE / 3)
         np.testing.assert_array_equal(other.faces, TRIANGLES)
 
-    def test_real_shapes(self, tmp_path: Path) -> None:
-        if "UNBEND_DATA" not in os.environ:
-            pytest.skip("UNBEND_DATA is unset: it names a folder with tosca_remeshed/*.off")
-        cat = read_mesh(Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed" / "cat0.off")
+    def test_real_shapes(self, tmp_path: Path, real_data: Path) -> None:
+        cat = read_mesh(real_data / "tosca_remeshed" / "cat0.off")
         assert (cat.n_vertices, cat.n_faces) == (5000, 9996)
         for suffix in FACE_SUFFIXES:
             write_mesh(tmp_path / f"m{suffix}", cat)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 
 import numpy as np
@@ -246,10 +245,8 @@ def test_numbering_does_not_matter(seed: int) -> None:
         assert found[name] == pytest.approx(value), name
 
 
-def test_real_shapes() -> None:
-    if "UNBEND_DATA" not in os.environ:
-        pytest.skip("UNBEND_DATA is unset: it names a folder with large/koala.obj")
-    koala = read_mesh(Path(os.environ["UNBEND_DATA"]) / "large" / "koala.obj")
+def test_real_shapes(real_data: Path) -> None:
+    koala = read_mesh(real_data / "large" / "koala.obj")
     health = diagnose(koala)
     assert (health.n_vertices, health.n_faces) == (49_999, 99_994)
     assert (health.closed, health.genus, health.n_components) == (True, 0, 1)

@@ -18,7 +18,7 @@ except ImportError:
 
         def __new__(cls, *args: Any, **kwargs: Any) -> Any:
             """Say what is missing."""
-            raise MissingExtraError("scikit-learn", "sklearn")
+            raise MissingExtraError("scikit-learn")
 
 
 class SpectralMDS(BaseEstimator):  # type: ignore[misc]

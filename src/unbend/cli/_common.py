@@ -205,6 +205,12 @@ def print_rows(rows: Mapping[str, str]) -> None:
         typer.echo(f"{name:<{width}}{printable(value)}")
 
 
+def print_written(*paths: str | None) -> None:
+    """Name the files that were written, those of options that were given, on one line."""
+    if written := [printable(path) for path in paths if path is not None]:
+        typer.echo(f"written: {', '.join(written)}")
+
+
 @contextmanager
 def steps_on_stderr() -> Iterator[Progress]:
     """Show the step that is under way on stderr, if a person is watching."""

@@ -198,7 +198,7 @@ def canonical(
         files = {"out": out, "figure": figure, "report": report}
         _print_json(mesh, shape, form, files)
     else:
-        _print_summary(shape, form, out or figure, report)
+        _print_summary(shape, form, [path for path in (out, figure) if path], report)
 
 
 def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
@@ -245,7 +245,9 @@ def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, files: dict[str, st
     )
 
 
-def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None, report: str | None) -> None:
+def _print_summary(
+    shape: Mesh, form: CanonicalForm, written: list[str], report: str | None
+) -> None:
     kind = f"{shape.n_faces:,} faces" if shape.n_faces else "a point cloud"
     shown = [f"{value:.5g}" for value in form.eigenvalues[:8]]
     rows = {
@@ -257,10 +259,10 @@ def _print_summary(shape: Mesh, form: CanonicalForm, out: str | None, report: st
         **({} if form.residual is None else {"residual": f"{form.residual:.0e}"}),
         "time": f"{sum(form.seconds.values()):.2f} s",
     }
-    if out is not None:
-        rows["written"] = out
+    if written:
+        rows["written"] = ", ".join(written)
     if report is not None:
         rows["next"] = f"open {report} in a browser"
-    elif out is None:
+    elif not written:
         rows["next"] = "add -o OUT.ply to write the form, --report HTML to look at it"
     print_rows(rows)

@@ -13,6 +13,7 @@ from unbend.cli._common import (
     JsonOption,
     print_json,
     print_notes,
+    print_written,
     read_any_map,
     read_truth,
     steps_on_stderr,
@@ -89,9 +90,11 @@ def evaluate(
             draw_error_curves({Path(map_file).stem: found}, figure)
     print_notes(shape.notes)
     if as_json:
-        print_json(_as_dict(found) | {"map": map_file, "target": target, "distance": distance})
+        given = {"map": map_file, "target": target, "distance": distance, "figure": figure}
+        print_json(_as_dict(found) | given)
     else:
         _print_table(found)
+        print_written(figure)
 
 
 def _protocols(found: Evaluation) -> list[str]:

@@ -24,6 +24,7 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     print_rows,
+    print_written,
     quoted,
     read_truth,
     steps_on_stderr,
@@ -252,6 +253,7 @@ def match(
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
         typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
+    print_written(out, figure, *(colored or ()))
     typer.echo(f"next: {_next_step(source, target, out, report)}")
 
 

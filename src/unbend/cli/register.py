@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from unbend._text import printable
 from unbend.cli._common import (
     BaseOption,
     CacheOption,
@@ -18,7 +19,6 @@ from unbend.cli._common import (
     print_json,
     print_notes,
     print_rows,
-    quoted,
     steps_on_stderr,
 )
 from unbend.cli.transfer import found_match
@@ -134,8 +134,8 @@ def register(
             "written": out,
         }
     )
-    paths = quoted(template, scan)
-    typer.echo(f"next: unbend match {paths} --figure PNG, to see what went where")
+    legend = "" if colors is None else "; its colours are the distance from the scan"
+    typer.echo(printable(f"next: open {out} and {scan} together in MeshLab or Blender{legend}"))
 
 
 def _spread(found: Registration, distances: FloatArray) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from unbend.cli._common import (
     parse_component,
     print_json,
     print_notes,
+    print_written,
     steps_on_stderr,
     write_table,
 )
@@ -132,6 +133,7 @@ def similarity(
         _print_matrix([printable(path) for path in paths], table)
     else:
         _print_list([printable(path) for path in paths], pairs, known)
+    print_written(csv, figure)
     if report is not None:
         typer.echo(f"next: open {report} in a browser")
 

@@ -2,7 +2,7 @@
 
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
-from unbend.collection._files import make_folder
+from unbend.collection._files import find_file, make_folder
 from unbend.collection._groups import find_groups
 from unbend.collection._labels import read_labels
 from unbend.collection._mean import MeanShape, mean_shape
@@ -26,6 +26,7 @@ __all__ = [
     "Statistics",
     "check_outside",
     "descriptor",
+    "find_file",
     "find_groups",
     "make_folder",
     "mean_shape",

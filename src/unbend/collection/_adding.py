@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from unbend._types import Progress
 from unbend.collection._engine import engine
 from unbend.collection._entry import make_row
-from unbend.collection._files import count_files, find_files, hashed
+from unbend.collection._files import count_files, find_files, hashed, is_gone
 from unbend.collection._progress import counted
 from unbend.collection._rows import Added, Failure
-from unbend.collection._store import Store, among
+from unbend.collection._store import Store
 
 # Rows are committed as they come, but commits are to take no more than a twentieth of the time
 # (an object store is slow), and none follows another at once. No more rows than this wait.
@@ -54,55 +55,69 @@ def add_files(
                     show()
         finally:  # an interrupted run keeps what is finished too
             adding.commit()
-        if store.exists:
-            store.tidy()
+    adding.finish()
+    if adding.added or adding.new_paths:
+        store.tidy()
     failures = tuple(sorted(adding.failures, key=lambda one: one.path))
-    return Added(adding.added, adding.skipped, failures, time.monotonic() - start)
+    seconds = time.monotonic() - start
+    return Added(adding.added, adding.skipped, adding.new_paths, failures, seconds)
 
 
 class _Adding:
     """Where adding stands."""
 
     def __init__(self, store: Store) -> None:
-        self.added = self.skipped = 0
+        self.added = self.skipped = self.new_paths = 0
         self.failures: list[Failure] = []
         self._store = store
         self._rows: list[dict[str, Any]] = []
         self._next = 0.0  # when the next commit is due
         self._under_way: set[str] = set()  # hashes given out ...
         self._committed: set[str] = set()  # ... of which the store has got these since it was asked
-        self._changed: set[str] = set()  # paths whose old row is to be replaced
+        self._copies: dict[str, list[str]] = {}  # paths of identical files, by hashes under way
 
     @property
     def computed(self) -> int:
         return self.added + len(self._rows) + len(self.failures)
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
-        """Files whose content is nowhere yet, or not their row's, and None after each lot."""
+        """Files whose content is nowhere yet, and None after each lot."""
         for files in hashed(find_files(given)):
             self.failures += [one for one in files if isinstance(one, Failure)]
             readable = [one for one in files if not isinstance(one, Failure)]
             self._under_way -= self._committed
             self._committed.clear()
-            known = self._store.known("id", [digest for _, digest in readable])
-            rows = self._store.select(["path", "id"], among("path", [one for one, _ in readable]))
-            kept = {row["path"]: row["id"] for row in rows}
+            paths = self._store.paths_of(digest for _, digest in readable)
+            self._update(readable, paths)
             for path, digest in readable:
-                # What it has now may be known from another file: its row must not stay what it was.
-                changed = kept.get(path, digest) != digest and path not in self._changed
-                if not changed and (digest in known or digest in self._under_way):
+                if digest in paths:
                     self.skipped += 1
+                elif digest in self._under_way:
+                    self.skipped += 1
+                    self._copies.setdefault(digest, []).append(path)
                 else:
-                    if changed:
-                        self._changed.add(path)
                     self._under_way.add(digest)
                     yield path, digest
             yield None
 
+    def _update(self, files: Sequence[File], paths: dict[str, list[str]]) -> None:
+        """Give shapes that are there the paths of these files, and drop paths without a file."""
+        new = [
+            (path, digest)
+            for path, digest in dict.fromkeys(files)
+            if path not in paths.get(digest, [path])
+        ]
+        self._store.copy(new)  # first: an interruption then leaves a path too many, not too few
+        self.new_paths += len(new)
+        old = {path for _, digest in files for path in paths.get(digest, [])}
+        self._store.remove(sorted(filter(is_gone, old - {path for path, _ in files})))
+
     def take(self, file: File, value: dict[str, Any] | Failure) -> None:
         if isinstance(value, Failure):
             self._under_way.discard(file[1])
-            self.failures.append(value)
+            copies = self._copies.pop(file[1], [])
+            self.skipped -= len(copies)
+            self.failures += [replace(value, path=path) for path in (value.path, *copies)]
             return
         self._rows.append(value)
 
@@ -114,12 +129,22 @@ class _Adding:
         if not self._rows:
             return
         start = time.monotonic()
-        self._store.commit(self._rows)
+        rows = {row["path"]: row for row in self._rows}
+        for row in self._rows:
+            rows |= {path: {**row, "path": path} for path in self._copies.pop(row["id"], [])}
+        self._store.commit(list(rows.values()))
         self._committed.update(row["id"] for row in self._rows)
         self.added += len(self._rows)
+        self.new_paths += len(rows) - len({row["path"] for row in self._rows})
         self._rows = []
         end = time.monotonic()
         self._next = end + max(_SECONDS_BETWEEN, (end - start) / _COMMITS_SHARE)
+
+    def finish(self) -> None:
+        """Add copies that were found after the file that they are copies of was committed."""
+        files = [(path, digest) for digest, some in self._copies.items() for path in some]
+        self._update(files, self._store.paths_of(self._copies))
+        self._copies = {}
 
 
 def _make_row(file: File) -> dict[str, Any] | Failure:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched
-from unbend.collection._store import SMALL, Store, among, check_outside
+from unbend.collection._store import Store, among, check_outside
 from unbend.errors import FileError, InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
@@ -87,6 +89,7 @@ class Collection:
             raise self._empty()
         return Info(
             n_shapes=len(self),
+            n_files=len(self._store),
             n_bytes=self._store.n_bytes(),
             version=self._store.version() or DESCRIPTOR_VERSION,
             descriptor_length=self._store.width,
@@ -95,12 +98,11 @@ class Collection:
         )
 
     def __len__(self) -> int:
-        return len(self._store)
+        return self._store.n_shapes()
 
     def __iter__(self) -> Iterator[Entry]:
         """Iterate over the shapes in the order of the store, in bounded memory."""
-        for batch in self._store.batches(SMALL):
-            yield from (Entry(**row) for row in batch.to_pylist())
+        return self._store.entries()
 
     def __repr__(self) -> str:
         return f"Collection({self.path!r}, {len(self)} shapes)"
@@ -118,6 +120,10 @@ class Collection:
         A file whose content is there already is skipped, so that an interrupted run goes on where
         it was: what was finished is on disk seconds later, whatever happens then. A file that
         cannot be used stops nothing.
+
+        Identical files are one shape with several paths. Adding brings the paths of a shape up to
+        date: the path of an identical file is added, and paths without a file are dropped. So a
+        folder that was moved is added again from where it is now.
 
         Parameters
         ----------
@@ -194,21 +200,18 @@ class Collection:
         if rerank not in ("none", "form", "match"):
             raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
         self._check_filled()
-        index = index and len(self) >= _LEAST_INDEXED
+        index = index and len(self._store) >= _LEAST_INDEXED
         if index:
             self._store.build_index()
         query = as_mesh(mesh)
         basis = make_basis(query)
         most = {"none": n, "form": max(2 * n, 100), "match": 2 * n}[rerank]
-        found = self._store.nearest(describe(basis), most, index=index)
-        hits = [
-            Hit(one["id"], one["path"], float(np.sqrt(max(one["_distance"], 0)))) for one in found
-        ]
+        hits = self._store.nearest(describe(basis), most, index=index)
         if rerank == "none":
             return hits
         if rerank == "form":
             return rank_by_form(sample_form(basis), hits, self._store)[:n]
-        return rank_by_match(query, hits, progress)[:n]
+        return rank_by_match(query, hits, self.path, progress)[:n]
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
         """Compare every shape with every other by descriptor.
@@ -227,17 +230,19 @@ class Collection:
             memory.
         """
         self._check_filled()
-        free, needed = available_memory(), 3 * 8 * len(self) ** 2
+        n = len(self)
+        free, needed = available_memory(), 3 * 8 * n**2
         if free is not None and needed > free:
             raise InputError(
-                f"all pairs of {len(self):,} shapes need {needed / 2**30:.1f} GiB of memory and "
+                f"all pairs of {n:,} shapes need {needed / 2**30:.1f} GiB of memory and "
                 f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
             )
-        rows = sorted(self._store.select([*SMALL, "descriptor"]), key=lambda row: row["path"])
-        descriptors = np.array([row.pop("descriptor") for row in rows])
         from scipy.spatial.distance import cdist
 
-        return [Entry(**row) for row in rows], cdist(descriptors, descriptors)
+        rows = {row["id"]: row["descriptor"] for row in self._store.select(["id", "descriptor"])}
+        entries = sorted((one for one in self if one.id in rows), key=lambda one: one.path)
+        descriptors = np.array([rows[one.id] for one in entries])
+        return entries, cdist(descriptors, descriptors)
 
     def find(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
@@ -251,18 +256,18 @@ class Collection:
 
     def _find(self, name: str | os.PathLike[str]) -> Entry:
         name = os.fspath(name)
-        path = os.path.abspath(name)
-        conditions = [among("path", [name, path])]
+        conditions = [among("path", [name, os.path.abspath(name)])]
         if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
             conditions.append(f"id LIKE '{name}%'")
-        rows = self._store.select(SMALL, " OR ".join(conditions))
-        if len(rows) != 1:
-            what = "is not" if not rows else "may be several shapes"
+        ids = {row["id"] for row in self._store.select(["id"], " OR ".join(conditions))}
+        if len(ids) != 1:
+            what = "is not" if not ids else "may be several shapes"
             raise InputError(
                 f"{name} {what} in the collection {self.path}: give a path or an id as "
                 "unbend collection list shows them"
             )
-        return Entry(**rows[0])
+        (entry,) = self._store.entries(among("id", ids))
+        return entry
 
     def remove(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
@@ -270,21 +275,28 @@ class Collection:
         Parameters
         ----------
         names : sequence of str or path
-            See :meth:`find`.
+            See :meth:`find`. An id removes the shape with all its paths; a path removes that path
+            alone, and the shape stays while it has others.
 
         Returns
         -------
         list of Entry
-            What was removed.
+            What was removed, with the paths that were.
 
         Raises
         ------
         InputError
             If one is not there; then nothing is removed.
         """
-        entries = list({entry.path: entry for entry in self.find(names)}.values())
-        self._store.remove([entry.path for entry in entries])
-        return entries
+        entries = {}
+        for name in names:
+            entry = self._find(name)
+            named = {entry.path, *entry.also} & {os.fspath(name), os.path.abspath(name)}
+            if named:
+                entry = replace(entry, path=named.pop(), also=())
+            entries[entry.path, entry.also] = entry
+        self._store.remove([path for one in entries.values() for path in (one.path, *one.also)])
+        return list(entries.values())
 
     def match(
         self,
@@ -327,15 +339,14 @@ class Collection:
         if pairs is None:
             entries = sorted(self, key=lambda entry: entry.path)
             n = len(entries)
-            return match_pairs(
-                lambda: itertools.combinations(entries, 2), n * (n - 1) // 2, out, **options
-            )
+            every = functools.partial(itertools.combinations, entries, 2)
+            return match_pairs(every, n * (n - 1) // 2, out, store=self.path, **options)
         named = [tuple(pair) for pair in pairs]
         if wrong := [pair for pair in named if len(pair) != 2]:
             raise InputError(f"a pair is a source and a target, not {wrong[0]}")
         known = {name: self._find(name) for name in dict.fromkeys(itertools.chain(*named))}
         chosen = list(dict.fromkeys((known[source], known[target]) for source, target in named))
-        return match_pairs(lambda: iter(chosen), len(chosen), out, **options)
+        return match_pairs(lambda: iter(chosen), len(chosen), out, store=self.path, **options)
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""
@@ -343,7 +354,7 @@ class Collection:
         return bytes(row["thumbnail"])
 
     def export(self, path: str | os.PathLike[str]) -> int:
-        """Write what is kept of every shape, in bounded memory.
+        """Write what is kept of every file's shape, in bounded memory.
 
         Parameters
         ----------
@@ -354,7 +365,7 @@ class Collection:
         Returns
         -------
         int
-            Number of shapes.
+            Number of rows: one for each file. Those of identical files share an id.
 
         Raises
         ------
@@ -370,7 +381,7 @@ class Collection:
 
     def _check_filled(self) -> None:
         self._check_version()
-        if not len(self):
+        if not len(self._store):
             raise self._empty()
 
     def _empty(self) -> FileError:

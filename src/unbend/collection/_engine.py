@@ -189,7 +189,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         import dask
         from distributed import Client
     except ImportError:
-        raise MissingExtraError("dask", "collection") from None
+        raise MissingExtraError("dask", "distributed") from None
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=_PATIENCE_SECONDS // 4, set_as_default=False)
@@ -206,6 +206,9 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     settings = {
         # The engine tries again by itself, apart from others that only stood beside.
         "distributed.scheduler.allowed-failures": 0,
+        # A worker that died is replaced, however long a busy machine takes to start another:
+        # after the 15 seconds that are the default, the cluster would give it up for good.
+        "distributed.deploy.lost-worker-timeout": "1 day",
         # Rows are small: what grows is what the mesh at hand takes, which cannot be spilled.
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,

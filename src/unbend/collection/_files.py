@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from unbend._parallel import run_all
-from unbend.collection._rows import Failure
+from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError
 
 # What a folder is searched through for: points and arrays are added by name or pattern only.
@@ -88,6 +88,40 @@ def _hash(path: str) -> tuple[str, str] | Failure:
         return Failure(path, "there is no such file")
     except OSError as error:
         return Failure(path, f"it cannot be read: {error.strerror or error}")
+
+
+def find_file(shape: Entry | Hit, store: str) -> str:
+    """Find a file of a shape that has the content with which it was added.
+
+    Raises
+    ------
+    FileError
+        If there is none; the message says how to bring the collection at `store` up to date.
+    """
+    reasons = []
+    for path in (shape.path, *shape.also):
+        found = _hash(path)
+        if isinstance(found, Failure):
+            reasons.append(f"{path} ({found.reason})")
+        elif found[1] == shape.id:
+            return path
+        else:
+            reasons.append(f"{path} (it has changed since it was added)")
+    raise FileError(
+        f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
+        "the folder that it is in now"
+    )
+
+
+def is_gone(path: str) -> bool:
+    """Whether there is certainly no file; one that cannot be looked for may be there."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 from unbend._types import Progress
 from unbend.collection._engine import Run, engine
-from unbend.collection._files import content_hash, make_folder
+from unbend.collection._files import find_file, make_folder
 from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
-from unbend.errors import FileError, UnbendWarning
+from unbend.errors import UnbendWarning
 from unbend.io import atomic_write, read_mesh
 from unbend.matching import match, prepare_spectrum, read_match, write_match
 from unbend.mesh import Mesh
@@ -36,6 +36,7 @@ class Task(NamedTuple):
 
     entries: tuple[Entry, ...]
     out: str
+    store: str  # whose shapes they are
 
 
 def match_pairs(
@@ -43,6 +44,7 @@ def match_pairs(
     n_pairs: int,
     out: str | os.PathLike[str],
     *,
+    store: str,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
@@ -56,6 +58,8 @@ def match_pairs(
     n_pairs : int
     out : path
         Folder for the matches; made if it does not exist.
+    store : str
+        Path of the collection.
     workers, scheduler
         See :func:`unbend.collection._engine.engine`.
     progress : callable, optional
@@ -73,11 +77,11 @@ def match_pairs(
     if left:
         with engine(workers=workers, scheduler=scheduler) as run:
             tell = counted(progress, "spectra", len(left))
-            shapes = (Task((entry,), str(folder)) for entry in left.values())
+            shapes = (Task((entry,), str(folder), store) for entry in left.values())
             failures += filter(None, _each(run, keep_spectrum, shapes, tell))
             bad = {one.path for one in failures}
             tasks = (
-                Task(pair, str(folder))
+                Task(pair, str(folder), store)
                 for pair in pairs()
                 if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
             )
@@ -109,7 +113,7 @@ def _each(
 
 def keep_spectrum(task: Task) -> Failure | None:
     """Compute the eigenpairs that a shape's matches need, and keep them for them."""
-    return _tried(task, lambda: prepare_spectrum(_read(task.entries[0])))
+    return _tried(task, lambda: prepare_spectrum(_read(task.entries[0], task.store)))
 
 
 def match_pair(task: Task) -> Failure | None:
@@ -117,7 +121,7 @@ def match_pair(task: Task) -> Failure | None:
     source, target = task.entries
 
     def work() -> None:
-        found = match(_read(source), _read(target))
+        found = match(_read(source, task.store), _read(target, task.store))
         write_match(Path(task.out, file_name(source, target)), found)
 
     return _tried(task, work)
@@ -143,14 +147,8 @@ def file_name(source: Entry, target: Entry) -> str:
     return f"{stems[0]}-{stems[1]}-{source.id[:8]}-{target.id[:8]}.npz"
 
 
-def _read(entry: Entry) -> Mesh:
-    try:
-        unchanged = content_hash(entry.path) == entry.id
-    except OSError as error:
-        raise FileError(f"cannot read {entry.path}: {error.strerror or error}") from error
-    if not unchanged:
-        raise FileError(f"{entry.path} is not what it was when it was added; add it again")
-    return read_mesh(entry.path)
+def _read(entry: Entry, store: str) -> Mesh:
+    return read_mesh(find_file(entry, store))
 
 
 def _done(folder: Path, pair: Pair) -> bool:

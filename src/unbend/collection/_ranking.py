@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,10 @@ import numpy as np
 from unbend._types import FloatArray, Progress
 from unbend.alignment import align
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._files import find_file
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store
-from unbend.errors import UnbendError, UnbendWarning
+from unbend.errors import FileError, UnbendError, UnbendWarning
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -27,18 +29,29 @@ def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit
     return _ranked(hits, [align(own, form).residual for form in forms])
 
 
-def rank_by_match(query: Mesh, hits: Sequence[Hit], progress: Progress | None) -> list[Hit]:
-    """Rank by the energy of the match with each; what cannot be matched comes last."""
+def rank_by_match(
+    query: Mesh, hits: Sequence[Hit], store: str, progress: Progress | None
+) -> list[Hit]:
+    """Rank by the energy of the match with each; what cannot be matched comes last.
+
+    Warns
+    -----
+    UnbendWarning
+        If there is no file of a shape; it comes last, too.
+    """
     energies = []
     for i, hit in enumerate(hits):
         if progress is not None:
             progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
-        with warnings.catch_warnings():
+        energies.append(math.inf)
+        try:
+            path = find_file(hit, store)
+        except FileError as error:
+            warnings.warn(f"{error}; until then it comes last", UnbendWarning, stacklevel=3)
+            continue
+        with warnings.catch_warnings(), suppress(UnbendError):
             warnings.simplefilter("ignore", UnbendWarning)
-            try:
-                energies.append(match(query, read_mesh(hit.path)).hypotheses[0].energy)
-            except UnbendError:
-                energies.append(math.inf)
+            energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
     return _ranked(hits, energies)
 
 

@@ -18,12 +18,14 @@ class Entry:
     id : str
         Hash of its file's bytes, 32 hexadecimal digits.
     path : str
-        Where the file was when it was added.
+        Where the file was when it was added; of several files, the first by name.
     n_vertices, n_faces : int
     area : float
         In the file's squared units of length; 0 for a point cloud.
     notes : str
         What was done to the mesh to describe it.
+    also : tuple of str
+        The paths of other files with the same content.
     """
 
     id: str
@@ -32,6 +34,7 @@ class Entry:
     n_faces: int
     area: float
     notes: str
+    also: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Hit:
 
     Attributes
     ----------
-    id, path : str
+    id, path, also
         See :class:`Entry`.
     distance : float
         Of the descriptors; 0 for the same shape.
@@ -53,6 +56,7 @@ class Hit:
     path: str
     distance: float
     reranked: float | None = None
+    also: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class Added:
     ----------
     added, skipped : int
         Shapes that are new, and files whose content was there before.
+    new_paths : int
+        Skipped files whose path was not there before: copies, and files that were moved.
     failures : tuple of Failure
         Files that could not be added.
     seconds : float
@@ -92,6 +98,7 @@ class Added:
 
     added: int
     skipped: int
+    new_paths: int
     failures: tuple[Failure, ...]
     seconds: float
 
@@ -121,7 +128,8 @@ class Info:
 
     Attributes
     ----------
-    n_shapes : int
+    n_shapes, n_files : int
+        Shapes, and the files that they are in.
     n_bytes : int or None
         On disk; None where it is not on this machine's.
     version : str
@@ -134,6 +142,7 @@ class Info:
     """
 
     n_shapes: int
+    n_files: int
     n_bytes: int | None
     version: str
     descriptor_length: int

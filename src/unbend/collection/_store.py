@@ -17,12 +17,13 @@ import numpy.typing as npt
 
 from unbend._parallel import n_cores
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
+from unbend.collection._rows import Entry, Hit
 from unbend.errors import FileError, MissingExtraError, UnbendError
 
 _TABLE = "shapes"
 # Two processes that add one path at once then have one row: the later merges into the earlier's.
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
-SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
+SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns that an Entry has
 # Versions of the table that readers may still be at; older ones make room.
 _KEPT_VERSIONS = timedelta(minutes=15)
 # Small commits that pile up before they are merged into one file: so many at least, and for so
@@ -35,7 +36,9 @@ _WAITS = 0.05, 0.2, 0.5  # seconds for which a table that is being made is waite
 
 
 class Store:
-    """The rows of a collection on disk or in an object store.
+    """The rows of a collection on disk or in an object store: one for each file.
+
+    Files with the same content have the same id, and are one shape.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ class Store:
         try:
             import lancedb
         except ImportError:
-            raise MissingExtraError("lancedb", "collection") from None
+            raise MissingExtraError("lancedb", "dask", "distributed") from None
         self.path = os.fspath(path)
         self._commits, self._next_tidy = 0, 0.0
         self._table: Any = None
@@ -96,6 +99,14 @@ class Store:
     def __len__(self) -> int:
         with self._told():
             return int(self._table.count_rows()) if self.exists else 0
+
+    def n_shapes(self) -> int:
+        """Count the ids; this reads all of them."""
+        import pyarrow as pa
+        from pyarrow.compute import count_distinct
+
+        ids = [batch.column("id") for batch in self.batches(["id"])]
+        return int(count_distinct(pa.chunked_array(ids, pa.string())).as_py())
 
     def commit(self, rows: Sequence[dict[str, Any]]) -> None:
         """Add rows in one commit; a row takes the place of an earlier one of its path."""
@@ -164,9 +175,21 @@ class Store:
             rows = query.to_list() if query is not None else []
         return rows[0]["version"] if rows else None
 
-    def known(self, column: str, values: Iterable[str]) -> set[str]:
-        """Those of some ids or paths that are there."""
-        return {row[column] for row in self.select([column], among(column, values))}
+    def paths_of(self, ids: Iterable[str]) -> dict[str, list[str]]:
+        """Sorted paths of the shapes that are there, by their ids."""
+        paths: dict[str, list[str]] = {}
+        for row in self.select(["id", "path"], among("id", ids)):
+            paths.setdefault(row["id"], []).append(row["path"])
+        return {one: sorted(some) for one, some in paths.items()}
+
+    def copy(self, files: Sequence[tuple[str, str]]) -> None:
+        """Add rows of new paths for shapes that are there, given as paths and ids."""
+        if files:
+            rows = self.select(self.schema.names, among("id", {digest for _, digest in files}))
+            known = {row["id"]: row for row in rows}
+            self.commit(
+                [{**known[digest], "path": path} for path, digest in files if digest in known]
+            )
 
     def select(self, columns: Sequence[str], where: str | None = None) -> list[dict[str, Any]]:
         """Rows that a condition holds for, all of them at once."""
@@ -182,27 +205,46 @@ class Store:
                 query = query.where(where)
             yield from query.to_batches(_ROWS_AT_ONCE)
 
+    def entries(self, where: str | None = None) -> Iterator[Entry]:
+        """Shapes with all their paths, in bounded memory; a condition may be on ids alone."""
+        for batch in self.batches(SMALL, where):
+            rows = batch.to_pylist()
+            paths = self.paths_of({row["id"] for row in rows})
+            for row in rows:
+                found = paths.get(row["id"], [])  # none: another process removed it just now
+                if found[:1] == [row["path"]]:
+                    yield Entry(**row, also=tuple(found[1:]))
+
     def of_ids(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
         """Rows in the order of their ids."""
         found = {row["id"]: row for row in self.select(["id", *columns], among("id", ids))}
         return [found[one] for one in ids]
 
     def remove(self, paths: Sequence[str]) -> None:
-        """Remove rows in one commit; others of the same content, which have their id, stay."""
+        """Remove rows in one commit; a shape that has other paths stays."""
         if paths:
             with self._told():
                 self._table.delete(among("path", paths))
 
-    def nearest(
-        self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool
-    ) -> list[dict[str, Any]]:
-        """Rows with the nearest descriptors, the nearest first, with their `_distance` squared."""
-        with self._told():
-            query = self._table.search(descriptor, vector_column_name="descriptor")
-            query = query.distance_type("l2").select(["id", "path", "_distance"]).limit(n)
-            query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
-            found: list[dict[str, Any]] = query.to_list()
-        return found
+    def nearest(self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool) -> list[Hit]:
+        """Shapes with the nearest descriptors, the nearest first."""
+        limit = n
+        while True:
+            with self._told():
+                query = self._table.search(descriptor, vector_column_name="descriptor")
+                query = query.distance_type("l2").select(["id", "_distance"]).limit(limit)
+                query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
+                rows = query.to_list()
+            apart = {row["id"]: float(np.sqrt(max(row["_distance"], 0))) for row in rows}
+            if len(apart) >= n or len(rows) < limit:
+                break
+            limit *= 2  # some are of one shape
+        paths = self.paths_of(list(apart)[:n])
+        return [
+            Hit(one, paths[one][0], distance, also=tuple(paths[one][1:]))
+            for one, distance in apart.items()
+            if one in paths
+        ]
 
     def build_index(self) -> None:
         """Index the descriptors, or what was added since they were."""

@@ -54,7 +54,7 @@ def fetch_tosca_remeshed(
     Raises
     ------
     MissingExtraError
-        If pooch is not installed: ``pip install 'unbend[data]'``.
+        If pooch is not installed: ``pip install pooch``.
     InputError
         If `base_url` does not begin with https://, and is not on this machine.
     FileError
@@ -103,7 +103,7 @@ def fetch_files(registry: Mapping[str, str], folder: Path, base_url: str, terms:
     try:
         import pooch
     except ImportError:
-        raise MissingExtraError("pooch", "data") from None
+        raise MissingExtraError("pooch") from None
 
     address = urlsplit(base_url)
     here = address.scheme == "http" and address.hostname in ("127.0.0.1", "::1", "localhost")

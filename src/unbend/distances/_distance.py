@@ -57,8 +57,7 @@ def distance(
         0-based vertex ids.
     distance : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
         Biharmonic, commute-time and diffusion distances are exact: no eigenpair is left out.
-        ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs the extra
-        ``unbend[exact]``.
+        ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs pygeodesic.
     n_eigenpairs : int, optional
         Truncate a spectral distance to this many eigenpairs (Eq. 1 to 3) instead.
     time : float, optional

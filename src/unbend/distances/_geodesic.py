@@ -153,7 +153,7 @@ def _exact(mesh: Mesh) -> _FromVertex:
     try:
         from pygeodesic.geodesic import PyGeodesicAlgorithmExact
     except ImportError:
-        raise MissingExtraError("pygeodesic", "exact") from None
+        raise MissingExtraError("pygeodesic") from None
     # The solver reads beyond its arrays where an edge has a third face, and finds no path through
     # a vertex where two sheets touch.
     edges = find_edges(mesh.faces, mesh.n_vertices)

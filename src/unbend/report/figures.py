@@ -103,7 +103,7 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
+        raise MissingExtraError("matplotlib") from None
     except ValueError as error:
         raise InputError(f"matplotlib does not start; is MPLBACKEND set? {error}") from None
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")

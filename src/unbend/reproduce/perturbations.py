@@ -65,7 +65,7 @@ def _decimate(mesh: Mesh, share: float) -> Damaged:
     try:
         from fast_simplification import simplify
     except ImportError:
-        raise MissingExtraError("fast-simplification", "reproduce") from None
+        raise MissingExtraError("fast-simplification") from None
     # It wants arrays that it might write to.
     vertices, faces = simplify(mesh.vertices.copy(), mesh.faces.copy(), target_reduction=1 - share)
     left = prepare(Mesh(vertices, faces, name=mesh.name), component="largest")

@@ -25,9 +25,7 @@ _DONE = {
     "shortcut": "the two parts that are nearest in space, among those farther apart on the shape "
     "than half of the longest way, joined by tubes one face wide: the finer the mesh, the narrower",
 }
-_NO_DECIMATION = (
-    "\n\nDecimation was left out: it needs fast-simplification, `pip install 'unbend[reproduce]'`."
-)
+_NO_DECIMATION = "\n\nDecimation was left out: it needs `pip install fast-simplification`."
 
 
 def draw(

@@ -17,7 +17,7 @@ from unbend.cli._common import command_line, say
 if TYPE_CHECKING:
     from unbend._types import FloatArray, Progress
     from unbend.choices import Axis
-    from unbend.collection import Collection, Entry, Failure
+    from unbend.collection import Collection, Entry, Failure, Hit
     from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
@@ -74,6 +74,12 @@ def shown(path: str) -> str:
     return printable(path.removeprefix(here))
 
 
+def shown_shape(shape: Entry | Hit) -> str:
+    """Show the first path of a shape, and that it has others."""
+    more = f" and {len(shape.also) - 1:,} more" if len(shape.also) > 1 else ""
+    return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
+
+
 def list_failures(failures: Sequence[Failure]) -> None:
     """Name on stderr what could not be done, each with its reason."""
     for failure in failures:
@@ -81,32 +87,35 @@ def list_failures(failures: Sequence[Failure]) -> None:
         say("failed", f"{name}: {failure.reason}")
 
 
-def read_found(paths: Sequence[str]) -> list[Mesh]:
+def read_found(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:
     """Read shapes to show them; one whose file is not there any more has nothing to draw."""
     from collections import Counter
     from dataclasses import replace
     from pathlib import Path
 
+    from unbend.collection import find_file
     from unbend.errors import UnbendError
     from unbend.io import read_mesh
     from unbend.mesh import Mesh
     from unbend.report.pages import check_count
 
-    check_count(len(paths))
-    alike = Counter(Path(path).name for path in paths)
+    check_count(len(shapes))
+    alike = Counter(Path(one.path).name for one in shapes)
     found = []
-    for path in paths:
+    for one in shapes:
+        name = Path(one.path).name
         try:
-            mesh = read_mesh(path)
+            mesh = replace(read_mesh(find_file(one, store)), name=name)
         except UnbendError as error:
-            say("failed", f"{shown(path)}: {error}")
-            mesh = Mesh([[0, 0, 0]], name=Path(path).name, notes=(f"not drawn: {error}",))
-        found.append(mesh if alike[mesh.name] == 1 else replace(mesh, name=shown(path)))
+            say("failed", f"{shown(one.path)}: {error}")
+            mesh = Mesh([[0, 0, 0]], name=name, notes=(f"not drawn: {error}",))
+        found.append(mesh if alike[name] == 1 else replace(mesh, name=shown(one.path)))
     return found
 
 
 def write_page(
     report: str,
+    store: str,
     entries: Sequence[Entry],
     distances: FloatArray,
     up: Axis,
@@ -116,7 +125,7 @@ def write_page(
     from unbend.report.pages import similarity_page
 
     similarity_page(
-        read_found([entry.path for entry in entries]),
+        read_found(entries, store),
         distances,
         report,
         measure="distance",

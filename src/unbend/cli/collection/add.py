@@ -35,6 +35,8 @@ def add(
 
     A file whose content is there already is skipped, so the same command goes on where an
     interrupted one was. A file that cannot be used is listed at the end, with exit code 1.
+    Identical files are one shape with several paths. Add a folder again after it was moved, to
+    bring the paths up to date.
 
     \b
     Examples:
@@ -54,6 +56,7 @@ def add(
                 "store": store,
                 "added": done.added,
                 "skipped": done.skipped,
+                "new_paths": done.new_paths,
                 "failed": [vars(one) for one in done.failures],
                 "shapes": len(collection),
                 "seconds": done.seconds,
@@ -61,8 +64,9 @@ def add(
         )
     else:
         rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
+        moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
         typer.echo(
-            f"added {done.added:,}, there before {done.skipped:,}, failed "
+            f"added {done.added:,}, there before {done.skipped:,}{moved}, failed "
             f"{len(done.failures):,}; {store} has {len(collection):,} shapes "
             f"({done.seconds:.1f} s{rate})"
         )

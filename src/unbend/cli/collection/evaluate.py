@@ -21,7 +21,8 @@ def evaluate(
     """Measure how well the descriptors find shapes of a class: every shape asks for its own kind.
 
     The measures are those of the Princeton Shape Benchmark, and mean average precision; 100 % is
-    best, but for the E-measure where classes are small. Shapes without a label do not count.
+    best, but for the E-measure where classes are small. Shapes without a label do not count, nor
+    do shapes whose files are identical but have different labels.
 
     \b
     Examples:
@@ -33,11 +34,12 @@ def evaluate(
     from unbend.collection import read_labels, retrieval_measures
 
     entries, distances = opened(store).distances()
-    found = read_labels(labels, [entry.path for entry in entries])
+    found = read_labels(labels, [(entry.path, *entry.also) for entry in entries])
     kept = np.array([i for i, label in enumerate(found) if label is not None], dtype=int)
     classes = [label for label in found if label is not None]
     if len(kept) < len(entries):
-        say("note", f"{len(entries) - len(kept):,} of {len(entries):,} shapes have no label")
+        left_out = len(entries) - len(kept)
+        say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
     measured = retrieval_measures(distances[np.ix_(kept, kept)], classes)
     if as_json:
         counts = {"n_shapes": len(kept), "n_classes": len(set(classes))}

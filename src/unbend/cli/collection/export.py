@@ -25,6 +25,8 @@ def export(
 ) -> None:
     """Write what is kept of every shape into one table.
 
+    There is a row for each file; those of identical files have the same id.
+
     \b
     Examples:
       unbend collection export shapes -o shapes.parquet
@@ -32,6 +34,6 @@ def export(
     """  # noqa: D301
     count = opened(store).export(out)
     if as_json:
-        print_json({"store": store, "out": out, "shapes": count})
+        print_json({"store": store, "out": out, "rows": count})
         return
-    typer.echo(f"wrote {count:,} shapes to {out}")
+    typer.echo(f"wrote {count:,} rows to {out}, one for each file")

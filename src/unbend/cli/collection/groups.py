@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, UpOption, print_json, write_table
-from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
+from unbend.cli._common import JsonOption, UpOption, print_json, print_written, write_table
+from unbend.cli.collection._common import (
+    ReportOption,
+    StoreArgument,
+    opened,
+    shown_shape,
+    write_page,
+)
+
+if TYPE_CHECKING:
+    from unbend.collection import Entry
 
 
 def groups(
@@ -48,20 +57,22 @@ def groups(
         check_writable(report, (".html",))
     entries, distances = opened(store, csv, report).distances()
     numbers = find_groups(distances, n).tolist()
-    pairs = [(entry.path, number) for entry, number in zip(entries, numbers, strict=True)]
+    members: list[list[Entry]] = [[] for _ in range(max(numbers) + 1)]
+    for entry, number in zip(entries, numbers, strict=True):
+        members[number].append(entry)
+    paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
     if csv is not None:
+        pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
         write_table(csv, [("path", "group"), *pairs])
-    members: list[list[str]] = [[] for _ in range(max(numbers) + 1)]
-    for path, number in pairs:
-        members[number].append(path)
     if report is not None:
-        write_page(report, entries, distances, up, groups=numbers)
+        write_page(report, store, entries, distances, up, groups=numbers)
     if as_json:
-        print_json({"store": store, "groups": members, "report": report})
+        print_json({"store": store, "groups": paths, "csv": csv, "report": report})
         return
-    for number, paths in enumerate(members):
-        typer.echo(f"group {number}: {len(paths):,}")
-        for path in paths:
-            typer.echo(f"  {shown(path)}")
+    for number, some in enumerate(members):
+        typer.echo(f"group {number}: {len(some):,}")
+        for one in some:
+            typer.echo(f"  {shown_shape(one)}")
+    print_written(csv)
     if report is not None:
         typer.echo(f"next: open {report} in a browser")

@@ -44,6 +44,7 @@ def info(
         print_rows(
             {
                 "shapes": f"{found.n_shapes:,}",
+                "files": f"{found.n_files:,}",
                 "size": "unknown" if found.n_bytes is None else f"{found.n_bytes / 2**20:,.1f} MiB",
                 "descriptors": f"version {found.version}, {found.descriptor_length} numbers each",
                 "indexed": "yes" if found.indexed else "no: every search looks at all",
@@ -62,9 +63,11 @@ def info(
         {
             "id": entry.id,
             "path": entry.path,
+            **({"also": ", ".join(entry.also)} if entry.also else {}),
             "vertices": f"{entry.n_vertices:,}",
             "faces": f"{entry.n_faces:,}",
             "area": f"{entry.area:.6g}",
             "notes": entry.notes or "none",
+            **({"written": thumbnail} if thumbnail else {}),
         }
     )

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli._common import JsonOption, print_json
-from unbend.cli.collection._common import SHORT_ID, StoreArgument, opened, shown
+from unbend.cli.collection._common import SHORT_ID, StoreArgument, opened, shown_shape
 
 
 def list_(
@@ -33,8 +33,7 @@ def list_(
     first = list(itertools.islice(entries, 1))  # before anything is printed: it may fail
     typer.echo(f"{'id':<{SHORT_ID}}  {'vertices':>10}  {'faces':>10}  path")
     for one in itertools.chain(first, entries):
-        typer.echo(
-            f"{one.id[:SHORT_ID]}  {one.n_vertices:>10,}  {one.n_faces:>10,}  {shown(one.path)}"
-        )
+        sizes = f"{one.n_vertices:>10,}  {one.n_faces:>10,}"
+        typer.echo(f"{one.id[:SHORT_ID]}  {sizes}  {shown_shape(one)}")
     if n is not None and len(collection) > n:
         typer.echo(f"... of {len(collection):,}")

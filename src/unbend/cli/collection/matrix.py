@@ -7,8 +7,14 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._common import JsonOption, UpOption, print_json, write_table
-from unbend.cli.collection._common import ReportOption, StoreArgument, opened, shown, write_page
+from unbend.cli._common import JsonOption, UpOption, print_json, print_written, write_table
+from unbend.cli.collection._common import (
+    ReportOption,
+    StoreArgument,
+    opened,
+    shown_shape,
+    write_page,
+)
 
 _MOST_PRINTED = 24
 
@@ -53,23 +59,30 @@ def matrix(
 
         draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
     if report is not None:
-        write_page(report, entries, distances, up)
+        write_page(report, store, entries, distances, up)
     if as_json:
-        paths = [entry.path for entry in entries]
         print_json(
-            {"store": store, "paths": paths, "distances": distances.tolist(), "report": report}
+            {
+                "store": store,
+                "paths": [entry.path for entry in entries],
+                "also": [entry.also for entry in entries],
+                "distances": distances.tolist(),
+                "csv": csv,
+                "figure": figure,
+                "report": report,
+            }
         )
         return
     if len(entries) <= _MOST_PRINTED:
-        width = max(len(shown(entry.path)) for entry in entries) + 2
+        names = [shown_shape(entry) for entry in entries]
+        width = max(map(len, names)) + 2
         typer.echo(" " * width + "".join(f"{i:>8}" for i in range(len(entries))))
-        for i, (entry, row) in enumerate(zip(entries, distances, strict=True)):
+        for i, (name, row) in enumerate(zip(names, distances, strict=True)):
             numbers = "".join(f"{value:8.4f}" for value in row)
-            typer.echo(f"{shown(entry.path):<{width}}{numbers}  {i}")
+            typer.echo(f"{name:<{width}}{numbers}  {i}")
     else:
-        typer.echo(
-            f"compared {len(entries):,} shapes, too many to print: "
-            + (", ".join(filter(None, (csv, figure))) or "add --csv OUT or --figure PNG")
-        )
+        hint = "" if csv or figure or report else ": add --csv OUT or --figure PNG"
+        typer.echo(f"compared {len(entries):,} shapes, too many to print{hint}")
+    print_written(csv, figure)
     if report is not None:
         typer.echo(f"next: open {report} in a browser")

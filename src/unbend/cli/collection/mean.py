@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from unbend.cli.collection._common import (
 )
 
 if TYPE_CHECKING:
-    from unbend.collection import MeanShape
+    from unbend.collection import Failure, MeanShape
 
 
 def mean(
@@ -62,11 +63,19 @@ def mean(
       unbend collection mean people --template anna.ply -o statistics
       unbend collection mean skulls --template skull.ply -o form --scale --n-components 10
     """  # noqa: D301
-    from unbend.collection import make_folder, mean_shape, write_mean
+    from unbend.collection import Failure, find_file, make_folder, mean_shape, write_mean
+    from unbend.errors import FileError
 
     collection = opened(store, out)
     make_folder(out)
-    paths = sorted(entry.path for entry in collection)
+    paths: list[str] = []
+    missing: list[Failure] = []
+    for entry in sorted(collection, key=lambda entry: entry.path):
+        try:
+            paths.append(find_file(entry, store))
+        except FileError as error:
+            missing.append(Failure(entry.path, str(error)))
+    list_failures(missing)
     with bar_on_stderr() as progress:
         found = mean_shape(
             paths,
@@ -79,8 +88,9 @@ def mean(
             scheduler=scheduler,
             progress=progress,
         )
-    written = write_mean(out, found)
     list_failures(found.left_out)
+    found = replace(found, left_out=(*missing, *found.left_out))
+    written = write_mean(out, found)
     shares = found.statistics.variances / found.statistics.total_variance
     if as_json:
         print_json(

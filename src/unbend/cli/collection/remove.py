@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli._common import JsonOption, print_json
-from unbend.cli.collection._common import StoreArgument, opened, shown
+from unbend.cli.collection._common import StoreArgument, opened, shown, shown_shape
 
 
 def remove(
@@ -20,17 +20,23 @@ def remove(
 ) -> None:
     """Take shapes out of a collection; their files stay where they are.
 
+    A path takes only that path out of a shape that has several; an id takes out the shape.
+
     \b
     Examples:
       unbend collection remove shapes scans/cat0.off
       unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
     """  # noqa: D301
     collection = opened(store)
+    left = {one.id: {one.path, *one.also} for one in collection.find(shapes)}
     removed = collection.remove(shapes)
+    for entry in removed:
+        left[entry.id] -= {entry.path, *entry.also}
     if as_json:
         removals = [vars(entry) for entry in removed]
         print_json({"store": store, "removed": removals, "shapes": len(collection)})
         return
     for entry in removed:
-        typer.echo(f"removed {shown(entry.path)}")
+        kept = f"; the shape stays as {shown(min(left[entry.id]))}" if left[entry.id] else ""
+        typer.echo(f"removed {shown_shape(entry)}{kept}")
     typer.echo(f"{store} has {len(collection):,} shapes")

@@ -17,7 +17,7 @@ from unbend.cli.collection._common import (
     bar_on_stderr,
     opened,
     read_found,
-    shown,
+    shown_shape,
 )
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
@@ -71,7 +71,7 @@ def search(
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
             search_page(
                 query,
-                read_found([hit.path for hit in hits]),
+                read_found(hits, store),
                 ranked,
                 report,
                 measure=_MEASURES[rerank],
@@ -96,7 +96,7 @@ def search(
     for i, hit in enumerate(hits):
         again = "" if hit.reranked is None else f"  {_number(hit.reranked)}"
         typer.echo(
-            f"{i + 1:>4}  {hit.distance:8.4f}{again}  {hit.id[:SHORT_ID]}  {shown(hit.path)}"
+            f"{i + 1:>4}  {hit.distance:8.4f}{again}  {hit.id[:SHORT_ID]}  {shown_shape(hit)}"
         )
     if report is not None:
         typer.echo(f"next: open {report} in a browser")

@@ -1,0 +1,150 @@
+"""Every output that a command is asked for is written and named, whatever else it is asked for."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import numpy as np
+import pytest
+import typer.main
+from typer.testing import CliRunner
+
+from stones import write_stones
+from unbend import Collection, write_map
+from unbend.cli import app
+
+# Options that take text: what each writes, and those that are read or are no files.
+OUTPUTS = {
+    "--colored": "colored1.glb colored2.ply",
+    "--csv": "table.csv",
+    "--figure": "figure.png",
+    "--out": "out{}",
+    "--report": "page.html",
+    "--thumbnail": "thumbnail.png",
+}
+INPUTS = {
+    *("--data", "--labels", "--landmarks", "--map", "--pairs", "--template", "--values"),
+    *("--target", "--source-truth", "--target-truth", "--mirrored-truth"),
+    *("--component", "--scheduler"),
+}
+# A line for each command that has outputs, with the suffix of its OUT.
+TRUTH = "--source-truth map.txt --target-truth map.txt"
+LINES = {
+    "canonical a.ply --no-cache": ".ply",
+    "distance a.ply --from 0 --no-cache": ".npy",
+    "match a.ply b.ply --method icp --no-cache": ".npz",
+    f"evaluate map.txt --target a.ply {TRUTH}": "",
+    "transfer a.ply b.ply --map map.txt --values values.csv": ".ply",
+    "register a.ply b.ply --map map.txt": ".obj",
+    "similarity a.ply b.ply --known-correspondence --matrix --no-cache": "",
+    "collection search STORE a.ply": "",
+    "collection matrix STORE": "",
+    "collection groups STORE -n 2": "",
+    "collection export STORE": ".csv",
+    "collection info STORE a.ply": "",
+}
+# One output each, in tests of their own.
+ELSEWHERE = {"demo", "reproduce", "collection match", "collection mean"}
+
+
+def commands(
+    group: Any = None, words: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Give every command with the words that call it."""
+    for name, one in (group or typer.main.get_command(app)).commands.items():
+        if hasattr(one, "commands"):
+            yield from commands(one, (*words, name))
+        else:
+            yield (*words, name), one
+
+
+def options(command: Any) -> dict[str, Any]:
+    """Options that take text of any kind, by their long names."""
+    hints = get_type_hints(command.callback)
+    text = {str, str | None, tuple[str, str] | None}
+    return {
+        max(one.opts, key=len): one
+        for one in command.params
+        if one.param_type_name == "option" and hints.get(one.name) in text
+    }
+
+
+def line_of(words: tuple[str, ...]) -> str | None:
+    found = [line for line in LINES if tuple(line.split()[: len(words)]) == words]
+    return found[0] if found else None
+
+
+def with_outputs(line: str, chosen: list[str], folder: Path) -> tuple[list[str], list[str]]:
+    """Give the words of a command line with these outputs, and their files."""
+    arguments, files = shlex.split(line.replace("STORE", "store")), []
+    for name in chosen:
+        paths = [str(folder / one) for one in OUTPUTS[name].format(LINES[line]).split()]
+        arguments += [name, *paths]
+        files += paths
+    return arguments, files
+
+
+def combinations(*, every: bool = False) -> Iterator[Any]:
+    """Give each command line with each choice of its outputs, or with all of them."""
+    for words, command in commands():
+        line = line_of(words)
+        if line is None:
+            continue
+        outputs = {name: one for name, one in options(command).items() if name in OUTPUTS}
+        must = [name for name, one in outputs.items() if one.required]
+        may = [name for name in outputs if name not in must]
+        for n in range(len(may) if every else 0, len(may) + 1):
+            for some in itertools.combinations(may, n):
+                if chosen := [*must, *some]:
+                    yield pytest.param(line, chosen, id=" ".join([*words, *chosen]))
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two shapes, a store of them, and what else is read."""
+    folder = tmp_path_factory.mktemp("outputs")
+    for path, name in zip(write_stones(folder, 2), "ab", strict=True):
+        path.rename(folder / f"{name}.ply")
+    Collection(folder / "store").add(folder, workers=0)
+    write_map(folder / "map.txt", np.arange(162))
+    (folder / "values.csv").write_text("".join(f"{i / 4}\n" for i in range(162)))
+    return folder
+
+
+def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:
+    for words, command in commands():
+        for name in options(command):
+            assert name in OUTPUTS.keys() | INPUTS, f"{words}: does {name} read or write?"
+            tried = line_of(words) is not None or " ".join(words) in ELSEWHERE
+            assert name not in OUTPUTS or tried, f"{words} has no line in LINES"
+
+
+@pytest.mark.parametrize(("line", "chosen"), list(combinations()))
+def test_all_that_is_asked_for_is_written_and_named(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, chosen: list[str]
+) -> None:
+    monkeypatch.chdir(given)
+    arguments, files = with_outputs(line, chosen, tmp_path)
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    for path in files:
+        assert path in done.stdout, f"{path} is not named"
+        assert Path(path).is_dir() or Path(path).stat().st_size > 0, path
+
+
+@pytest.mark.parametrize(("line", "chosen"), list(combinations(every=True)))
+def test_the_json_names_all_that_was_written(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, chosen: list[str]
+) -> None:
+    monkeypatch.chdir(given)
+    arguments, files = with_outputs(line, chosen, tmp_path)
+    told = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)
+    named = [
+        one for value in told.values() for one in (value if isinstance(value, list) else [value])
+    ]
+    assert set(files) <= {one for one in named if isinstance(one, str)}
