@@ -19,7 +19,7 @@ from unbend.distances._metric import Metric
 from unbend.errors import InputError, SolverError
 from unbend.linalg.pseudoinverse import green_and_diagonal, green_operator
 from unbend.linalg.tall import inner
-from unbend.spectral import Spectrum, Surface, eigenpairs
+from unbend.spectral import Spectrum, Surface, eigenpairs, named
 
 _Green = Callable[[FloatArray], FloatArray]
 
@@ -94,13 +94,15 @@ def gram_metric(
     @functools.cache
     def with_diagonal() -> tuple[_Green, FloatArray]:
         check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
-        return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
+        with named(surface):
+            return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
 
     if green is None and sources:
         green = with_diagonal()[0]
     elif green is None:
         check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
-        green = green_operator(stiffness, areas)
+        with named(surface):
+            green = green_operator(stiffness, areas)
 
     def product(green: _Green, block: FloatArray) -> FloatArray:
         once = green(block)

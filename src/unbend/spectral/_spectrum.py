@@ -19,13 +19,13 @@ from unbend.linalg.lanczos import measure_eigenpairs, smallest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 from unbend.spectral._laplacian import Laplacian
-from unbend.spectral._surface import Surface, make_surface
+from unbend.spectral._surface import Surface, make_surface, named
 
 # Largest relative residual |W phi - lambda A phi| / |lambda A phi|, unless another is asked for.
 _RESIDUAL = 1e-8
 # Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
 # otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
-_VERSION = 2
+_VERSION = 3
 # How far from orthonormal eigenfunctions may be, and residuals, as one random combination of the
 # pairs shows them, may exceed the tolerance: by as many times as chance makes of many pairs.
 _SKEW, _CHANCE = 1e-7, 100.0
@@ -168,7 +168,8 @@ def _at_least(
         if found is None or _lacking(operator, *found, tolerance):
             # Behind k pairs is a basis of about 1.6 k + 75 vectors, and polishing copies them.
             check_memory(surface.mesh.name, surface.n_vertices, 4 * count + 75)
-            found = whole_eigenpairs(operator, count, tolerance)
+            with named(surface):
+                found = whole_eigenpairs(operator, count, tolerance)
             if cache:
                 store_eigenpairs(key, *found)
         if len(found[0]) >= k:
