@@ -191,7 +191,7 @@ def whole_eigenpairs(
     Of the first `count`, those whose spaces are known to be whole: all but the last value's, or
     all there are. Null space, bases and signs are fixed.
     """
-    null = null_space(operator)[:, :count]
+    null = null_space(operator, count)
     c = null.shape[1]
     if c == count:
         return np.zeros(count), fix_signs(null, operator.areas)
@@ -230,12 +230,15 @@ def _lacking(
     return ""
 
 
-def null_space(operator: Laplacian) -> FloatArray:
-    """Area-orthonormal functions constant on each component, (n, c); the first is on all."""
+def null_space(operator: Laplacian, most: int) -> FloatArray:
+    """Area-orthonormal functions constant on each component, (n, c); the first is on all.
+
+    There are as many as components, but no more than `most`.
+    """
     count, label = csgraph.connected_components(operator.stiffness, directed=False)
     component_areas = np.bincount(label, operator.areas)
-    # An orthogonal matrix whose first column is the constant, in units of each component.
-    basis = np.eye(count)
+    # Columns of an orthogonal matrix. The first is the constant, in units of each component.
+    basis = np.eye(count, min(count, most))
     basis[:, 0] = np.sqrt(component_areas / component_areas.sum())
     basis = np.linalg.qr(basis)[0]
     functions: FloatArray = (basis / np.sqrt(component_areas)[:, None])[label]
