@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._display import Brief
+from unbend._memory import check_robust_memory
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
@@ -72,7 +73,7 @@ def laplacian(
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
         mesh with a degenerate face. If no face has an area, or the mesh is too small or too large
-        for double precision.
+        for double precision. If the robust Laplacian does not fit into the memory that is free.
     SolverError
         If the rows do not sum to zero, an area is negative, or some of the area is lost.
 
@@ -104,6 +105,7 @@ def laplacian(
         if len(prepared.kept_faces) < mesh.n_faces:
             mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
     if laplacian == "robust":
+        check_robust_memory(mesh.name, mesh.n_faces)
         operator = _checked(_robust(mesh), mesh.name)
         _tell_if_wider(operator, mesh)
         return operator

@@ -15,7 +15,7 @@ from unbend._types import FloatArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, SolverError
 from unbend.io import MeshLike
-from unbend.linalg.lanczos import measure_eigenpairs, smallest_eigenpairs
+from unbend.linalg.lanczos import measure_eigenpairs, smallest_eigenpairs, working_columns
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 from unbend.spectral._laplacian import Laplacian
@@ -166,8 +166,7 @@ def _at_least(
             )
         found = load_eigenpairs(key) if cache else None
         if found is None or _lacking(operator, *found, tolerance):
-            # Behind k pairs is a basis of about 1.6 k + 75 vectors, and polishing copies them.
-            check_memory(surface.mesh.name, surface.n_vertices, 4 * count + 75)
+            check_memory(surface.mesh.name, surface.n_vertices, working_columns(count))
             with named(surface):
                 found = whole_eigenpairs(operator, count, tolerance)
             if cache:
