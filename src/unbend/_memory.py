@@ -10,7 +10,7 @@ from pathlib import Path
 from unbend._cgroups import control_groups
 from unbend.errors import InputError, MeshError
 
-# Memory that a process may take in all, in GiB. Workers inherit it.
+# Memory that a process may take in all, in GiB, whatever the system says. Local workers share it.
 LIMIT_VARIABLE = "UNBEND_MEMORY_GIB"
 
 # Entries of the factor for each vertex of a mesh of a million, and the power of the number of
@@ -23,6 +23,11 @@ _ENTRY_BYTES = 8
 _VERTEX_BYTES = 1150
 # The same where only the coarse level is factorised: two levels of matrices and blocks of vectors.
 _ITERATIVE_BYTES = 1100
+# Bytes for each face while the robust Laplacian is built. Measured: 1,770 to 2,110.
+_ROBUST_BYTES = 2_000
+# What Numba takes when it is loaded, which systems of so many vertices do.
+_COMPILER_BYTES, _COMPILED = 110 * 2**20, 2_000
+_FEWER = "reduce the mesh to fewer vertices first"
 
 
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
@@ -52,11 +57,13 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
 def available_memory() -> int | None:
     """Count the bytes that this process may still take, or None where that cannot be known.
 
-    The least of what the machine has left, what each control group above this process allows, and
-    what the user does.
+    The user's word counts alone, where there is one; else the least of what the machine has left
+    and of what each control group above this process allows.
     """
-    found = [_machine(), _user_limit(), *_group_limits()]
-    known = [size for size in found if size is not None]
+    limit = _user_limit()
+    if limit is not None:
+        return limit
+    known = [size for size in (_machine(), *_group_limits()) if size is not None]
     return min(known) if known else None
 
 
@@ -72,17 +79,35 @@ def check_memory(
     MeshError
         With the figures, and what to do.
     """
-    there = available_memory()
     if n_coarse is None:
         needed = needed_memory(n_vertices, columns)
         remedy = "give n_coarse (--n-coarse), or reduce the mesh to fewer vertices first"
     else:
         needed = needed_memory(n_coarse) + n_vertices * (_ITERATIVE_BYTES + 8 * columns)
-        remedy = "reduce the mesh to fewer vertices first"
+        remedy = _FEWER
+    if n_vertices >= _COMPILED and "numba" not in sys.modules:
+        needed += _COMPILER_BYTES
+    _refuse_more(needed, f"{name}: {n_vertices:,} vertices need", remedy)
+
+
+def check_robust_memory(name: str, n_faces: int) -> None:
+    """Refuse a mesh whose robust Laplacian will not fit into memory.
+
+    Raises
+    ------
+    MeshError
+        With the figures, and what to do.
+    """
+    what = f"{name}: the robust Laplacian of {n_faces:,} faces needs"
+    _refuse_more(n_faces * _ROBUST_BYTES, what, _FEWER)
+
+
+def _refuse_more(needed: int, what: str, remedy: str) -> None:
+    there = available_memory()
     if there is not None and needed > there:
         raise MeshError(
-            f"{name}: {n_vertices:,} vertices need about {_gib(needed)} of memory and "
-            f"{_gib(there)} are free; {remedy}"
+            f"{what} about {_gib(needed)} of memory and {_gib(there)} are free; {remedy}; if there "
+            f"is more, say so with --memory-limit ({LIMIT_VARIABLE})"
         )
 
 

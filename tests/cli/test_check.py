@@ -64,6 +64,17 @@ def test_everything_at_once(folder: Path) -> None:
     assert "unbend can work with this mesh." in out
 
 
+def test_faces_that_are_left_out_call_for_nothing_else(folder: Path) -> None:
+    faces = np.vstack([FACES, FACES[:1], [[3, 3, 0]]])
+    write_mesh("twice.off", (VERTICES, faces))
+    code, out, _ = check("twice.off")
+    assert code == 0
+    assert "robust" not in out
+    assert "degenerate faces 1 leaves them out" in " ".join(out.split())
+    assert "non-manifold edges 3 leaves out the faces that repeat others" in " ".join(out.split())
+    assert json.loads(check("twice.off", "--json")[1])["robust_needed"] is False
+
+
 def test_a_refusal_says_why(folder: Path) -> None:
     write_mesh("three.off", (VERTICES[:3], FACES[:1] * 0 + [0, 1, 2]))
     code, out, _ = check("three.off")

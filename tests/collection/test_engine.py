@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from unbend._memory import LIMIT_VARIABLE
 from unbend._parallel import n_cores
 from unbend.collection import _engine
 from unbend.collection._engine import engine
@@ -83,7 +84,7 @@ def test_a_session_without_a_script_stays_one(monkeypatch: pytest.MonkeyPatch) -
     main = sys.modules["__main__"]
     monkeypatch.delattr(main, "__file__", raising=False)
     monkeypatch.setattr(main, "__spec__", "its own", raising=False)
-    with _engine._setting(1):
+    with _engine._setting(1, 2**30):
         assert main.__spec__ is None
     assert main.__spec__ == "its own"
     assert not hasattr(main, "__file__")
@@ -208,6 +209,16 @@ def test_every_worker_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _engine._local_shape(2) == (2, 4, 2**31)
     monkeypatch.setattr(_engine, "available_memory", lambda: 2**30 + 2)
     assert _engine._local_shape(None) == (2, 4, 2**29 + 1)
+
+
+def test_workers_share_what_the_user_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(LIMIT_VARIABLE, raising=False)
+    with _engine._setting(1, 2**29):
+        assert LIMIT_VARIABLE not in os.environ
+    monkeypatch.setenv(LIMIT_VARIABLE, "4")
+    with _engine._setting(1, 2**29):
+        assert os.environ[LIMIT_VARIABLE] == "0.5"
+    assert os.environ[LIMIT_VARIABLE] == "4"
 
 
 def test_a_cluster_that_is_ended_half_made_is_left_to_itself(

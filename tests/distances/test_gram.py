@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import dense
-from unbend import Mesh, diagnose, distance, laplacian, spectrum
+from unbend import Mesh, diagnose, distance, farthest_point_sampling, laplacian, spectrum
 from unbend.datasets import make_sphere
 from unbend.distances import _gram, gram_metric, make_metric, truncated_metric
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
-from unbend.linalg.pseudoinverse import green_operator
+from unbend.linalg.factorization import Factorization
+from unbend.linalg.pseudoinverse import green_and_diagonal
 from unbend.spectral import make_surface
 
 TIME = 0.2
@@ -42,20 +43,23 @@ def test_from_sources_equals_the_dense_formula(blob, kind):
 
 
 @pytest.mark.parametrize("kind", ["biharmonic", "commute-time"])
-def test_the_diagonal_is_solved_for_once(blob, kind):
-    """Sources one at a time, as farthest-point sampling asks for them."""
-    surface = make_surface(blob)
-    green = green_operator(surface.operator.stiffness, surface.operator.areas)
-    columns = []
+def test_the_diagonal_is_not_solved_for(blob, kind, monkeypatch):
+    """Nor computed again for each source, as farthest-point sampling asks for them."""
+    mesh, columns = blob, []
+    monkeypatch.setattr("unbend.linalg.pseudoinverse._COMPILED_PAYS", 0)
+    solve = Factorization.solve
 
-    def counted(block):
-        columns.append(block.shape[1])
-        return green(block)
+    def counted(self, rhs):
+        columns.append(rhs[:1].size)
+        return solve(self, rhs)
 
-    metric = gram_metric(kind, surface, TIME, counted)
+    monkeypatch.setattr(Factorization, "solve", counted)
+    metric = make_metric(kind, make_surface(mesh), sources=True)
     rows = [metric.from_sources(np.array([source])) for source in (3, 90, 5)]
-    assert (np.vstack(rows)[:, [3, 90, 5]].diagonal() == 0).all()
-    assert sum(columns) <= blob.n_vertices + 3 * 2
+    assert sum(columns) <= 2 + 3 * 2
+    assert len(farthest_point_sampling(mesh, 4, distance=kind, start=0)) == 4
+    expected = dense.distances(dense.kernel(make_surface(mesh).operator, FILTERS[kind]))
+    np.testing.assert_allclose(np.vstack(rows), expected[[3, 90, 5]], atol=1e-6 * expected.max())
 
 
 def test_all_eigenpairs_truncate_nothing(blob, kind):
@@ -131,11 +135,11 @@ def test_geodesic_cannot_be_truncated(blob):
     ],
 )
 def test_a_kernel_that_is_none_is_an_error_with_the_figure(blob, monkeypatch, kind, spoil, message):
-    def wrong(stiffness, areas):
-        right = green_operator(stiffness, areas)
-        return lambda block: spoil(right(block))
+    def wrong(*operator, **options):
+        right, diagonal = green_and_diagonal(*operator, **options)
+        return lambda block: spoil(right(block)), spoil(diagonal)
 
-    monkeypatch.setattr("unbend.distances._gram.green_operator", wrong)
+    monkeypatch.setattr("unbend.distances._gram.green_and_diagonal", wrong)
     with pytest.raises(SolverError, match=message):
         distance(blob, [0, 9], distance=kind)
 
@@ -265,12 +269,12 @@ def test_one_vertex_where_two_ways_to_a_kernel_differ_is_enough(blob, monkeypatc
     surface = make_surface(blob)
     kernel = dense.kernel(surface.operator, FILTERS["biharmonic"]).diagonal()
 
-    def wrong(stiffness, areas):
-        right = green_operator(stiffness, areas)
-        return lambda block: right(block) * (1 + 1e-3 * (block[9] == 1))
+    def wrong(*operator, **options):
+        right, diagonal = green_and_diagonal(*operator, **options)
+        return lambda block: right(block) * (1 + 1e-3 * (block[9] == 1)), diagonal
 
-    monkeypatch.setattr("unbend.distances._gram.green_operator", wrong)
-    figure = f"{(1.001**2 - 1.001) * kernel[9] / np.delete(kernel, 9).max():.1e}"
+    monkeypatch.setattr("unbend.distances._gram.green_and_diagonal", wrong)
+    figure = f"{1e-3 * kernel[9] / kernel.max():.1e}"
     with pytest.raises(SolverError, match=f"differ by {figure} of its largest"):
         distance(blob, [0, 9])
     monkeypatch.undo()

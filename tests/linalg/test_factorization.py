@@ -181,11 +181,13 @@ def test_zero_pivots_are_refined_away(backend):
         (300_000, {"many": True}, ["multifrontal"]),
         (900_000, {}, ["cholmod", "multifrontal"]),
         (900_000, {"indefinite": True}, ["multifrontal"]),
+        (100, {"diagonal": True}, ["multifrontal"]),
+        (900_000, {"diagonal": True}, ["multifrontal"]),
     ],
 )
 def test_larger_systems_have_other_engines(n, options, expected, monkeypatch):
     monkeypatch.setattr(factorization, "_installed", lambda name: True)
-    options = {"indefinite": False, "many": False, **options}
+    options = {"indefinite": False, "many": False, "diagonal": False, **options}
     assert [name for name, _ in factorization._backends(n, **options)] == expected
     assert factorize(sp.eye_array(5)).backend == "qdldl"
     assert factorize(sp.eye_array(5), many=True).backend == "qdldl+numba"

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 
-from tests.linalg.problems import laplacian, scattered
-from unbend.linalg.pseudoinverse import green_operator, on_zero_means, pinned
+from tests.linalg.problems import icosphere, laplacian, scattered, square
+from unbend.linalg import pseudoinverse
+from unbend.linalg.pseudoinverse import green_and_diagonal, green_operator, on_zero_means, pinned
 
 
 @pytest.mark.parametrize("unit", [0.1, 1.0, 7.0])
@@ -39,3 +41,34 @@ def test_further_arguments_reach_the_solver():
 
     on_zero_means(solve, np.ones(3))(np.arange(3.0), "guess", tol=0.5)
     assert given == [(("guess",), {"tol": 0.5})]
+
+
+def stretched(levels, lengths):
+    vertices, faces = icosphere(levels)
+    return vertices * lengths, faces
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("unit", [0.1, 1.0, 7.0])
+@pytest.mark.parametrize(
+    "surface",
+    [
+        *(scattered(n, n) for n in (4, 9, 30, 80, 300)),
+        *(icosphere(levels) for levels in range(4)),
+        *(stretched(2, lengths) for lengths in ([1, 1, 30], [1, 1, 0.02])),
+        square(12),
+    ],
+)
+def test_diagonals_are_those_of_the_dense_kernels(surface, unit, compiled, monkeypatch):
+    """By solves for all columns, and by selected inversion."""
+    monkeypatch.setattr(pseudoinverse, "_COMPILED_PAYS", 0 if compiled else 10**9)
+    stiffness, areas = laplacian(*surface)
+    areas = areas * unit
+    values, functions = scipy.linalg.eigh(stiffness.toarray(), np.diag(areas))
+    for biharmonic, power in ((False, 1), (True, 2)):
+        expected = (functions[:, 1:] ** 2 / values[1:] ** power).sum(axis=1)
+        green, found = green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    load = np.random.default_rng(0).standard_normal((len(areas), 2))
+    expected = green_operator(stiffness, areas)(load)
+    np.testing.assert_allclose(green(load), expected, atol=1e-11 * abs(expected).max())

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from unbend import Mesh
+from unbend import Mesh, laplacian
 from unbend.io import read_mesh, write_mesh
 from unbend.mesh import count_non_manifold_vertices, find_edges, proper_faces
-from unbend.preparation import diagnose
+from unbend.preparation import diagnose, prepare
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 CUBE_FACES = np.array(
@@ -73,8 +73,8 @@ def test_a_cube() -> None:
         "edge_min": 1,
         "edge_median": 1,
         "edge_max": pytest.approx(np.sqrt(2)),
+        "robust_needed": False,
     }
-    assert not health.robust_needed
 
 
 def test_a_strip_has_one_side(moebius_strip: Mesh) -> None:
@@ -243,6 +243,32 @@ def test_numbering_does_not_matter(seed: int) -> None:
     expected, found = dataclasses.asdict(diagnose(mesh)), dataclasses.asdict(diagnose(turned))
     for name, value in expected.items():
         assert found[name] == pytest.approx(value), name
+
+
+@pytest.mark.parametrize(
+    ("more", "robust"),
+    [
+        ([[0, 0, 3]], False),  # names a vertex twice
+        ([[1, 0, 3], [3, 0, 1]], False),  # repeat the first face
+        ([[3, 1, 0], [7, 7, 7]], False),
+        ([[0, 1, 7]], True),  # a third face at two edges
+        ([[0, 1, 7], [7, 1, 0]], True),
+        ([[0, 0, 3], [1, 0, 3], [0, 1, 7]], True),
+    ],
+)
+def test_the_robust_laplacian_is_needed_where_computations_take_it(more, robust) -> None:
+    mesh = Mesh(CUBE_VERTICES, np.vstack([CUBE_FACES, more]))
+    health = diagnose(mesh)
+    assert health.degenerate_faces or health.non_manifold_edges
+    assert health.robust_needed == prepare(mesh).robust_needed == robust
+    assert laplacian(mesh).kind == ("robust" if robust else "cotangent")
+
+
+def test_the_robust_laplacian_is_not_needed_where_nothing_can_be_computed() -> None:
+    line = np.arange(5)[:, None] * np.ones(3)
+    health = diagnose(Mesh(line, [[0, 1, 2], [1, 2, 3], [2, 3, 4]]))
+    assert health.degenerate_faces == 3
+    assert not health.robust_needed
 
 
 def test_real_shapes(real_data: Path) -> None:

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unbend import Mesh, laplacian
+from unbend import Mesh, canonical_form, distance, laplacian, spectrum
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError, SolverError
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.preparation import prepare
 from unbend.spectral import _laplacian
 from unbend.spectral._laplacian import choose_kind
@@ -104,6 +104,40 @@ def test_auto_chooses_robust_for_a_degenerate_face(blob):
     split = np.vstack([blob.faces[1:], [[i, n, k], [n, j, k], [i, j, n]]])
     assert laplacian(blob).kind == "cotangent"
     assert laplacian(Mesh(np.vstack([blob.vertices, [middle]]), split)).kind == "robust"
+
+
+@pytest.mark.parametrize(("length", "kind"), [(1e7, "cotangent"), (1e8, "robust")])
+def test_auto_takes_the_robust_laplacian_where_faces_are_too_thin(length, kind):
+    """It widens them, and says so."""
+    sphere = make_sphere(2)
+    long = Mesh(sphere.vertices * [1, 1, length], sphere.faces, name="long")
+    if kind == "cotangent":
+        found = laplacian(long)
+        assert found.areas.sum() == pytest.approx(face_areas(long).sum(), rel=1e-9)
+    else:
+        too_thin = (
+            r"^long: the robust Laplacian takes its area for 1.16e\+14, .* 9.69e\+08: they are"
+        )
+        with pytest.warns(UnbendWarning, match=too_thin):
+            found = laplacian(long)
+    assert found.kind == kind
+
+
+@pytest.mark.filterwarnings("ignore:thin. robust Laplacian, because of 2 degenerate faces")
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda mesh: distance(mesh, 0, laplacian="cotangent"),
+        lambda mesh: canonical_form(mesh, laplacian="cotangent"),
+        lambda mesh: spectrum(mesh, 3, laplacian="cotangent"),
+    ],
+)
+def test_a_singular_laplacian_names_the_mesh_and_the_robust_one(blob, compute):
+    points = blob.vertices.copy()
+    here, there = blob.faces[0, :2]
+    points[there] = points[here] + 1e-14 * (points[there] - points[here])
+    with pytest.raises(SolverError, match=r'^thin: .*; if .* thin, use the "robust" Laplacian'):
+        compute(Mesh(points, blob.faces, name="thin"))
 
 
 def test_faces_that_repeat_a_vertex_or_another_face_do_not_count(blob):

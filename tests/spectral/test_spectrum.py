@@ -1,5 +1,6 @@
 import contextlib
 import shutil
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -317,6 +318,25 @@ def test_what_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="642 vertices need about"):
         spectrum(blob, 3, cache=False)
+
+
+def test_few_functions_of_many_components_take_little_memory():
+    """Of 3,000 triangles, as a torn scan has them; a function for each would take 200 MB."""
+    rng = np.random.default_rng(0)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]) * rng.uniform(0.5, 2, (3000, 1, 1))
+    places = np.arange(3000)[:, None, None] * [0, 0, 1.0]
+    torn = Mesh((corners + places).reshape(-1, 3), np.arange(9000).reshape(-1, 3))
+    tracemalloc.start()
+    found = spectrum(torn, 6, cache=False)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40e6
+    functions, areas = found.eigenfunctions, found.areas
+    np.testing.assert_array_equal(found.eigenvalues, 0)
+    np.testing.assert_allclose(functions[:, 0], areas.sum() ** -0.5, rtol=1e-12)
+    np.testing.assert_allclose(functions.T @ (areas[:, None] * functions), np.eye(6), atol=1e-12)
+    np.testing.assert_allclose(functions[0::3], functions[1::3], rtol=1e-12)
+    np.testing.assert_array_equal(functions, spectrum(torn, 6, cache=False).eigenfunctions)
 
 
 def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob_and_ball, monkeypatch):

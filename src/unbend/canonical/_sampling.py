@@ -79,7 +79,7 @@ def farthest_point_sampling(
             laplacian=None if laplacian == "auto" else laplacian,
         )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(distance, surface, time=diffused, cache=cache)
+    metric = make_metric(distance, surface, time=diffused, sources=True, cache=cache)
     if start is None:
         first = shape_end(eigenpairs(surface, 2, cache=cache))
     else:

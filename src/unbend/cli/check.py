@@ -58,7 +58,6 @@ def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
                 "file": mesh,
                 "notes": shape.notes,
                 **dataclasses.asdict(health),
-                "robust_needed": health.robust_needed,
                 "usable": verdict.usable,
                 "verdict": verdict.sentence,
                 "next_step": verdict.next_step,
@@ -110,14 +109,17 @@ def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
         rows.append(
             Row("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max")
         )
-    robust = "uses the robust Laplacian"
+    collapsed, branching = "leaves them out", "leaves out the faces that repeat others"
+    if health.robust_needed:
+        branching = "uses the robust Laplacian"
+        collapsed = f"{branching}, or leaves them out"
     turned = "nothing; it does not matter"
     if health.one_sided:
         turned = "one side only: match refuses it"
     problems = (
-        (health.degenerate_faces, "degenerate faces", f"{robust}, or leaves them out"),
-        (health.non_manifold_edges, "non-manifold edges", robust),
-        (health.non_manifold_vertices, "non-manifold vertices", robust),
+        (health.degenerate_faces, "degenerate faces", collapsed),
+        (health.non_manifold_edges, "non-manifold edges", branching),
+        (health.non_manifold_vertices, "non-manifold vertices", branching),
         (health.inconsistent_edges, "edges with flipped faces", turned),
         (health.unreferenced_vertices, "unreferenced vertices", "gives them NaN"),
         (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),

@@ -21,7 +21,7 @@ from unbend._types import FloatArray
 from unbend.collection._whole import whole_surface
 from unbend.errors import SolverError
 from unbend.io import MeshLike, as_mesh
-from unbend.linalg.lanczos import smallest_eigenpairs
+from unbend.linalg.lanczos import smallest_eigenpairs, working_columns
 from unbend.mesh import Mesh
 
 DESCRIPTOR_VERSION = "heat-wave-2"
@@ -108,7 +108,7 @@ def make_basis(mesh: Mesh) -> Basis:
     """Compute the eigenpairs that a shape is described by."""
     _, stiffness, areas = whole_surface(mesh)
     k = min(_N_EIGENPAIRS, len(areas) // 2)
-    check_memory(mesh.name, len(areas), 4 * k + 75)
+    check_memory(mesh.name, len(areas), working_columns(k))
     return Basis(*smallest_eigenpairs(stiffness, areas, k, tol=1e-5), areas)
 
 

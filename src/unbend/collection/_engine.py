@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
-from unbend._memory import available_memory
+from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend.errors import InputError, MissingExtraError, UnbendError
 
@@ -217,7 +217,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     }
     with (
         dask.config.set(settings),
-        _setting(share),
+        _setting(share, memory),
         _local_cluster(
             n_workers=count,
             threads_per_worker=1,
@@ -267,10 +267,11 @@ def _local_shape(workers: int | None) -> tuple[int, int, int]:
 
 
 @contextmanager
-def _setting(share: int) -> Iterator[None]:
+def _setting(share: int, memory: int) -> Iterator[None]:
     """Put things as processes started meanwhile shall find them, and back in the end.
 
-    They are held to their share of threads, which libraries read as they are loaded; and they do
+    They are held to their share of threads, which libraries read as they are loaded, and of the
+    memory that the user allows, if that was said; and they do
     not run the user's script again, of which they need nothing.
     """
     names: dict[str, Any] = vars(sys.modules["__main__"])
@@ -279,6 +280,8 @@ def _setting(share: int) -> Iterator[None]:
     names["__spec__"] = None
     before = dict(os.environ)
     os.environ.update({f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF})
+    if LIMIT_VARIABLE in os.environ:
+        os.environ[LIMIT_VARIABLE] = str(memory / 2**30)
     try:
         yield
     finally:

@@ -17,11 +17,17 @@ from unbend.spectral import Surface, local_ids, make_surface
 
 
 def make_metric(
-    kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION_TIME, cache: bool = True
+    kind: DistanceKind,
+    surface: Surface,
+    *,
+    time: float = DIFFUSION_TIME,
+    sources: bool = False,
+    cache: bool = True,
 ) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
-    `time` is the diffusion time in units of the area; `cache` says whether eigenpairs are kept on
+    `time` is the diffusion time in units of the area; `sources` says that distances from sources
+    will be asked for, which spares a factorisation; `cache` says whether eigenpairs are kept on
     disk.
     """
     check_kind(kind)
@@ -33,7 +39,7 @@ def make_metric(
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
     from unbend.distances._gram import gram_metric
 
-    return gram_metric(kind, surface, time, cache=cache)
+    return gram_metric(kind, surface, time, sources=sources, cache=cache)
 
 
 def distance(
@@ -86,8 +92,9 @@ def distance(
 
     Notes
     -----
-    The diagonal of the biharmonic and commute-time kernels takes one solve per vertex: about a
-    second at 10,000 vertices, growing with the square of their number.
+    Biharmonic and commute-time distances need the whole diagonal of their kernel. It is computed
+    from the factor by selected inversion, which takes about as long as the factorisation; each
+    source then takes two solves, or one.
 
     References
     ----------
@@ -112,7 +119,7 @@ def distance(
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
-        metric = make_metric(distance, surface, time=diffused, cache=cache)
+        metric = make_metric(distance, surface, time=diffused, sources=True, cache=cache)
     else:
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs

@@ -17,9 +17,11 @@ from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
 from unbend.distances._metric import Metric
 from unbend.errors import InputError, SolverError
-from unbend.linalg.pseudoinverse import green_operator
+from unbend.linalg.pseudoinverse import green_and_diagonal, green_operator
 from unbend.linalg.tall import inner
-from unbend.spectral import Spectrum, Surface, eigenpairs
+from unbend.spectral import Spectrum, Surface, eigenpairs, named
+
+_Green = Callable[[FloatArray], FloatArray]
 
 SPECTRAL = ("biharmonic", "commute-time", "diffusion")
 
@@ -72,61 +74,69 @@ def gram_metric(
     kind: DistanceKind,
     surface: Surface,
     time: float,
-    green: Callable[[FloatArray], FloatArray] | None = None,
+    green: _Green | None = None,
     *,
+    sources: bool = False,
     cache: bool = True,
 ) -> Metric:
     """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
 
     `green` is the Green's operator, if there is one already; not for diffusion distances, whose
-    eigenpairs are kept on disk if `cache` says so.
+    eigenpairs are kept on disk if `cache` says so. `sources` says that distances from sources will
+    be asked for: one factorisation then serves all that the metric offers.
     """
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
-    areas = surface.operator.areas
+    stiffness, areas = surface.operator.stiffness, surface.operator.areas
     rounding = _ROUNDING if green is None else _ROUGH
-    if green is None:
-        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
-        green = green_operator(surface.operator.stiffness, areas)
     biharmonic = kind == "biharmonic"
 
-    def product(block: FloatArray) -> FloatArray:
+    @functools.cache
+    def with_diagonal() -> tuple[_Green, FloatArray]:
+        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
+        with named(surface):
+            return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
+
+    if green is None and sources:
+        green = with_diagonal()[0]
+    elif green is None:
+        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
+        with named(surface):
+            green = green_operator(stiffness, areas)
+
+    def product(green: _Green, block: FloatArray) -> FloatArray:
         once = green(block)
         return green((once.T * areas).T) if biharmonic else once
 
     def gram(block: FloatArray) -> FloatArray:
-        return by_columns(product, block)
-
-    def columns(vertices: IntArray) -> FloatArray:
-        return by_columns(green, _indicators(vertices, len(areas)))
+        return by_columns(functools.partial(product, green), block)
 
     def between(samples: IntArray) -> FloatArray:
         n = len(areas)
         column = np.empty((n if biharmonic else len(samples), len(samples)))
         for start in range(0, len(samples), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
-            some = columns(samples[part])
+            some = by_columns(green, _indicators(samples[part], n))
             # K A K = (sqrt(A) K)^T (sqrt(A) K) needs the weights once.
             column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]
         with one_blas_thread():
             kernel = inner(column, column) if biharmonic else column
         return _distances(kernel, kernel.diagonal(), kernel.diagonal(), rounding)
 
-    @functools.cache
-    def diagonal() -> FloatArray:
-        return _diagonal(columns, areas, biharmonic)
-
     def from_sources(sources: IntArray) -> FloatArray:
-        kernel = gram(_indicators(sources, len(areas))).T
-        every, own = diagonal(), np.arange(len(sources))
-        # Of the biharmonic kernel two solves give the one, and the square of one the other.
+        green, every = with_diagonal()
+        columns = functools.partial(product, green)
+        kernel = by_columns(columns, _indicators(sources, len(areas))).T
+        own = np.arange(len(sources))
+        # The kernel comes from solves. Its diagonal comes from the entries of the factor or, on a
+        # small mesh, from other products.
         apart = float(np.abs(kernel[own, sources] - every[sources]).max() / every.max())
-        if not apart <= rounding:
+        if not apart <= _ROUNDING:
             raise SolverError(
                 f"{surface.mesh.name}: two ways to the {kind} kernel differ by {apart:.1e} of its "
                 "largest entry"
             )
-        distances = _distances(kernel, every[sources], every, rounding)
+        distances = _distances(kernel, every[sources], every, _ROUNDING)
         distances[own, sources] = 0.0  # but for rounding
         return distances
 
@@ -151,23 +161,6 @@ def _indicators(vertices: IntArray, n: int) -> FloatArray:
     block = np.zeros((n, len(vertices)))
     block[vertices, np.arange(len(vertices))] = 1.0
     return block
-
-
-def _diagonal(
-    columns: Callable[[IntArray], FloatArray], areas: FloatArray, biharmonic: bool
-) -> FloatArray:
-    """g_jj of all vertices, a few columns at a time."""
-    n = len(areas)
-    diagonal = np.empty(n)
-    width = max(16, min(256, 2**24 // n))
-    for start in range(0, n, width):
-        chunk = np.arange(start, min(start + width, n))
-        column = columns(chunk)
-        if biharmonic:
-            diagonal[chunk] = areas @ column**2
-        else:
-            diagonal[chunk] = column[chunk, np.arange(len(chunk))]
-    return diagonal
 
 
 def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:

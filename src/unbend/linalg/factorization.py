@@ -53,7 +53,7 @@ class Factorization:
     n_negative: int
     backend: str
     _matrix: Any
-    _solve: _Solve
+    _solve: Any
     _n_refinements: int
 
     def solve(self, rhs: FloatArray) -> FloatArray:
@@ -87,16 +87,50 @@ class Factorization:
         block = np.ascontiguousarray(rhs.reshape(n, -1))
         if not _all_finite(block):
             raise InputError("the right-hand side holds NaN or infinite values")
-        solution = self._solve(block)
+        solution: FloatArray = self._solve(block)
         for _ in range(self._n_refinements):
             solution = solution + self._solve(block - self._matrix @ solution)
         if not _all_finite(solution):
             raise SolverError("the solution overflows; scale the matrix or the right-hand side")
         return solution.reshape(rhs.shape)
 
+    def inverse_diagonals(self, weights: FloatArray | None = None) -> FloatArray:
+        """Compute the diagonal of the inverse B and, for a diagonal matrix A, of B A B.
+
+        This takes about as long as the factorisation. The matrix must have been factorised with
+        ``diagonal=True``.
+
+        Parameters
+        ----------
+        weights : (n,) ndarray of float64, optional
+            The diagonal of A.
+
+        Returns
+        -------
+        (1, n) or (2, n) ndarray of float64
+            The diagonal of B and, given `weights`, the diagonal of B A B.
+
+        Raises
+        ------
+        SolverError
+            If the matrix is so close to singular that its solves must be refined.
+        """
+        from unbend.linalg._selected_inverse import inverse_diagonals
+
+        assert self.backend == "multifrontal"  # so it was asked for
+        if self._n_refinements > 0:
+            raise SolverError("the matrix is too close to singular for entries of its inverse")
+        (found,) = self._solve.args  # a partial function of the multifrontal factor
+        return inverse_diagonals(found, weights)
+
 
 def factorize(
-    matrix: SparseMatrix, *, indefinite: bool = False, refine: bool = True, many: bool = False
+    matrix: SparseMatrix,
+    *,
+    indefinite: bool = False,
+    refine: bool = True,
+    many: bool = False,
+    diagonal: bool = False,
 ) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix.
 
@@ -118,6 +152,9 @@ def factorize(
         error of up to 1e-8 stays, which halves the time of such solves.
     many : bool
         Whether so much will be solved for that compiled solves pay for a small matrix too.
+    diagonal : bool
+        Whether :meth:`Factorization.inverse_diagonals` will be called: it needs the multifrontal
+        factor, whatever the size of the matrix.
 
     Returns
     -------
@@ -146,7 +183,7 @@ def factorize(
     size = abs(matrix).sum(axis=0).max()
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
-        for name, decompose in _backends(n, indefinite, many):
+        for name, decompose in _backends(n, indefinite, many, diagonal):
             try:
                 order, pivots, solve = decompose(shifted)
             except ArithmeticError:  # a zero pivot, or not definite
@@ -164,8 +201,13 @@ def factorize(
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
 
 
-def _backends(n: int, indefinite: bool, many: bool) -> Iterator[tuple[str, Callable[..., Any]]]:
+def _backends(
+    n: int, indefinite: bool, many: bool, diagonal: bool
+) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Name the backends to try, best first."""
+    if diagonal:
+        yield "multifrontal", _multifrontal
+        return
     if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
         yield "cholmod", _cholmod
     if n >= _DENSE_BLOCKS_PAY and _installed("numba"):

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from unbend._parallel import one_blas_thread
+from unbend._parallel import COLUMNS, n_threads, one_blas_thread
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
 from unbend.linalg._inverse import ROUNDING, inverse_lanczos, least_that_counts
@@ -105,6 +105,23 @@ def smallest_eigenpairs(
     if progress is not None:
         progress(1.0)
     return np.maximum(values, 0) / total, vectors / (weights * np.sqrt(total))[:, None]
+
+
+def working_columns(k: int) -> int:
+    """Predict how many columns of n numbers :func:`smallest_eigenpairs` keeps at once.
+
+    Fitted to 10, 100 and 300 pairs of meshes of 50,000 to 500,000 vertices, in 1 to 16 threads.
+
+    Examples
+    --------
+    >>> from unbend.linalg.lanczos import working_columns
+    >>> working_columns(300) > working_columns(100) > 400
+    True
+    """
+    # The basis has about 1.6 k + 75 columns, and polishing copies what it found. Each thread solves
+    # for three chunks of columns.
+    busy = min(n_threads(), k // 12 + 1)
+    return 4 * k + 75 + 3 * COLUMNS * busy
 
 
 def measure_eigenpairs(

@@ -86,11 +86,7 @@ def factor(matrix: SparseMatrix) -> Factor:
     n_squares, n_panels = places[-1] + (PANEL - 1) * max(widths.max(), PANEL)
     squares, panels = np.zeros(n_squares), np.zeros(n_panels)
     pivots = np.empty(n)
-    depths = np.zeros(len(widths), np.int64)
-    offsets = np.empty(len(widths), np.int64)
-    room = 0
-    for part in reversed(nodes.parts):
-        room = _stack_updates(nodes.children, heights, depths, offsets, *part, room)
+    offsets, room = place_updates(nodes)
     work = (
         *graph,
         matrix.data,
@@ -108,6 +104,16 @@ def factor(matrix: SparseMatrix) -> Factor:
     if not (all(good) and _eliminate(*work, *top)):
         raise ArithmeticError("a pivot that is zero or not finite, or a matrix not symmetric")
     return Factor(nodes, pivots, places, squares, panels)
+
+
+def place_updates(nodes: Supernodes) -> tuple[IntArray, int]:
+    """Place all update matrices in one array: where each starts, and how long the array is."""
+    heights = np.diff(nodes.row_starts)
+    depths, offsets = np.zeros(len(heights), np.int64), np.empty(len(heights), np.int64)
+    room = 0
+    for part in reversed(nodes.parts):
+        room = _stack_updates(nodes.children, heights, depths, offsets, *part, room)
+    return offsets, room
 
 
 def solve(found: Factor, rhs: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.linalg.factorization import Factorization, factorize
 from unbend.matching._kernels import edge_squares, faces_around, farthest_points
-from unbend.mesh import find_edges, vertex_normals
+from unbend.mesh import find_edges, measure_corners, vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
@@ -318,19 +318,11 @@ def wave_kernel_signature(
 
 def _spokes(vertices: FloatArray, faces: IntArray) -> SparseMatrix:
     n = len(vertices)
-    rows, columns, values = [], [], []
-    corners = vertices[faces]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        left, right = corners[:, j] - corners[:, i], corners[:, k] - corners[:, i]
-        double_area = np.linalg.norm(np.cross(left, right), axis=1)
-        floor = np.finfo(float).eps * np.maximum((left**2).sum(1), (right**2).sum(1))
-        cotangent = (left * right).sum(axis=1) / np.maximum(double_area, np.maximum(floor, 1e-300))
-        rows += [faces[:, j], faces[:, k]]
-        columns += [faces[:, k], faces[:, j]]
-        values += [cotangent / 2, cotangent / 2]
-    spokes = sp.csr_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
-    )
+    dots, squared, double_areas = measure_corners(vertices, faces)
+    longer = np.maximum(np.roll(squared, -1, axis=1), np.roll(squared, -2, axis=1))
+    floor = np.maximum(np.finfo(float).eps * longer, 1e-300)
+    weights = (dots / np.maximum(double_areas[:, None], floor) / 2).ravel()
+    ends = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
+    spokes = sp.csr_matrix((np.tile(weights, 2), np.hstack([ends, ends[::-1]])), shape=(n, n))
     spokes.data = np.clip(spokes.data, _SPOKE_FLOOR, 1 / _SPOKE_FLOOR)
     return spokes

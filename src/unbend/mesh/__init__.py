@@ -1,6 +1,7 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
 from unbend.mesh._coarsening import aggregate_vertices
+from unbend.mesh._corners import measure_corners
 from unbend.mesh._mesh import Mesh, vertex_areas, vertex_ids, vertex_normals
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
@@ -31,6 +32,7 @@ __all__ = [
     "group_rows",
     "has_earlier_twin",
     "has_repeated_index",
+    "measure_corners",
     "measure_faces",
     "proper_faces",
     "vertex_areas",

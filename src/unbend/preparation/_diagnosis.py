@@ -8,9 +8,11 @@ import numpy as np
 
 from unbend._arrays import count_repeats
 from unbend._types import FloatArray
+from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     Edges,
+    Mesh,
     count_non_manifold_vertices,
     find_components,
     find_edges,
@@ -19,6 +21,7 @@ from unbend.mesh import (
     proper_faces,
     wind_alike,
 )
+from unbend.preparation._prepare import prepare
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,10 @@ class Diagnosis:
         consistent orientation, no face that names a vertex twice.
     edge_min, edge_median, edge_max : float
         Lengths of the edges; NaN without edges.
+    robust_needed : bool
+        Whether computations on the whole mesh take the robust Laplacian, because degenerate faces
+        or non-manifold edges or vertices remain in :func:`unbend.preparation.prepare`. False if
+        nothing can be computed.
     """
 
     n_vertices: int
@@ -88,16 +95,12 @@ class Diagnosis:
     edge_min: float
     edge_median: float
     edge_max: float
+    robust_needed: bool
 
     @property
     def n_components(self) -> int:
         """Number of connected components; 0 for a point cloud."""
         return len(self.component_vertices)
-
-    @property
-    def robust_needed(self) -> bool:
-        """Whether the cotangent Laplacian would be wrong, and the robust one is needed."""
-        return bool(self.degenerate_faces or self.non_manifold_edges or self.non_manifold_vertices)
 
 
 def diagnose(mesh: MeshLike) -> Diagnosis:
@@ -152,6 +155,8 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         and len(proper) == len(faces)
     )
     lengths = _lengths(vertices, edges)
+    n_degenerate = int(degenerate.sum())
+    suspect = n_degenerate or non_manifold_edges or non_manifold_vertices
     return Diagnosis(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
@@ -163,7 +168,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
         one_sided=inconsistent > 0 and wind_alike(vertices, proper) is None,
-        degenerate_faces=int(degenerate.sum()),
+        degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),
         duplicate_faces=count_repeats(np.sort(faces, axis=1)),
@@ -174,7 +179,15 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         edge_min=float(lengths.min()) if len(lengths) else np.nan,
         edge_median=float(np.median(lengths)) if len(lengths) else np.nan,
         edge_max=float(lengths.max()) if len(lengths) else np.nan,
+        robust_needed=bool(suspect) and _needs_robust(mesh),
     )
+
+
+def _needs_robust(mesh: Mesh) -> bool:
+    try:
+        return prepare(mesh, connected=False).robust_needed
+    except MeshError:
+        return False
 
 
 def _lengths(vertices: FloatArray, edges: Edges) -> FloatArray:

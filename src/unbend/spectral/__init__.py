@@ -4,7 +4,7 @@ from unbend.spectral._cache import cache_folder, cache_info, clear_cache
 from unbend.spectral._laplacian import Laplacian, laplacian
 from unbend.spectral._point_cloud import Triangulation, triangulate_points
 from unbend.spectral._spectrum import Spectrum, eigenpairs, spectrum
-from unbend.spectral._surface import Surface, local_ids, make_surface
+from unbend.spectral._surface import Surface, local_ids, make_surface, named
 
 __all__ = [
     "Laplacian",
@@ -18,6 +18,7 @@ __all__ = [
     "laplacian",
     "local_ids",
     "make_surface",
+    "named",
     "spectrum",
     "triangulate_points",
 ]

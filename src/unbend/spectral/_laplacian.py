@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 
@@ -9,18 +10,21 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._display import Brief
+from unbend._memory import check_robust_memory
 from unbend._parallel import run_all
 from unbend._types import FloatArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError, SolverError
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
-from unbend.mesh import FACES_AT_ONCE, Mesh
+from unbend.mesh import FACES_AT_ONCE, Mesh, measure_corners, measure_faces
 from unbend.preparation import Prepared, check_area, check_size, prepare
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 from unbend.spectral._point_cloud import cloud_operator
 
 # Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
 _SUMS, _LOST = 1e-9, 1e-9
+# Share of the area that the robust Laplacian may add to it before that is said.
+_WIDENED = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,9 +76,16 @@ def laplacian(
     MeshError
         If the cotangent Laplacian is asked for where it does not exist: a point cloud, or a
         mesh with a degenerate face. If no face has an area, the points of a cloud lie on lines,
-        or the mesh is too small or too large for double precision.
+        or the mesh is too small or too large for double precision. If the robust Laplacian does
+        not fit into the memory that is free.
     SolverError
         If the rows do not sum to zero, an area is negative, or some of the area is lost.
+
+    Warns
+    -----
+    UnbendWarning
+        If the robust Laplacian changes the area of a mesh by more than a hundredth. It widens
+        triangles thinner than about 1e-5 of the mean edge.
 
     Notes
     -----
@@ -102,7 +113,10 @@ def laplacian(
         if len(prepared.kept_faces) < mesh.n_faces:
             mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
     if laplacian == "robust":
-        return _checked(_robust(mesh), mesh.name)
+        check_robust_memory(mesh.name, mesh.n_faces)
+        operator = _checked(_robust(mesh), mesh.name)
+        _tell_if_wider(operator, mesh)
+        return operator
     if laplacian == "cotangent":
         return _checked(_cotangent(mesh, area_kind), mesh.name)
     raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
@@ -127,6 +141,20 @@ def _checked(operator: Laplacian, name: str) -> Laplacian:
     if not areas.min() >= 0:
         raise SolverError(f"{name}: its Laplacian has a vertex area of {areas.min():.1e}")
     return operator
+
+
+def _tell_if_wider(operator: Laplacian, mesh: Mesh) -> None:
+    """Warn if the robust Laplacian, which widens thin faces, has changed the area of a mesh."""
+    if mesh.is_point_cloud:
+        return
+    taken, area = float(operator.areas.sum()), measure_faces(mesh.vertices, mesh.faces)[1]
+    if abs(taken - area) > _WIDENED * area:
+        warnings.warn(
+            f"{mesh.name}: the robust Laplacian takes its area for {taken:.3g}, but its faces have "
+            f"{area:.3g}: they are too thin for it; remesh it",
+            UnbendWarning,
+            stacklevel=3,
+        )
 
 
 def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
@@ -158,18 +186,14 @@ def _measure_corners(
     mesh: Mesh, part: slice, area_kind: AreaKind
 ) -> tuple[FloatArray, FloatArray, float]:
     """Cotangents of the corners of some faces, the area of each corner, and that of all faces."""
-    corners = mesh.vertices[mesh.faces[part]]  # (m, 3 corners, 3 coordinates)
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge facing corner
-    squared = np.einsum("mij,mij->mi", opposite, opposite)
-    double_area = np.linalg.norm(np.cross(opposite[:, 1], opposite[:, 2]), axis=1)
+    dots, squared, double_area = measure_corners(mesh.vertices, mesh.faces[part])
     flat = double_area <= np.finfo(float).eps * squared.max(axis=1)
     if flat.any() and np.isfinite(squared).all():
         raise MeshError(
             f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its cotangents "
             'do not exist; use the "robust" Laplacian'
         )
-    # cot of a corner: (b^2 + c^2 - a^2) / (4 area), a being the edge that faces it
-    cotangents = (squared.sum(axis=1)[:, None] - 2 * squared) / (2 * double_area)[:, None]
+    cotangents = dots / double_area[:, None]
     area = float(double_area.sum() / 2)
     if area_kind == "voronoi":
         return cotangents, mixed_voronoi(squared, cotangents, double_area / 2), area

@@ -22,7 +22,7 @@ from unbend._arrays import first_equal_row, unit_of
 from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError, SolverError, UnbendWarning
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, measure_corners
 from unbend.preparation import check_size
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 
@@ -92,7 +92,7 @@ def triangulate_points(mesh: Mesh) -> Triangulation:
     distinct = np.flatnonzero(first == np.arange(len(first)))
     points = placed[distinct]
     faces, found, unseen, widest = _triangles_around(points)
-    dots, squared, double_areas = _measure(points, faces)
+    dots, squared, double_areas = measure_corners(points, faces)
     solid = double_areas > -_FLAT * dots.min(axis=1)
     # The circumradius is the product of the edges over four times the area.
     edges = np.sqrt(squared.prod(axis=1))
@@ -137,7 +137,7 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     """
     faces, weights, first = triangulate_points(mesh)
     n, unit = mesh.n_vertices, unit_of(mesh.vertices)
-    dots, squared, double_areas = _measure(mesh.vertices / unit, faces)
+    dots, squared, double_areas = measure_corners(mesh.vertices / unit, faces)
     cotangents, areas = dots / double_areas[:, None], double_areas / 2
     agreed = weights @ areas / areas.sum()
     if agreed < _AGREEMENT:
@@ -235,16 +235,6 @@ def _first_at_place(points: FloatArray) -> IntArray:
     lowest = np.unique(place, return_index=True)[1]
     merged: IntArray = distinct[lowest[place]][of_point]
     return merged
-
-
-def _measure(points: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Dot products of the edges at each corner, squared edges facing it, twice the areas."""
-    corners = points[faces]
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    squared = np.einsum("mij,mij->mi", opposite, opposite)
-    before, after = np.roll(opposite, 1, axis=1), np.roll(opposite, -1, axis=1)
-    dots = -np.einsum("mij,mij->mi", before, after)
-    return dots, squared, np.linalg.norm(np.cross(opposite[:, 1], opposite[:, 2]), axis=1)
 
 
 def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArray, FloatArray]:

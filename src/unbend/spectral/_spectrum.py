@@ -15,11 +15,11 @@ from unbend._types import FloatArray
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, SolverError
 from unbend.io import MeshLike
-from unbend.linalg.lanczos import measure_eigenpairs, smallest_eigenpairs
+from unbend.linalg.lanczos import measure_eigenpairs, smallest_eigenpairs, working_columns
 from unbend.linalg.signs import fix_basis, fix_signs
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 from unbend.spectral._laplacian import Laplacian
-from unbend.spectral._surface import Surface, make_surface
+from unbend.spectral._surface import Surface, make_surface, named
 
 # Largest relative residual |W phi - lambda A phi| / |lambda A phi|, unless another is asked for.
 _RESIDUAL = 1e-8
@@ -166,9 +166,9 @@ def _at_least(
             )
         found = load_eigenpairs(key) if cache else None
         if found is None or _lacking(operator, *found, tolerance):
-            # Behind k pairs is a basis of about 1.6 k + 75 vectors, and polishing copies them.
-            check_memory(surface.mesh.name, surface.n_vertices, 4 * count + 75)
-            found = whole_eigenpairs(operator, count, tolerance)
+            check_memory(surface.mesh.name, surface.n_vertices, working_columns(count))
+            with named(surface):
+                found = whole_eigenpairs(operator, count, tolerance)
             if cache:
                 store_eigenpairs(key, *found)
         if len(found[0]) >= k:
@@ -190,7 +190,7 @@ def whole_eigenpairs(
     Of the first `count`, those whose spaces are known to be whole: all but the last value's, or
     all there are. Null space, bases and signs are fixed.
     """
-    null = null_space(operator)[:, :count]
+    null = null_space(operator, count)
     c = null.shape[1]
     if c == count:
         return np.zeros(count), fix_signs(null, operator.areas)
@@ -229,12 +229,15 @@ def _lacking(
     return ""
 
 
-def null_space(operator: Laplacian) -> FloatArray:
-    """Area-orthonormal functions constant on each component, (n, c); the first is on all."""
+def null_space(operator: Laplacian, most: int) -> FloatArray:
+    """Area-orthonormal functions constant on each component, (n, c); the first is on all.
+
+    There are as many as components, but no more than `most`.
+    """
     count, label = csgraph.connected_components(operator.stiffness, directed=False)
     component_areas = np.bincount(label, operator.areas)
-    # An orthogonal matrix whose first column is the constant, in units of each component.
-    basis = np.eye(count)
+    # Columns of an orthogonal matrix. The first is the constant, in units of each component.
+    basis = np.eye(count, min(count, most))
     basis[:, 0] = np.sqrt(component_areas / component_areas.sum())
     basis = np.linalg.qr(basis)[0]
     functions: FloatArray = (basis / np.sqrt(component_areas)[:, None])[label]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +13,7 @@ import scipy.sparse.csgraph as csgraph
 
 from unbend._types import IntArray
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_ids
 from unbend.preparation import Prepared, prepare
@@ -101,6 +103,18 @@ def make_surface(
         )
     unit = Laplacian(operator.stiffness, operator.areas / area, operator.kind)
     return Surface(prepared, unit, area, area_kind)
+
+
+@contextmanager
+def named(surface: Surface) -> Iterator[None]:
+    """Let errors of solvers name the mesh, and say what may help."""
+    try:
+        yield
+    except SolverError as error:
+        sentence = f"{surface.mesh.name}: {error}"
+        if surface.operator.kind == "cotangent":
+            sentence += '; if its faces are very thin, use the "robust" Laplacian'
+        raise SolverError(sentence) from error
 
 
 def local_ids(surface: Surface, vertices: Any) -> IntArray:

@@ -1,0 +1,53 @@
+"""Angles at the corners of triangles, as their cotangents."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unbend._types import FloatArray, IntArray
+
+
+def measure_corners(
+    vertices: FloatArray, faces: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Measure what the cotangents of faces are made of, without cancellation on needles.
+
+    The cotangent of a corner is the dot product of the two edges that leave it over twice the area
+    of the face.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float64
+    faces : (m, 3) ndarray of int64
+
+    Returns
+    -------
+    dots : (m, 3) ndarray of float64
+        At each corner, the dot product of the two edges that leave it.
+    squared : (m, 3) ndarray of float64
+        Squared length of the edge that faces each corner.
+    double_areas : (m,) ndarray of float64
+        Twice the area of each face.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from unbend.mesh import measure_corners
+    >>> right = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0]])
+    >>> measure_corners(right, np.array([[0, 1, 2]]))
+    (array([[0., 4., 1.]]), array([[5., 1., 4.]]), array([2.]))
+    """
+    corners = vertices[faces]  # (m, 3 corners, 3 coordinates)
+    facing = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    squared = np.einsum("mij,mij->mi", facing, facing)
+    dots = -np.einsum("mij,mij->mi", np.roll(facing, -1, axis=1), np.roll(facing, -2, axis=1))
+    every = np.arange(len(faces))
+    # The dot products at the two ends of an edge add up to its square. Along the shortest edge both
+    # suffer from rounding, so one is computed from the other: then their sum is right.
+    shortest = squared.argmin(axis=1)
+    one, other = (shortest + 1) % 3, (shortest + 2) % 3
+    dots[every, other] = squared[every, shortest] - dots[every, one]
+    # The cross product of the two shorter edges has the smallest rounding error.
+    longest = squared.argmax(axis=1)
+    normals = np.cross(facing[every, (longest + 1) % 3], facing[every, (longest + 2) % 3])
+    return dots, squared, np.linalg.norm(normals, axis=1)
