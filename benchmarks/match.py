@@ -36,7 +36,7 @@ from unbend.mesh import vertex_areas
 
 WRONG = 0.08  # a map whose mean error is larger has a limb, a side or an end mistaken
 SURE = 0.9
-N_POINTS = 400  # points of a map that are measured: its mean is known to a thousandth
+N_POINTS = 200  # points of a map that are measured: its mean is known to one or two thousandths
 
 
 def run(name: str, draw: Draw) -> dict[str, Any]:

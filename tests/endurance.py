@@ -394,6 +394,7 @@ def bits(number: int, at_once: int = 4) -> None:
                     subprocess.Popen(
                         [sys.executable, "-W", "ignore", "-c", code],
                         cwd=place,
+                        env=os.environ | {"PYTHONPATH": str(Path(unbend.__file__).parents[1])},
                         stdout=subprocess.PIPE,
                     )
                     for _ in range(at_once)

@@ -11,6 +11,7 @@ import numpy as np
 
 from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of
 from unbend._display import Brief
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError, UnbendWarning
@@ -150,6 +151,7 @@ def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArr
     return rotations
 
 
+@one_blas_thread()
 def align(
     source_points: Any,
     target_points: Any,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._memory import check_memory
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, Progress
 from unbend.canonical._interpolation import distance_coefficients
 from unbend.canonical._mds import area_scaling, exact_scaling, refined_scaling, sampled_scaling
@@ -171,7 +172,7 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
         else:
             samples = spread_samples(metric.from_sources, n, n_samples, start)
             distances = samples.distances
-    with steps("interpolation"):
+    with steps("interpolation"), one_blas_thread():
         coefficients = distance_coefficients(
             distances**2,
             samples.indices,
@@ -179,7 +180,7 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
             mu=options.mu,
             interpolation=options.interpolation,
         )
-    with steps("scaling"):
+    with steps("scaling"), one_blas_thread():
         return Scaled(
             *sampled_scaling(
                 coefficients,
