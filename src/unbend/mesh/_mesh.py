@@ -10,6 +10,7 @@ import numpy as np
 from unbend._display import Drawn
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
+from unbend.mesh._topology import has_earlier_twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +197,7 @@ def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
-    """Give each vertex a third of the area of the faces around it.
+    """Give each vertex a third of the area of the faces around it; repeated faces count once.
 
     Parameters
     ----------
@@ -216,10 +217,11 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
     """
     if mesh.is_point_cloud:
         return np.ones(mesh.n_vertices)
-    corners = mesh.vertices[mesh.faces]
+    faces = mesh.faces[~has_earlier_twin(mesh.faces)]
+    corners = mesh.vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
-    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
+    return np.asarray(np.bincount(faces.ravel(), shares, mesh.n_vertices))
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
