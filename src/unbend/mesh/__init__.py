@@ -1,7 +1,7 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
 from unbend.mesh._coarsening import aggregate_vertices
-from unbend.mesh._mesh import Mesh, vertex_areas, vertex_ids, vertex_normals
+from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, vertex_normals
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
     Components,
@@ -33,6 +33,7 @@ __all__ = [
     "has_repeated_index",
     "measure_faces",
     "proper_faces",
+    "used_vertices",
     "vertex_areas",
     "vertex_ids",
     "vertex_normals",

@@ -40,8 +40,8 @@ class Mesh(Drawn):
     ------
     MeshError
         If an array has the wrong shape, a face names a vertex that does not exist, or a vertex
-        in use is not finite. (A vertex that no face uses may be NaN: such rows are what unbend
-        itself writes for unreferenced vertices.)
+        in use is not finite. (A vertex that no face uses need not be: its row becomes NaN, as in
+        what unbend itself writes for unreferenced vertices.)
 
     Examples
     --------
@@ -153,11 +153,12 @@ def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
 
 
 def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
-    bad = ~np.isfinite(vertices).all(axis=1)
+    finite = np.isfinite(vertices).all(axis=1)
+    bad = ~finite
     if len(faces):
         used = np.zeros(len(vertices), dtype=bool)
         used[faces] = True
-        bad &= used
+        bad = bad & used
     if bad.any():
         vertex = int(np.flatnonzero(bad)[0])
         position = ", ".join(f"{x:g}" for x in vertices[vertex])
@@ -165,6 +166,7 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
             f"{name}: vertex {vertex} is at ({position}), which is not a finite position; "
             "correct or remove that vertex"
         )
+    vertices[~finite] = np.nan
 
 
 def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
@@ -194,6 +196,24 @@ def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
             f"{name}: there is no vertex {ids[outside][0]}; vertices are numbered 0 to {n - 1}"
         )
     return ids.astype(np.int64)
+
+
+def used_vertices(mesh: Mesh) -> FloatArray:
+    """Positions (n, 3), NaN at vertices that no face uses; all of a point cloud.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.mesh import used_vertices
+    >>> used_vertices(Mesh([[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 2, 3]]))[:2]
+    array([[nan, nan, nan],
+           [ 0.,  0.,  0.]])
+    """
+    if mesh.is_point_cloud:
+        return mesh.vertices
+    positions = np.full(mesh.vertices.shape, np.nan)
+    positions[mesh.faces] = mesh.vertices[mesh.faces]
+    return positions
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
