@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import logm
 from scipy.sparse.csgraph import connected_components
 
-from sheets import make_sheet
+from sheets import make_sheet, make_torus
 from unbend import Mesh, read_mesh
 from unbend.collection import descriptor
 from unbend.collection._descriptor import Basis, describe, make_basis, wave_kernel
@@ -36,17 +36,6 @@ def two(mesh: Mesh, vertices, faces) -> Mesh:
     )
 
 
-def torus(m: int, n: int) -> Mesh:
-    """A torus of m by n vertices, most of whose eigenvalues are double."""
-    i, j = (one.ravel() for one in np.mgrid[:m, :n])
-    here, right, above = i * n + j, (i + 1) % m * n + j, i * n + (j + 1) % n
-    across = (i + 1) % m * n + (j + 1) % n
-    u, v = 2 * np.pi * i / m, 2 * np.pi * j / n
-    ring = 2 + np.cos(v)
-    points = np.stack([ring * np.cos(u), ring * np.sin(u), np.sin(v)], axis=1)
-    return Mesh(points, np.stack([here, right, across, here, across, above], 1).reshape(-1, 3))
-
-
 def box() -> Mesh:
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3.0)])
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -70,7 +59,7 @@ OF_OUR_OWN = {
     "two bodies": lambda: with_copy(make_biped("standing", n_vertices=800).mesh, 3, 0.2, 0),
     "two plates": lambda: with_copy(make_sheet(9), 0, 0, 0.5),
     "box": box,
-    "torus": lambda: torus(40, 16),
+    "torus": lambda: make_torus(40, 16),
 }
 
 
