@@ -26,16 +26,18 @@ ROUTES = [
 @pytest.mark.parametrize(("options", "d"), ROUTES)
 def test_a_double_eigenvalue_that_the_form_splits_is_warned_of(options, d):
     ring = make_torus(40, 16)
-    with pytest.warns(UnbendWarning, match=f"torus: eigenvalues {d} and {d + 1} are eq") as told:
+    with pytest.warns(
+        UnbendWarning, match=f"torus: eigenvalues {d} and {d + 1} are nearly"
+    ) as told:
         form = canonical_form(ring, n_components=d, **options)
-    assert str(told[0].message).endswith(f"share; use n_components={d - 1} or {d + 1}")
+    assert str(told[0].message).endswith(f"eigenspace; use n_components={d - 1} or {d + 1}")
     assert form.notes[-1] in str(told[0].message)
     assert f"({form.eigenvalues[-1]:.6g} and " in form.notes[-1]
     for other in (d - 1, d + 1):
         assert canonical_form(ring, n_components=other, **options).notes == ()
 
 
-@pytest.mark.filterwarnings("ignore:.*are equal")
+@pytest.mark.filterwarnings("ignore:.*are nearly equal")
 def test_a_split_form_depends_on_the_order_of_the_vertices():
     """What the warning is for; dense scaling shows the double eigenvalue."""
     ring = make_torus(40, 16)

@@ -24,8 +24,8 @@ _FEWEST_COARSE = 100  # fewer do not know the shape
 # By how much columns may miss their lengths, right angles and the middle, as a share of the largest
 # eigenvalue.
 _SKEW = 1e-6
-# Eigenvalues that differ by at most this share are equal: by less than single precision keeps of
-# the input, or than samples split a double eigenvalue.
+# Eigenvalues that differ by at most this share count as equal. Input in single precision splits a
+# double eigenvalue by less than the first, samples mostly by less than the second.
 _EQUAL = {"exact": 1e-6, "sampled": 5e-4}
 # Of the sampled method, unless others are asked for.
 _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
@@ -167,8 +167,8 @@ def canonical_form(
     -----
     UnbendWarning
         If something was done to the input that the result shows, an eigenvalue is negative, or the
-        last one equals the next, which the form leaves out. Such a form depends on the order of the
-        vertices: symmetric shapes have multiple eigenvalues, whose directions belong together.
+        last one nearly equals the next, which the form leaves out: then it depends on the order of
+        the vertices. Symmetric shapes have such multiple eigenvalues.
 
     References
     ----------
@@ -228,9 +228,9 @@ def canonical_form(
     large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
     points, values, metric, residual = route(surface, options, steps)
-    points, eigenvalues = points[:, :n_components], values[:n_components]
+    points = points[:, :n_components].copy()
     weights = surface.operator.areas if weighting == "area" else np.ones(len(points))
-    _check_axes(points, eigenvalues, weights, surface.mesh.name)
+    _check_axes(points, values[:n_components], weights, surface.mesh.name)
     with steps("stress"):
         stress = _stress(points, metric, random_state)
     laid = None
@@ -249,13 +249,13 @@ def canonical_form(
             laid *= np.sqrt(surface.area)
     if keep_scale:
         unit = surface.area ** (length_power(distance) / 2)
-        points, eigenvalues, values = points * unit, eigenvalues * unit**2, values * unit**2
+        points, values = points * unit, values * unit**2
     found = _eigenvalue_notes(values, n_components, _EQUAL[chosen])
     for note in found:
         warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
     return CanonicalForm(
         points=surface.prepared.expand(points),
-        eigenvalues=eigenvalues,
+        eigenvalues=values[:n_components],
         stress=stress,
         distance=distance,
         method=chosen,
@@ -355,8 +355,8 @@ def _eigenvalue_notes(values: FloatArray, d: int, equal: float) -> tuple[str, ..
         fewer = np.flatnonzero(apart[: d - 1]) + 1
         choices = " or ".join(str(n) for n in (*fewer[-1:], d + 1))
         notes.append(
-            f"eigenvalues {d} and {d + 1} are equal ({values[d - 1]:.6g} and {values[d]:.6g}), so "
-            "the form's last directions are any of those that they share; use "
+            f"eigenvalues {d} and {d + 1} are nearly equal ({values[d - 1]:.6g} and "
+            f"{values[d]:.6g}), so the form holds an arbitrary part of their eigenspace; use "
             f"n_components={choices}"
         )
     return tuple(notes)
