@@ -1,4 +1,4 @@
-"""A flat square, a lopsided egg and a ball with a twist, of which all is known."""
+"""A flat square, a torus, a lopsided egg and a ball with a twist, of which all is known."""
 
 import numpy as np
 
@@ -14,6 +14,18 @@ def make_sheet(side: int) -> Mesh:
     lower = np.stack([corner, corner + side, corner + 1], axis=1)
     upper = np.stack([corner + side, corner + side + 1, corner + 1], axis=1)
     return Mesh(np.stack([x, y, 0 * x], axis=1), np.concatenate([lower, upper]))
+
+
+def make_torus(m: int, n: int) -> Mesh:
+    """Make a torus of m by n vertices, which has double eigenvalues."""
+    i, j = (one.ravel() for one in np.mgrid[:m, :n])
+    here, right, above = i * n + j, (i + 1) % m * n + j, i * n + (j + 1) % n
+    across = (i + 1) % m * n + (j + 1) % n
+    u, v = 2 * np.pi * i / m, 2 * np.pi * j / n
+    ring = 2 + np.cos(v)
+    points = np.stack([ring * np.cos(u), ring * np.sin(u), np.sin(v)], axis=1)
+    faces = np.stack([here, right, across, here, across, above], axis=1).reshape(-1, 3)
+    return Mesh(points, faces, name="torus")
 
 
 def make_egg(level: int, hand: int = 1) -> Mesh:

@@ -36,13 +36,19 @@ def test_procrustes_without_reflections_keeps_the_determinant() -> None:
     assert np.linalg.det(rotation) == pytest.approx(1)
 
 
-def test_procrustes_weights_ignore_a_weightless_point() -> None:
-    points = _cloud(20, 3)
-    wrong = points.copy()
-    wrong[0] += 100
-    rotation, translation = procrustes(points, wrong, weights=[0] + [1] * 19)
-    np.testing.assert_allclose(rotation, np.eye(3), atol=1e-9)
-    np.testing.assert_allclose(translation, 0, atol=1e-9)
+@pytest.mark.parametrize("far", [100, 1e200, 1e305, np.inf, np.nan])
+@pytest.mark.parametrize("sides", [[0], [1], [0, 1]])
+def test_procrustes_ignores_pairs_of_no_weight(far: float, sides: list[int]) -> None:
+    points, truth = _cloud(20, 3), _orthogonal(3, 0, 1)
+    pairs = [points.copy(), points @ truth.T + 3]
+    for side in sides:
+        pairs[side][0] = far
+    rotation, translation = procrustes(*pairs, weights=[0] + [1] * 19)
+    np.testing.assert_allclose(rotation, truth, atol=1e-9)
+    np.testing.assert_allclose(translation, 3, atol=1e-8)
+    pairs[sides[0]][1] = np.nan
+    with pytest.raises(InputError, match="point 1 is not finite"):
+        procrustes(*pairs, weights=[0] + [1] * 19)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3, 5, 8])

@@ -294,7 +294,9 @@ def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, sh
     monkeypatch.setattr(
         _canonical_form,
         "exact",
-        lambda *args: (lambda way: way._replace(points=way.points + shift))(route(*args)),
+        lambda *args: (lambda way: way._replace(points=way.points + np.append(shift, 0)))(
+            route(*args)
+        ),
     )
     with pytest.raises(SolverError, match=f"the middle by {1e-5 * (642 / largest) ** 0.5:.1e} of"):
         canonical_form(blob)

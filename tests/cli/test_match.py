@@ -177,8 +177,15 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
     assert lines[-2].startswith("800 rows; ")
     assert lines[-1] == f"written: {tmp_path / 'curves.png'}"
     assert (tmp_path / "curves.png").exists()
+    some = TARGET.mirror[rest_map(SOURCE, TARGET)]
+    some[:300] = -1
+    write_map(tmp_path / "some.vts", some)
+    done = right("evaluate", *arguments, "--mirrored-truth", tmp_path / "some.vts")
+    assert done.stdout.splitlines()[-1].startswith("800 rows, 500 of them with a mirrored truth; ")
+    assert done.stdout.splitlines()[1] == lines[1]
     told = json.loads(right("evaluate", *arguments, "--json").stdout)
     assert list(told["protocols"]) == ["direct"]
+    assert told["protocols"]["direct"]["rows"] == told["rows"] == 800
     assert f"{told['protocols']['direct']['mean']:.4f}" == lines[1].split()[1]
     # The truth itself has no error, whatever its file counts from.
     for name, base in (("t.txt", 1), ("t.vts", 0)):

@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import logm
 from scipy.sparse.csgraph import connected_components
 
-from unbend import Mesh
+from sheets import make_sheet, make_torus
+from unbend import Mesh, read_mesh
 from unbend.collection import descriptor
 from unbend.collection._descriptor import Basis, describe, make_basis, wave_kernel
 from unbend.collection._whole import whole_surface
@@ -35,12 +36,69 @@ def two(mesh: Mesh, vertices, faces) -> Mesh:
     )
 
 
-def test_motions_and_sizes_change_nothing(person, apart):
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    order = np.random.default_rng(1).permutation(person.n_vertices)
-    moved = 1e3 * person.vertices[order] @ turn.T + 50
-    assert apart(Mesh(moved, np.argsort(order)[person.faces])) < 1e-2
-    assert apart(Mesh(person.vertices, person.faces[:, ::-1])) < 1e-2
+def box() -> Mesh:
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3.0)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return Mesh(corners, [one for a, b, c, d in sides for one in ((a, b, c), (a, c, d))])
+
+
+def cut_off(mesh: Mesh) -> Mesh:
+    height = mesh.vertices[mesh.faces].mean(axis=1)[:, 1]
+    return Mesh(mesh.vertices, mesh.faces[height < np.quantile(height, 0.7)])
+
+
+def with_copy(mesh: Mesh, *offset: float) -> Mesh:
+    return two(mesh, np.add(mesh.vertices, offset), mesh.faces)
+
+
+OF_OUR_OWN = {
+    "biped": lambda: make_biped("sitting", n_vertices=1500).mesh,
+    "octopus": lambda: make_octopus(n_vertices=800).mesh,
+    "quadruped": lambda: make_quadruped("standing", n_vertices=800).mesh,
+    "open": lambda: cut_off(make_biped("standing", n_vertices=800).mesh),
+    "two bodies": lambda: with_copy(make_biped("standing", n_vertices=800).mesh, 3, 0.2, 0),
+    "two plates": lambda: with_copy(make_sheet(9), 0, 0, 0.5),
+    "box": box,
+    "torus": lambda: make_torus(40, 16),
+}
+
+
+def variants(mesh: Mesh) -> dict[str, Mesh]:
+    """The same surface with its faces and vertices reordered, or moved and scaled."""
+    chance = np.random.default_rng(0)
+    some = chance.random(mesh.n_faces) < 0.5
+    first = (np.arange(3) + chance.integers(3, size=(mesh.n_faces, 1))) % 3
+    order = chance.permutation(mesh.n_vertices)
+    turn = np.linalg.qr(chance.normal(size=(3, 3)))[0]
+    return {
+        "all faces rewound": Mesh(mesh.vertices, mesh.faces[:, ::-1]),
+        "half of the faces rewound": Mesh(
+            mesh.vertices, np.where(some[:, None], mesh.faces[:, ::-1], mesh.faces)
+        ),
+        "faces from another corner": Mesh(
+            mesh.vertices, np.take_along_axis(mesh.faces, first, axis=1)
+        ),
+        "faces permuted": Mesh(mesh.vertices, chance.permutation(mesh.faces)),
+        "vertices permuted": Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces]),
+        "moved": Mesh(37 * mesh.vertices @ turn.T + 5, mesh.faces),
+    }
+
+
+def check_order_does_not_matter(mesh: Mesh) -> None:
+    own = descriptor(mesh)
+    for what, other in variants(mesh).items():
+        apart = np.abs(descriptor(other) - own).max() / np.abs(own).max()
+        assert apart < 1e-6, what
+
+
+@pytest.mark.parametrize("name", OF_OUR_OWN)
+def test_the_order_of_vertices_and_corners_changes_nothing(name):
+    check_order_does_not_matter(OF_OUR_OWN[name]())
+
+
+@pytest.mark.parametrize("name", ["cat0", "david0", "dog1", "centaur2", "michael13"])
+def test_the_order_changes_nothing_on_real_shapes(real_data, name):
+    check_order_does_not_matter(read_mesh(real_data / "tosca_remeshed" / f"{name}.off"))
 
 
 def test_poses_and_meshings_change_little(apart):
@@ -109,12 +167,15 @@ def test_spikes_are_not_cut_into_too_many_pieces(person):
 
 
 def test_a_few_large_triangles_are_a_box_like_any_other():
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3.0)])
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [one for a, b, c, d in sides for one in ((a, b, c), (a, c, d))]
-    other = [one for a, b, c, d in sides for one in ((a, b, d), (b, c, d))]
-    first, second = (descriptor(Mesh(corners, rows)) for rows in (faces, other))
-    cube = descriptor(Mesh(corners / [1, 2, 3], faces))
+    one = box()
+    # The other diagonal of each side.
+    other = [
+        corners
+        for (a, b, c), (_, _, d) in zip(one.faces[::2], one.faces[1::2], strict=True)
+        for corners in ((a, b, d), (b, c, d))
+    ]
+    first, second = descriptor(one), descriptor(Mesh(one.vertices, other))
+    cube = descriptor(Mesh(one.vertices / [1, 2, 3], one.faces))
     assert np.linalg.norm(first - second) < 0.1 * np.linalg.norm(first - cube)
 
 

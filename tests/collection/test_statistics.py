@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dense import relative_error
 from unbend import Mesh
 from unbend.collection import _statistics, shape_statistics
+from unbend.datasets import make_sphere
 from unbend.errors import InputError, UnbendWarning
 
 
@@ -93,6 +95,40 @@ def test_points_count_by_their_weights(grown):
     )
 
 
+@pytest.mark.parametrize("far", [7.0, 1e200, np.inf, np.nan])
+def test_points_of_no_weight_do_not_count(grown, far):
+    shapes = np.array(grown[3])
+    weights = np.append(np.ones(shapes.shape[1]), 0)
+    outlier = np.broadcast_to([far, 0, far], (len(shapes), 1, 3))
+    found = shape_statistics(np.concatenate([shapes, outlier], axis=1), weights=weights)
+    plain = shape_statistics(shapes)
+    for name in ("mean", "variability", "variances", "scores", "sizes"):
+        one, other = getattr(found, name), getattr(plain, name)
+        np.testing.assert_allclose(one[: len(other)], other, rtol=1e-9, atol=1e-12)
+    assert np.isfinite(found.mean[-1]).all() == (far == 7)
+
+
+def test_the_mean_is_that_of_shapes_scaled_to_the_mean_size():
+    """Balls of one size, stretched: the sizes and the mean have a closed form."""
+    ball = make_sphere(2).vertices
+    stretched = [ball, ball * [1, 1, 5], ball * [5, 1, 1]]
+    found = shape_statistics(stretched, scale=True)
+    np.testing.assert_allclose(found.sizes, [1, 3, 3], rtol=1e-12)
+    # All have the size 7/3 then, and are averaged.
+    expected = ball * [3 + 1 + 5, 3 + 1 + 1, 3 + 5 + 1] * 7 / 27
+    assert relative_error(found.mean, expected) < 1e-9
+    size = np.sqrt((found.mean**2).sum(axis=1).mean())
+    assert size == pytest.approx(7 / 27 * np.sqrt((81 + 25 + 81) / 3))
+    assert size < 7 / 3
+
+
+def test_variability_is_the_standard_deviation_of_a_sample():
+    """Two boxes, 2 and 4 long: each corner is 1 from its mean, along one axis."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
+    found = shape_statistics([corners, corners * [1, 1, 2]])
+    np.testing.assert_allclose(found.variability, np.sqrt(0.5**2 + 0.5**2))
+
+
 def test_equal_shapes_do_not_vary(blob):
     found = shape_statistics(scattered([blob.vertices] * 3))
     assert found.variances.shape == (0,)
@@ -104,7 +140,7 @@ def test_equal_shapes_do_not_vary(blob):
     ("shapes", "options", "message"),
     [
         (np.zeros((3, 4)), {}, r"not \(3, 4\)"),
-        (np.full((2, 4, 3), np.nan), {}, "finite"),
+        (np.full((2, 4, 3), np.nan), {}, "shape 0: point 0 is not finite"),
         (np.zeros((1, 4, 3)), {}, "at least 2"),
         (np.zeros((2, 4, 3)), {}, "single point"),
         (np.ones((2, 4, 3)), {"n_components": 0}, "n_components"),

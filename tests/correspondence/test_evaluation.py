@@ -86,6 +86,41 @@ def test_rows_without_an_image_do_not_count() -> None:
     assert found.coverage < 1
 
 
+def test_rows_without_a_mirrored_image_count_for_the_direct_protocol() -> None:
+    mirror = _mirror()
+    partly = np.where(EVERY % 3 == 0, -1, mirror)
+    found = evaluate(mirror, BALL, EVERY, EVERY, partly)
+    np.testing.assert_array_equal(found.direct, evaluate(mirror, BALL, EVERY, EVERY).direct)
+    assert len(found.direct) == len(EVERY)
+    for protocol in ("map-min", "vertex-min"):
+        np.testing.assert_array_equal(found.errors(protocol), np.zeros((partly >= 0).sum()))
+    with pytest.raises(InputError, match="mirrored_target_points: no row counts"):
+        evaluate(mirror, BALL, EVERY, EVERY, np.full_like(EVERY, -1))
+
+
+def test_repeated_faces_are_no_more_surface() -> None:
+    doubled = Mesh(BALL.vertices, np.concatenate([BALL.faces, BALL.faces[:800, [1, 0, 2]]]))
+    images = np.where(EVERY % 2 == 0, EVERY, 17)
+    one, other = (
+        evaluate(images, mesh, EVERY, EVERY, source=mesh, distance="geodesic")
+        for mesh in (BALL, doubled)
+    )
+    np.testing.assert_allclose(other.direct, one.direct, rtol=1e-6, atol=1e-9)
+    assert other.coverage == pytest.approx(one.coverage)
+    assert other.continuity == pytest.approx(one.continuity)
+
+
+def test_continuity_is_none_where_no_edge_is_mapped() -> None:
+    images = np.where(EVERY == 5, 5, -1)
+    assert evaluate(images, BALL, EVERY, EVERY, source=BALL).continuity is None
+    # A vertex that no face uses may be NaN: its edges have no length.
+    target = Mesh(np.append(BALL.vertices, [[np.nan] * 3], axis=0), BALL.faces)
+    images = np.where(EVERY == 5, len(EVERY), EVERY)
+    found = evaluate(images, target, EVERY, EVERY, source=BALL)
+    assert found.continuity == pytest.approx(1)
+    assert found.direct[5] == np.inf
+
+
 def test_continuity_is_the_ratio_of_the_perimeters_of_triangles_of_unit_area() -> None:
     source, target = (
         Mesh([[0, 0, 0], [a, 0, 0], [0, b, 0]], [[0, 1, 2]]) for a, b in ((3, 4), (5, 12))

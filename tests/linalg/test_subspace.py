@@ -29,10 +29,10 @@ def test_the_leading_eigenpairs_are_found(seed, k, noise):
     start = frame[:, :b] + 0.1 * chance.standard_normal((n, b))
     found, vectors, residual = subspace_iteration(solves, start, k, tol=1e-6)
     assert residual <= 1e-6
-    assert np.allclose(found, values[:k], atol=1e-5 * values[0])
+    assert np.allclose(found[:k], values[:k], atol=1e-5 * values[0])
     assert np.allclose(vectors.T @ vectors, np.eye(k), atol=1e-10)
     image = root @ root @ vectors
-    assert np.linalg.norm(image - vectors * found, axis=0).max() < 1e-5 * values[0]
+    assert np.linalg.norm(image - vectors * found[:k], axis=0).max() < 1e-5 * values[0]
 
 
 def test_guesses_come_ever_nearer():
@@ -137,4 +137,4 @@ def test_units_change_no_step(unit):
         return subspace_iteration(lambda block, *_: [operator @ block], start, 2, tol=1e-6)
 
     np.testing.assert_allclose(found(unit)[0], unit * found(1.0)[0])
-    np.testing.assert_allclose(found(unit)[0], unit * values[:2], rtol=1e-6)
+    np.testing.assert_allclose(found(unit)[0][:2], unit * values[:2], rtol=1e-6)

@@ -77,7 +77,7 @@ def procrustes(
     source_points, target_points : (n, d) array_like of float
         Row i corresponds to row i.
     weights : (n,) array_like of float, optional
-        Non-negative weight of each pair, vertex areas say. Default: all equal.
+        Weight of each pair, all equal by default. Pairs of weight 0 are ignored and may be NaN.
     reflect : bool, default=True
         Whether the motion may be a reflection (determinant -1).
 
@@ -90,7 +90,7 @@ def procrustes(
     Raises
     ------
     InputError
-        If the shapes differ or something is not finite.
+        If the shapes differ or a point that counts is not finite.
 
     References
     ----------
@@ -105,15 +105,17 @@ def procrustes(
     array([[ 0., -1.],
            [ 1.,  0.]])
     """
-    source, target = _points(source_points, "source"), _points(target_points, "target")
+    mass = None if weights is None else numbers_of(weights, "weights")
+    source, target = _points(source_points, "source", mass), _points(target_points, "target", mass)
     if source.shape != target.shape:
         raise InputError(
             f"corresponding points must have one shape, not {source.shape} and {target.shape}"
         )
-    mass = np.ones(len(source)) if weights is None else numbers_of(weights, "weights")
+    mass = np.ones(len(source)) if mass is None else mass
     if mass.shape != (len(source),) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:
         raise InputError(f"weights must be {len(source)} finite non-negative numbers, not all 0")
-    mass = mass / mass.sum()
+    counted = mass > 0
+    source, target, mass = source[counted], target[counted], mass[counted] / mass.sum()
     source_center, target_center = mass @ source, mass @ target
     left, right = source - source_center, target - target_center
     cross = (left / _unit(left) * mass[:, None]).T @ (right / _unit(right))
@@ -254,9 +256,8 @@ def align(
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
     rotation, translation, residuals = min(found, key=misfit)
-    fall = 0.0
-    if len(residuals) > max_iterations > 0 and residuals[-2] > 0:
-        fall = 1 - residuals[-1] / residuals[-2]
+    unsettled = len(residuals) > max_iterations > 0 and residuals[-2] > 0
+    fall = 1 - residuals[-1] / residuals[-2] if unsettled else 0.0
     if fall > tolerance:
         warnings.warn(
             f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
@@ -274,13 +275,15 @@ def align(
     )
 
 
-def _points(points: Any, name: str) -> FloatArray:
+def _points(points: Any, name: str, weights: FloatArray | None = None) -> FloatArray:
     array = numbers_of(points, f"{name} points")
     if array.ndim != 2 or 0 in array.shape:
         raise InputError(f"{name} points must have shape (n, d), not {array.shape}")
-    if not np.isfinite(array).all():
-        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(f"{name} point {row} is not finite; leave such points out")
+    if weights is not None and weights.shape == array.shape[:1]:
+        array = np.where(weights[:, None] == 0, 0.0, array)
+    infinite = ~np.isfinite(array).all(axis=1)
+    if infinite.any():
+        raise InputError(f"{name} point {infinite.argmax()} is not finite; leave such points out")
     if np.abs(array).max() > _FARTHEST:
         raise InputError(
             f"{name} points have coordinates of {np.abs(array).max():.0e}; give them in a sensible "

@@ -24,6 +24,9 @@ _FEWEST_COARSE = 100  # fewer do not know the shape
 # By how much columns may miss their lengths, right angles and the middle, as a share of the largest
 # eigenvalue.
 _SKEW = 1e-6
+# Eigenvalues that differ by at most this share count as equal. Input in single precision splits a
+# double eigenvalue by less than the first, samples mostly by less than the second.
+_EQUAL = {"exact": 1e-6, "sampled": 5e-4}
 # Of the sampled method, unless others are asked for.
 _N_EIGENPAIRS, _N_SAMPLES, _MU = 100, 200, 1e4
 
@@ -163,7 +166,9 @@ def canonical_form(
     Warns
     -----
     UnbendWarning
-        If something was done to the input that the result shows, or an eigenvalue is negative.
+        If something was done to the input that the result shows, an eigenvalue is negative, or the
+        last one nearly equals the next, which the form leaves out: then it depends on the order of
+        the vertices. Symmetric shapes have such multiple eigenvalues.
 
     References
     ----------
@@ -222,9 +227,10 @@ def canonical_form(
         raise InputError(f"{surface.mesh.name}: detail needs faces, and this is a point cloud")
     large = n_coarse is not None and surface.n_vertices > n_coarse
     route = two_level if large else exact if chosen == "exact" else sampled
-    points, eigenvalues, metric, residual = route(surface, options, steps)
+    points, values, metric, residual = route(surface, options, steps)
+    points = points[:, :n_components].copy()
     weights = surface.operator.areas if weighting == "area" else np.ones(len(points))
-    _check_axes(points, eigenvalues, weights, surface.mesh.name)
+    _check_axes(points, values[:n_components], weights, surface.mesh.name)
     with steps("stress"):
         stress = _stress(points, metric, random_state)
     laid = None
@@ -241,22 +247,22 @@ def canonical_form(
             )
         if keep_scale:
             laid *= np.sqrt(surface.area)
-    negative = _eigenvalue_notes(eigenvalues)
-    for note in negative:
-        warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
     if keep_scale:
         unit = surface.area ** (length_power(distance) / 2)
-        points, eigenvalues = points * unit, eigenvalues * unit**2
+        points, values = points * unit, values * unit**2
+    found = _eigenvalue_notes(values, n_components, _EQUAL[chosen])
+    for note in found:
+        warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
     return CanonicalForm(
         points=surface.prepared.expand(points),
-        eigenvalues=eigenvalues,
+        eigenvalues=values[:n_components],
         stress=stress,
         distance=distance,
         method=chosen,
         weighting=weighting,
         laplacian=surface.operator.kind,
         area=surface.area,
-        notes=surface.prepared.notes + negative,
+        notes=surface.prepared.notes + found,
         seconds=steps.seconds,
         residual=residual,
         surface=None if laid is None else surface.prepared.expand(laid),
@@ -335,11 +341,22 @@ def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
     return float(np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum()))
 
 
-def _eigenvalue_notes(eigenvalues: FloatArray) -> tuple[str, ...]:
-    negative = int((eigenvalues < 0).sum())
-    if not negative:
-        return ()
-    return (
-        f"{negative} of the {len(eigenvalues)} leading eigenvalues are negative (these distances "
-        "are not Euclidean); their coordinates are zero",
-    )
+def _eigenvalue_notes(values: FloatArray, d: int, equal: float) -> tuple[str, ...]:
+    """Say what is wrong with the first d eigenvalues; the next one may be there, too."""
+    notes = []
+    negative = int((values[:d] < 0).sum())
+    if negative:
+        notes.append(
+            f"{negative} of the {d} leading eigenvalues are negative (these distances are not "
+            "Euclidean); their coordinates are zero"
+        )
+    apart = values[:-1] - values[1:] > equal * values[:-1]
+    if len(values) > d and values[d] > 0 and not apart[d - 1]:
+        fewer = np.flatnonzero(apart[: d - 1]) + 1
+        choices = " or ".join(str(n) for n in (*fewer[-1:], d + 1))
+        notes.append(
+            f"eigenvalues {d} and {d + 1} are nearly equal ({values[d - 1]:.6g} and "
+            f"{values[d]:.6g}), so the form holds an arbitrary part of their eigenspace; use "
+            f"n_components={choices}"
+        )
+    return tuple(notes)

@@ -61,7 +61,7 @@ def exact_scaling(
         n,
         n_components,
         random_state=random_state,
-        block_size=max(8, n_components + 3),  # eight columns cost little more than one
+        block_size=max(8, n_components + 2),  # eight columns cost little more than one
     )
     values = _without_rounding(values)
     return _points(vectors, values, np.ones(n)), values
@@ -81,13 +81,14 @@ def refined_scaling(
     Returns
     -------
     points : (n, d) ndarray of float64
-    eigenvalues : (d,) ndarray of float64
+    eigenvalues : (d + 1,) ndarray of float64
+        Descending; the last one, of no column, is less accurate.
     residual : float
         Largest residual of an eigenpair, relative to the largest eigenvalue.
     """
     values, vectors, residual = subspace_iteration(solves, start, n_components, tol=tol)
-    values = _without_rounding(values)
-    return _points(vectors, values, np.ones(len(vectors))), values, residual
+    values = _without_rounding(values[: n_components + 1])
+    return _points(vectors, values[:n_components], np.ones(len(vectors))), values, residual
 
 
 def area_scaling(

@@ -60,7 +60,8 @@ class Options:
 class Scaled(NamedTuple):
     """Points (n, d), their eigenvalues, and the distances that they stand for.
 
-    The residual is that of the eigenpairs where a two-level solver was used.
+    One eigenvalue more than was asked for shows whether it equals the last; a column of points may
+    come with it. The residual is that of the eigenpairs where a two-level solver was used.
     """
 
     points: FloatArray
@@ -100,13 +101,14 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
                 *exact_scaling(
                     metric.gram,
                     surface.n_vertices,
-                    options.n_components,
+                    min(options.n_components + 1, surface.n_vertices),
                     random_state=options.random_state,
                 ),
                 metric,
             )
     with steps("spectrum"):
-        spectrum = eigenpairs(surface, options.n_components + 1, cache=options.cache)
+        k = min(options.n_components + 2, surface.n_vertices)
+        spectrum = eigenpairs(surface, k, cache=options.cache)
     filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
     return Scaled(*area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas), metric)
 
@@ -186,7 +188,7 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
                 coefficients,
                 spectrum.eigenfunctions,
                 spectrum.areas,
-                options.n_components,
+                options.n_components + 1,
                 options.weighting,
             ),
             metric,

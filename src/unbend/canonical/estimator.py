@@ -55,8 +55,8 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     --------
     >>> from unbend import SpectralMDS
     >>> from unbend.datasets import make_sphere
-    >>> SpectralMDS(n_components=2).fit_transform(make_sphere(2)).shape
-    (162, 2)
+    >>> SpectralMDS(n_components=3).fit_transform(make_sphere(2)).shape
+    (162, 3)
     """
 
     def __init__(

@@ -111,6 +111,7 @@ def _as_dict(found: Evaluation) -> dict[str, Any]:
         "thresholds": THRESHOLDS,
         "protocols": {
             name: {
+                "rows": len(found.errors(name)),
                 "mean": found.mean(name),
                 "median": found.median(name),
                 "auc": found.auc(name),
@@ -132,7 +133,10 @@ def _print_table(found: Evaluation) -> None:
         cells = [f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"]
         cells += [f"{curve[i]:.1f} %" for i in columns]
         typer.echo(f"{name:12}" + "".join(f"{cell:>9}" for cell in cells))
-    typer.echo(f"\n{len(found.direct):,} rows; {found.coverage:.1%} of the target's area is hit")
+    counts = f"{len(found.direct):,} rows"
+    if found.map_min is not None and len(found.map_min) < len(found.direct):
+        counts += f", {len(found.map_min):,} of them with a mirrored truth"
+    typer.echo(f"\n{counts}; {found.coverage:.1%} of the target's area is hit")
     part = found.overlap
     if part.iou < 1:
         typer.echo(

@@ -24,10 +24,12 @@ from unbend.io import MeshLike, as_mesh
 from unbend.linalg.lanczos import smallest_eigenpairs, working_columns
 from unbend.mesh import Mesh
 
-DESCRIPTOR_VERSION = "heat-wave-2"
+DESCRIPTOR_VERSION = "heat-wave-3"
 
 # By Weyl's law eigenvalue i of a surface of unit area is about 4 pi i, so these reach 1200.
 _N_EIGENPAIRS = 100
+# Eigenvalues that differ by no more than this share count as one.
+_EQUAL = 1e-4
 # Times from where the last eigenfunction is damped to a tenth to where the first few are, evenly
 # in the logarithm.
 _TIMES = np.geomspace(2e-3, 0.3, 8)
@@ -68,6 +70,8 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
 
     Notes
     -----
+    The order of vertices and faces and the orientation of faces change nothing beyond rounding.
+
     Quantiles of the heat kernel signature at 8 times, and the covariance of the wave kernel
     signature at 12 energies; all as logarithms, so that a difference is a ratio on every scale.
     Each of the two counts by the mean square of its entries. Nothing is trained.
@@ -108,8 +112,13 @@ def make_basis(mesh: Mesh) -> Basis:
     """Compute the eigenpairs that a shape is described by."""
     _, stiffness, areas = whole_surface(mesh)
     k = min(_N_EIGENPAIRS, len(areas) // 2)
-    check_memory(mesh.name, len(areas), working_columns(k))
-    return Basis(*smallest_eigenpairs(stiffness, areas, k, tol=1e-5), areas)
+    check_memory(mesh.name, len(areas), working_columns(k + 1))
+    values, functions = smallest_eigenpairs(stiffness, areas, k + 1, tol=1e-5)
+    # All eigenfunctions of a multiple eigenvalue are used, or none: which of them come first
+    # depends on the order of the vertices.
+    ends = np.flatnonzero(np.diff(values) > _EQUAL * values[1:]) + 1
+    kept = max(2, ends[-1])
+    return Basis(values[:kept], functions[:, :kept], areas)
 
 
 def describe(basis: Basis) -> npt.NDArray[np.float32]:

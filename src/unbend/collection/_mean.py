@@ -169,7 +169,8 @@ def mean_shape(
     weights = vertex_areas(template)
     # Turned as the template stands, so that the mean stands so too.
     placed = [
-        one.vertices @ procrustes(one.vertices, template.vertices, reflect=False)[0].T
+        one.vertices
+        @ procrustes(one.vertices, template.vertices, weights=weights, reflect=False)[0].T
         for one in kept
     ]
     return MeanShape(

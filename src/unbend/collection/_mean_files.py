@@ -46,7 +46,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     k = len(statistics.variances)
     written = [folder / "mean.ply"]
     spread = statistics.variability
-    colors = value_colors(spread, limits=(0, float(spread.max())))
+    colors = value_colors(spread, limits=(0, float(np.nanmax(spread))))
     write_mesh(written[0], found.mean, scalars={"variability": spread}, colors=colors)
     for i in range(k):
         for word, deviations in (("minus", -DEVIATIONS), ("plus", DEVIATIONS)):

@@ -1,8 +1,9 @@
 """Statistics over shapes whose points correspond: mean, principal components, variability.
 
 Generalised Procrustes analysis (Gower, "Generalized Procrustes analysis", Psychometrika 40, 1975;
-Dryden & Mardia, "Statistical shape analysis", Wiley 2016): every shape is moved rigidly, and
-scaled where sizes do not matter, to fit their mean, and the mean is taken anew.
+Dryden & Mardia, "Statistical shape analysis", Wiley 2016): every shape is moved rigidly to fit the
+mean of all, and the mean is computed again, until it converges. Where sizes do not matter, all
+shapes are first scaled to one size.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ class Statistics(Brief):
     Attributes
     ----------
     mean : (n, 3) ndarray of float64
-        The mean shape. Its centre of area is at the origin; without sizes it has the mean size.
+        The mean shape: the arithmetic mean of the shapes after fitting, with its centre of area at
+        the origin. Its own size is at most the mean of the fitted shapes' sizes, and less the more
+        they differ. NaN where a point of weight 0 has no position.
     components : (k, n, 3) ndarray of float64
         The principal components: how the mean moves for one standard deviation along each. From
         the largest variance down; towards the positive side a shape grows rather than shrinks.
@@ -45,10 +48,11 @@ class Statistics(Brief):
     scores : (n_shapes, k) ndarray of float64
         Where each shape lies along each component, in standard deviations.
     variability : (n,) ndarray of float64
-        Root mean square distance of each point from its place in the mean.
+        Standard deviation of each point: the square root of its summed squared distances from its
+        place in the mean, divided by ``n_shapes - 1``, as the variances are.
     sizes : (n_shapes,) ndarray of float64
-        Of each shape before: the root mean square distance of its points, by area, from their
-        middle.
+        Size of each shape before fitting: the root mean square distance of its points, by weight,
+        from their centre. With equal weights this is the centroid size over ``sqrt(n)``.
     """
 
     mean: FloatArray
@@ -85,11 +89,12 @@ def shape_statistics(
     shapes : (n_shapes, n, 3) array_like of float
         Row i of each is the same point.
     weights : (n,) array_like of float, optional
-        What each point counts, vertex areas say. Default: all alike.
+        Weight of each point, vertex areas for instance. Default: all equal. A point of weight 0
+        does not count, and may lie anywhere or be NaN.
     n_components : int, optional
         How many components to keep; by default all, one less than there are shapes.
     scale : bool, default=False
-        Whether sizes are taken out too: form is then the same for a child and a giant.
+        Whether to remove differences in size: every shape is first scaled to the mean of `sizes`.
 
     Returns
     -------
@@ -108,7 +113,8 @@ def shape_statistics(
     References
     ----------
     Gower, "Generalized Procrustes analysis", Psychometrika 40(1), 1975; Dryden & Mardia,
-    "Statistical shape analysis", 2nd edition, Wiley 2016, chapters 7 and 8.
+    "Statistical shape analysis", 2nd edition, Wiley 2016, chapter 2 (centroid size) and chapter 7
+    (partial Procrustes fits: equal sizes, and no scaling beyond that).
 
     Examples
     --------
@@ -127,8 +133,8 @@ def shape_statistics(
     True
     """
     points = numbers_of(shapes, "shapes").copy()
-    if points.ndim != 3 or points.shape[2] != 3 or not np.isfinite(points).all():
-        raise InputError(f"shapes must be finite, of shape (n_shapes, n, 3), not {points.shape}")
+    if points.ndim != 3 or points.shape[2] != 3:
+        raise InputError(f"shapes must have shape (n_shapes, n, 3), not {points.shape}")
     if len(points) < 2:
         raise InputError("statistics need at least 2 shapes")
     most = len(points) - 1
@@ -139,11 +145,18 @@ def shape_statistics(
     mass = np.ones(n) if weights is None else numbers_of(weights, "weights").copy()
     if mass.shape != (n,) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:
         raise InputError(f"weights must be {n} finite non-negative numbers, not all 0")
-    mass /= mass.sum()
+    counted = mass > 0
+    share = mass[counted] / mass.sum()
+    infinite = ~np.isfinite(points).all(axis=2)
+    if (infinite & counted).any():
+        shape, point = np.argwhere(infinite & counted)[0]
+        raise InputError(f"shape {shape}: point {point} is not finite; give it weight 0 or a place")
+    points[~counted & ~(np.abs(points) < _MOST_SIZE).all(axis=2)] = np.nan
 
-    points -= (mass @ points)[:, None]
+    points -= (share @ points[:, counted])[:, None]
+    solid = points[:, counted]
     with np.errstate(over="ignore"):
-        sizes = np.sqrt(np.einsum("v,svk,svk->s", mass, points, points))
+        sizes = np.sqrt(np.einsum("v,svk,svk->s", share, solid, solid))
     if not (sizes > 0).all():
         raise InputError(f"shape {int(sizes.argmin())} is a single point")
     wrong = ~((sizes > _LEAST_SIZE) & (sizes < _MOST_SIZE))
@@ -159,14 +172,14 @@ def shape_statistics(
     variability = np.sqrt((offsets**2).sum(axis=(0, 2)) / most)
 
     # As many numbers as shapes decide: the eigenvectors of their inner products.
-    rows = (offsets * np.sqrt(mass / most)[:, None]).reshape(len(points), -1)
+    rows = (offsets[:, counted] * np.sqrt(share / most)[:, None]).reshape(len(points), -1)
     values, shares = np.linalg.eigh(rows @ rows.T)
     values, shares = values[::-1], shares[:, ::-1]
-    extent = float(mass @ (mean**2).sum(axis=1))
+    extent = float(share @ (mean[counted] ** 2).sum(axis=1))
     real = min(kept, most, int((values > _NOTHING * extent).sum()))
     values, shares = values[:real], shares[:, :real]
     components = np.einsum("sk,svd->kvd", shares, offsets) / np.sqrt(most)
-    outward = np.einsum("v,kvd,vd->k", mass, components, mean)
+    outward = np.einsum("v,kvd,vd->k", share, components[:, counted], mean[counted])
     signs = np.where(outward < 0, -1.0, 1.0)
     return Statistics(
         mean=mean,
@@ -187,7 +200,8 @@ def _fit_together(points: FloatArray, mass: FloatArray) -> FloatArray:
             turn, _ = procrustes(shape, mean, weights=mass, reflect=False)
             points[i] = shape @ turn.T
         before, mean = mean, points.mean(axis=0)
-        moved = float(np.sqrt(((mean - before) ** 2).sum() / (mean**2).sum()))
+        inner, change = mean[mass > 0], (mean - before)[mass > 0]
+        moved = float(np.sqrt((change**2).sum() / (inner**2).sum()))
         if moved <= _SETTLED:
             return mean
     warnings.warn(

@@ -15,9 +15,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unbend._arrays import first_equal_row
-from unbend._types import FloatArray, IntArray, SparseMatrix
+from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError
-from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces
+from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces, vertex_areas
 from unbend.spectral import laplacian
 
 # A piece with less of the area is dust, unless half of the area is.
@@ -32,6 +32,8 @@ _MOST = 20_000
 # Pieces touch where vertices are so near, at unit area; where none are, this many links join them.
 _TOUCH = 0.02
 _LINKS = 8
+# Distances that differ by less, at unit area, are equal.
+_TIE = 1e-9
 # Where there are more pieces than these, many are joined at once to one of so many neighbours.
 _FEW = 16
 _NEIGHBOURS = 16, 64, 256
@@ -81,11 +83,13 @@ def whole_surface(mesh: Mesh) -> Whole:
     else:
         one = _refined(*_closed(*_stitched(*_welded(mesh))))
     operator = laplacian(one, laplacian="robust")
-    area = operator.areas.sum()
+    # The operator's own areas depend on the order of faces where four vertices lie on a circle.
+    mass = operator.areas if one.is_point_cloud else vertex_areas(one)
+    area = mass.sum()
     points = one.vertices / np.sqrt(area)
     stiffness = sp.csr_array(operator.stiffness + _links(points, operator.stiffness))
     # Of a degenerate face a vertex may have no area at all, which no eigenproblem can take.
-    areas = np.maximum(operator.areas / area, 1e-12)
+    areas = np.maximum(mass / area, 1e-12)
     return Whole(points, stiffness, areas / areas.sum())
 
 
@@ -173,31 +177,45 @@ def _refined(vertices: FloatArray, faces: IntArray) -> Mesh:
         edges = find_edges(faces, len(vertices))
         tails, heads = vertices[edges.ends].transpose(1, 0, 2)
         long = np.linalg.norm(heads - tails, axis=1) > _LONGEST
-        if not long.any() or len(vertices) + long.sum() > most:
+        middle = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
+        faces, sides = _turned(faces, middle[edges.of_side].reshape(-1, 3))
+        two = (sides >= 0).sum(axis=1) == 2
+        count = len(vertices) + long.sum() + two.sum()
+        if not long.any() or count > most:
             break
-        middle = np.full(len(long), -1)
-        middle[long] = len(vertices) + np.arange(long.sum())
-        vertices = np.concatenate([vertices, (tails[long] + heads[long]) / 2])
-        faces = _split(faces, middle[edges.of_side].reshape(-1, 3))
+        centres = np.where(two, count - two.sum() + np.cumsum(two) - 1, -1)
+        middles = (tails[long] + heads[long]) / 2
+        a, b, c = vertices[faces[two]].transpose(1, 0, 2)
+        vertices = np.concatenate([vertices, middles, (3 * a + 2 * b + 3 * c) / 8])
+        faces = _split(faces, sides, centres)
     return Mesh(vertices, faces)
 
 
-def _split(faces: IntArray, middles: IntArray) -> IntArray:
-    """Split faces at the middles of their sides; -1 where a side stays whole.
+def _turned(faces: IntArray, middles: IntArray) -> tuple[IntArray, IntArray]:
+    """Turn faces so that a single middle is on the first side, and of two the last side has none.
 
-    Side ``k`` leads from corner ``k`` to the next.
+    Side ``k`` leads from corner ``k`` to the next; its middle is -1 where it stays whole.
     """
     count = (middles >= 0).sum(axis=1)
-    # Turned so that of one middle it is the first side's, and of two the last side has none.
     first = np.where(count == 1, (middles >= 0).argmax(axis=1), (middles < 0).argmax(axis=1) + 1)
     order = (first[:, None] + np.arange(3)) % 3
-    faces, middles = (np.take_along_axis(rows, order, axis=1) for rows in (faces, middles))
+    return np.take_along_axis(faces, order, axis=1), np.take_along_axis(middles, order, axis=1)
+
+
+def _split(faces: IntArray, middles: IntArray, centres: IntArray) -> IntArray:
+    """Split turned faces at the middles of their sides.
+
+    Two middles leave a quadrilateral, which is split at its centre. Choosing one of its diagonals
+    would make the result depend on the order of the corners.
+    """
+    count = (middles >= 0).sum(axis=1)
     a, b, c = faces.T
     ab, bc, ca = middles.T
+    m = centres
     pieces = {
         0: [(a, b, c)],
         1: [(a, ab, c), (ab, b, c)],
-        2: [(b, bc, ab), (a, ab, c), (ab, bc, c)],
+        2: [(b, bc, ab), (a, ab, m), (ab, bc, m), (bc, c, m), (c, a, m)],
         3: [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)],
     }
     return np.concatenate(
@@ -230,22 +248,29 @@ def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
                 links.append(_to_others(piece, apart, there))
                 piece = _merged(piece, links[-1])
         while piece.max() > 0:
-            mine = piece == np.bincount(piece).argmin()
-            inner, outer = np.flatnonzero(mine), np.flatnonzero(~mine)
-            apart, there = cKDTree(points[outer]).query(points[inner])
-            nearest = np.argsort(apart, kind="stable")[:_LINKS]
-            nearest = nearest[apart[nearest] <= apart[nearest[0]] + _TOUCH]
-            links.append(np.column_stack([inner[nearest], outer[there[nearest]]]))
+            counts = np.bincount(piece)
+            smallest = np.flatnonzero(counts == counts.min())  # all of them at once
+            links.append(np.concatenate([_to_rest(points, piece == one) for one in smallest]))
             piece = _merged(piece, links[-1])
-    ends = np.concatenate(links)
+    ends = np.unique(np.sort(np.concatenate(links), axis=1), axis=0)
     weights = np.full(len(ends), _LINK_WEIGHT)
     graph = sp.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
     graph = graph + graph.T
     return sp.diags_array(graph.sum(axis=1)) - graph
 
 
+def _to_rest(points: FloatArray, mine: BoolArray) -> IntArray:
+    """Link the vertices of one piece that are nearest to the rest, each to its nearest there."""
+    inner, outer = np.flatnonzero(mine), np.flatnonzero(~mine)
+    neighbours = np.arange(min(_LINKS, len(outer))) + 1
+    apart, there = cKDTree(points[outer]).query(points[inner], neighbours)
+    reach = min(np.sort(apart[:, 0])[:_LINKS][-1], apart.min() + _TOUCH)
+    rows, columns = np.nonzero(apart <= np.minimum(apart[:, :1], reach) + _TIE)
+    return np.column_stack([inner[rows], outer[there[rows, columns]]])
+
+
 def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
-    """Of each piece, its vertex nearest to another and that one, among neighbours that are known.
+    """Link each piece to another where they are nearest, among neighbours that are known.
 
     Parameters
     ----------
@@ -253,13 +278,12 @@ def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
     apart, there : (n, k) ndarrays
         Distances and numbers of the neighbours of each vertex, the nearest first.
     """
-    other = piece[there] != piece[:, None]
-    rows = np.flatnonzero(other.any(axis=1))
-    first = other[rows].argmax(axis=1)
-    order = np.lexsort((apart[rows, first], piece[rows]))
-    rows, first = rows[order], first[order]
-    best = np.flatnonzero(np.diff(piece[rows], prepend=-1))
-    return np.column_stack([rows[best], there[rows[best], first[best]]])
+    apart = np.where(piece[there] != piece[:, None], apart, np.inf)
+    least = np.full(piece.max() + 1, np.inf)
+    np.minimum.at(least, piece, apart.min(axis=1))
+    near = np.isfinite(apart) & (apart <= least[piece, None] + _TIE)
+    rows, columns = np.nonzero(near)
+    return np.column_stack([rows, there[rows, columns]])
 
 
 def _merged(piece: IntArray, links: IntArray) -> IntArray:

@@ -60,12 +60,14 @@ class Evaluation(Brief, Drawn):
     ----------
     direct : (r,) ndarray of float64
         One error for each row of the ground truth that has an image.
-    map_min, vertex_min : (r,) ndarray of float64, or None
+    map_min, vertex_min : (q,) ndarray of float64, or None
+        One error for each of these rows that has a mirrored image, too.
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
     continuity : float or None
         Total length in space of the images of the source's edges over that of the edges, both
-        at unit area, when the source was given; 1 for a rigid map, more the more a map tears.
+        at unit area; 1 for a rigid map, more the more a map tears. None without a source, or where
+        no edge with a length has both ends mapped onto the target's faces.
     overlap : Overlap
         Of parts: rows of the ground truth with a negative target vertex have no true image.
     """
@@ -136,7 +138,8 @@ def evaluate(
         Rows whose target vertex is negative have no true image; those, and rows whose source
         vertex was given none, count for `overlap` only.
     mirrored_target_points : (r,) array_like of int, optional
-        The ground truth composed with the target's left-right symmetry.
+        The ground truth composed with the target's left-right symmetry; negative where a row has no
+        mirrored image.
     source : mesh-like, optional
         Needed for `continuity` only.
     distance : {"geodesic", "geodesic-exact"}, default="geodesic"
@@ -150,8 +153,8 @@ def evaluate(
     Raises
     ------
     InputError
-        If lengths differ, an index is out of range, the ground truth names a target vertex that
-        no face uses, or no row counts.
+        If lengths differ, an index is out of range, a ground truth names a target vertex that no
+        face uses, or none of its rows counts.
     MeshError
         If a shape is a point cloud: errors are measured along faces.
     MissingExtraError
@@ -195,18 +198,16 @@ def evaluate(
                 f"the ground truth has {len(sources)} source and {len(truth)} target vertices"
             )
     found = images[sources]
-    counted = (found >= 0) & np.all([truth >= 0 for truth in truths], axis=0)
-    if not counted.any():
-        raise InputError("no row of the ground truth counts: none has an image and a true image")
-    for truth, name in zip(truths, ("target_points", "mirrored_target_points"), strict=False):
-        _check_used(np.where(counted, truth, -1), target, name)
-    errors = [_distances(target, truth[counted], found[counted], distance) for truth in truths]
+    rows = np.flatnonzero((found >= 0) & (truths[0] >= 0))
+    direct = _errors(target, truths[0], found, rows, "target_points", distance)
     map_min = vertex_min = None
-    if len(errors) == 2:
-        map_min = min(errors, key=lambda one: float(one.mean()))
-        vertex_min = np.minimum(*errors)
+    if len(truths) == 2:
+        both = truths[1][rows] >= 0
+        mirrored = _errors(target, truths[1], found, rows[both], "mirrored_target_points", distance)
+        map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
+        vertex_min = np.minimum(direct[both], mirrored)
     return Evaluation(
-        direct=errors[0],
+        direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=_coverage(images, target),
@@ -233,14 +234,19 @@ def _with_faces(shape: MeshLike) -> Mesh:
     return mesh
 
 
-def _check_used(truth: IntArray, target: Mesh, name: str) -> None:
-    unused = (truth >= 0) & ~np.isin(truth, target.faces)
-    if unused.any():
-        row = int(np.flatnonzero(unused)[0])
+def _errors(
+    target: Mesh, truth: IntArray, found: IntArray, rows: IntArray, name: str, kind: str
+) -> FloatArray:
+    """Errors of some rows, which must name vertices in use."""
+    if not len(rows):
+        raise InputError(f"{name}: no row counts, because none has an image and a true image")
+    unused = rows[~np.isin(truth[rows], target.faces)]
+    if len(unused):
         raise InputError(
-            f"{name}: row {row} is {truth[row]}, a vertex that no face of {target.name} uses; "
-            "give -1 for rows that do not count"
+            f"{name}: row {unused[0]} is {truth[unused[0]]}, a vertex that no face of "
+            f"{target.name} uses; give -1 for rows that do not count"
         )
+    return _distances(target, truth[rows], found[rows], kind)
 
 
 def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> FloatArray:
@@ -287,14 +293,14 @@ def _coverage(images: IntArray, target: Mesh) -> float:
     return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())
 
 
-def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float:
+def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float | None:
     if source.n_vertices != len(images):
         raise InputError(
             f"the map has {len(images)} rows, but the source has {source.n_vertices} vertices"
         )
     edges = edge_ends(source.faces, source.n_vertices)
-    edges = edges[(images[edges] >= 0).all(axis=1)]
+    edges = edges[np.isin(images, target.faces)[edges].all(axis=1)]
     before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)
     after = np.linalg.norm(np.diff(target.vertices[images[edges]], axis=1)[:, 0], axis=1)
     scale = np.sqrt(vertex_areas(source).sum() / vertex_areas(target).sum())
-    return float(scale * after.sum() / before.sum())
+    return float(scale * after.sum() / before.sum()) if before.sum() > 0 else None

@@ -41,8 +41,8 @@ def subspace_iteration(
 
     Returns
     -------
-    values : (k,) ndarray of float64
-        Descending.
+    values : (b,) ndarray of float64
+        Descending. Those after the first k are not as accurate.
     vectors : (n, k) ndarray of float64
         Orthonormal.
     residual : float
@@ -60,7 +60,7 @@ def subspace_iteration(
     >>> diagonal = np.array([[9.0], [4.0], [1.0]])
     >>> rough = np.array([[1.0, 0.1], [0.2, 1.0], [0.1, -0.2]])
     >>> subspace_iteration(lambda x, guess, tol: [diagonal * x], rough, 1, tol=1e-9)[0].round(6)
-    array([9.])
+    array([9., 4.])
     """
     with one_blas_thread():
         vectors = combine(None, start, _orthonormalising(inner(start, start)))
@@ -72,9 +72,9 @@ def subspace_iteration(
             if not np.isfinite(projection).all():
                 raise SolverError("the solves returned NaN or infinite values")
             values, rotation = scipy.linalg.eigh((projection + projection.T) / 2)
-            values, rotation = values[::-1][:k], rotation[:, ::-1]
+            values, rotation = values[::-1], rotation[:, ::-1]
             found = combine(None, vectors, rotation[:, :k])
-            left = combine(found * -values, images[-1], -rotation[:, :k])
+            left = combine(found * -values[:k], images[-1], -rotation[:, :k])
             residual = float(column_lengths(left).max() / values[0])
             if residual <= tol:
                 return values, found, residual

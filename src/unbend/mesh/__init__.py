@@ -2,7 +2,7 @@
 
 from unbend.mesh._coarsening import aggregate_vertices
 from unbend.mesh._corners import measure_corners
-from unbend.mesh._mesh import Mesh, vertex_areas, vertex_ids, vertex_normals
+from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, vertex_normals
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
     Components,
@@ -35,6 +35,7 @@ __all__ = [
     "measure_corners",
     "measure_faces",
     "proper_faces",
+    "used_vertices",
     "vertex_areas",
     "vertex_ids",
     "vertex_normals",

@@ -10,6 +10,7 @@ import numpy as np
 from unbend._display import Drawn
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
+from unbend.mesh._topology import has_earlier_twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ class Mesh(Drawn):
     ------
     MeshError
         If an array has the wrong shape, a face names a vertex that does not exist, or a vertex
-        in use is not finite. (A vertex that no face uses may be NaN: such rows are what unbend
-        itself writes for unreferenced vertices.)
+        in use is not finite. (A vertex that no face uses need not be: its row becomes NaN, as in
+        what unbend itself writes for unreferenced vertices.)
 
     Examples
     --------
@@ -152,11 +153,12 @@ def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
 
 
 def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
-    bad = ~np.isfinite(vertices).all(axis=1)
+    finite = np.isfinite(vertices).all(axis=1)
+    bad = ~finite
     if len(faces):
         used = np.zeros(len(vertices), dtype=bool)
         used[faces] = True
-        bad &= used
+        bad = bad & used
     if bad.any():
         vertex = int(np.flatnonzero(bad)[0])
         position = ", ".join(f"{x:g}" for x in vertices[vertex])
@@ -164,6 +166,7 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
             f"{name}: vertex {vertex} is at ({position}), which is not a finite position; "
             "correct or remove that vertex"
         )
+    vertices[~finite] = np.nan
 
 
 def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
@@ -195,8 +198,26 @@ def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
     return ids.astype(np.int64)
 
 
+def used_vertices(mesh: Mesh) -> FloatArray:
+    """Positions (n, 3), NaN at vertices that no face uses; all of a point cloud.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.mesh import used_vertices
+    >>> used_vertices(Mesh([[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 2, 3]]))[:2]
+    array([[nan, nan, nan],
+           [ 0.,  0.,  0.]])
+    """
+    if mesh.is_point_cloud:
+        return mesh.vertices
+    positions = np.full(mesh.vertices.shape, np.nan)
+    positions[mesh.faces] = mesh.vertices[mesh.faces]
+    return positions
+
+
 def vertex_areas(mesh: Mesh) -> FloatArray:
-    """Give each vertex a third of the area of the faces around it.
+    """Give each vertex a third of the area of the faces around it; repeated faces count once.
 
     Parameters
     ----------
@@ -216,10 +237,11 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
     """
     if mesh.is_point_cloud:
         return np.ones(mesh.n_vertices)
-    corners = mesh.vertices[mesh.faces]
+    faces = mesh.faces[~has_earlier_twin(mesh.faces)]
+    corners = mesh.vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
-    return np.asarray(np.bincount(mesh.faces.ravel(), shares, mesh.n_vertices))
+    return np.asarray(np.bincount(faces.ravel(), shares, mesh.n_vertices))
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:

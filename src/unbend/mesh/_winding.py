@@ -90,6 +90,9 @@ def _least_disagreement(pairs: IntArray, disagree: BoolArray, m: int) -> BoolArr
 def _length(vertices: FloatArray, ends: IntArray, faces: IntArray) -> float:
     """Length of edges, in sqrt(area) of the surface."""
     tiny = np.finfo(float).tiny
-    points = vertices / max(np.abs(vertices).max(), tiny)  # no square overflows or vanishes
-    length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1).sum()
-    return float(length / np.sqrt(max(measure_faces(points, faces)[1], tiny)))
+    corners = vertices[faces]  # other vertices may be anywhere
+    unit = max(np.abs(corners).max(), tiny)  # no square overflows or vanishes
+    length = np.linalg.norm(np.diff(vertices[ends] / unit, axis=1)[:, 0], axis=1).sum()
+    numbers = np.arange(faces.size).reshape(-1, 3)
+    area = measure_faces(corners.reshape(-1, 3) / unit, numbers)[1]
+    return float(length / np.sqrt(max(area, tiny)))

@@ -11,7 +11,7 @@ import numpy as np
 from unbend.canonical import CanonicalForm
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, used_vertices
 from unbend.report.figures import draw_mesh, new_figure, position_colors
 from unbend.report.match_figures import error_curves
 from unbend.report.pages import mesh_page, table
@@ -82,7 +82,7 @@ def _(mesh: Mesh) -> str:
 def _(mesh: Mesh) -> Any:
     figure = new_figure(5, 5)
     ax = figure.add_axes((0, 0, 1, 1))
-    colors = position_colors(mesh.vertices)
+    colors = position_colors(used_vertices(mesh))
     if mesh.is_point_cloud:
         ax.scatter(mesh.vertices[:, 0], mesh.vertices[:, 1], s=2, c=colors)
         ax.set_aspect("equal")

@@ -12,7 +12,7 @@ from unbend._text import printable
 from unbend._types import FloatArray
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, used_vertices
 from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
 __all__ = [
@@ -240,7 +240,7 @@ def draw_canonical_forms(
         points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         if colors is None:
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
-            colors = first_colors if fits else position_colors(mesh.vertices)
+            colors = first_colors if fits else position_colors(used_vertices(mesh))
         first_colors = colors if first_colors is None else first_colors
         drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, FORM_THICKER)]
         if surface is not None:

@@ -15,7 +15,7 @@ from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, used_vertices
 from unbend.report.figures import (
     UPRIGHT,
     as_written,
@@ -105,7 +105,7 @@ def match_colors(
     True
     """
     source, target = as_mesh(source), as_mesh(target)
-    colors = pattern_colors(source.vertices)
+    colors = pattern_colors(used_vertices(source))
     carried = transfer(colors, match, kind="scalar", source=source, target=target)
     if len(carried) != target.n_vertices:
         raise InputError(

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from unbend import Mesh, write_mesh
+from unbend.errors import InputError
 
 
 def parts(path: Path) -> tuple[dict, bytes]:
@@ -44,6 +45,14 @@ def test_texture_coordinates_count_from_the_top(blob: Mesh, tmp_path: Path) -> N
     view = document["bufferViews"][primitive["attributes"]["TEXCOORD_0"]]
     stored = np.frombuffer(data, "<f4", 2 * 642, view["byteOffset"]).reshape(-1, 2)
     np.testing.assert_allclose(stored, np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]), atol=1e-6)
+
+
+@pytest.mark.parametrize("points", [True, False])
+def test_positions_beyond_single_precision_are_refused(
+    blob: Mesh, tmp_path: Path, points: bool
+) -> None:
+    with pytest.raises(InputError, match="single-precision numbers, which these positions exceed"):
+        write_mesh(tmp_path / "a.glb", Mesh(1e200 * blob.vertices, None if points else blob.faces))
 
 
 @pytest.mark.parametrize("points", [True, False])

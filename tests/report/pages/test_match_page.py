@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, match, match_page
+from unbend import Mesh, evaluate, match, match_page
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
+from unbend.report.pages import _maps
 from unbend.report.pages._match_page import _standing_alike
 from unbend.report.pages._shown import show
 
@@ -72,6 +73,15 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "unbend match a b" in text
     assert "<tr><td>2</td><td>0.3000</td><td>+0.1000</td><td>-0.80</td></tr>" in text
     assert data_of(page)["maps"][0]["errors"] is not None
+
+
+def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
+    every = np.arange(642)
+    truth = every, every, np.where(every % 2 == 0, -1, every)
+    images = np.roll(every, 1)
+    errors = _maps._errors_of_vertices(blob, blob, images, truth)
+    expected = evaluate(images, blob, every, every).direct
+    np.testing.assert_allclose(errors, np.minimum(expected, 1))
 
 
 def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:

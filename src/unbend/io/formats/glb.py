@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError
 
 # What the specification (Khronos Group, glTF 2.0) calls them.
 _FLOAT, _UNSIGNED_INT = 5126, 5125
@@ -26,10 +27,15 @@ def write(
 ) -> None:
     """Write positions in single precision, faces, colours and texture coordinates.
 
-    What no face uses and is not finite is put at the origin. Colours are linear in glTF, those of
-    PLY and OBJ files are as screens take them; the first row of a texture is its highest here.
+    Vertices that no face uses are put at the origin if single precision cannot hold them. Colours
+    are linear in glTF, those of PLY and OBJ files are as screens take them; the first row of a
+    texture is its highest here.
     """
-    columns: dict[str, npt.NDArray[Any]] = {"POSITION": np.nan_to_num(vertices).astype("<f4")}
+    held = np.asarray((np.abs(vertices) <= np.finfo(np.float32).max).all(axis=1))
+    if not (held[faces] if len(faces) else held).all():
+        raise InputError("GLB holds single-precision numbers, which these positions exceed")
+    positions = np.where(held[:, None], vertices, 0.0)
+    columns: dict[str, npt.NDArray[Any]] = {"POSITION": positions.astype("<f4")}
     if colors is not None:
         # Bytes are too coarse for dark colours, and MeshLab misreads the shorts between.
         columns["COLOR_0"] = _linear(colors / 255).astype("<f4")

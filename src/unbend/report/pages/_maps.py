@@ -114,8 +114,8 @@ def _errors_of_vertices(
     """Error of each source vertex, of its neighbours where only they have one, else -1."""
     forward = as_point_map(match)
     direct = evaluate(match, target, *truth).direct
-    sources, *images = (np.asarray(one) for one in truth)
-    counted = (forward[sources] >= 0) & np.all([one >= 0 for one in images], axis=0)
+    sources, images = (np.asarray(one) for one in truth[:2])
+    counted = (forward[sources] >= 0) & (images >= 0)
     errors = np.full(len(forward), -1.0)
     errors[sources[counted]] = np.minimum(direct, 1.0)
     ends = edge_ends(source.faces, len(forward))

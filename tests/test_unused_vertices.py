@@ -1,0 +1,223 @@
+"""Vertices that no face uses may be anywhere, or nowhere: results are as without them."""
+
+import dataclasses
+import functools
+import json
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import unbend
+from unbend import Mesh
+from unbend.collection._entry import thumbnail
+from unbend.datasets import make_sphere
+from unbend.mesh import used_vertices, vertex_areas, vertex_normals
+from unbend.report.display import figure_of
+from unbend.report.figures import draw_canonical_forms, save_figure
+from unbend.report.form_figures import draw_form
+from unbend.report.match_figures import draw_match
+
+pytestmark = pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
+
+FAR = {"NaN": (np.nan,) * 3, "infinity": (np.inf, -np.inf, 0.0), "1e200": (1e200, -1e200, 1e200)}
+
+
+class Case:
+    """Three blobs of other proportions, with or without an unused vertex before the others."""
+
+    def __init__(self, blob: Mesh, far: Any = None) -> None:
+        self.first = 0 if far is None else 1
+        front = np.reshape([] if far is None else far, (-1, 3))
+        self.mesh, *self.others = (
+            Mesh(np.concatenate([front, blob.vertices * [1, y, z]]), blob.faces + self.first)
+            for y, z in ((1, 1), (1.1, 0.9), (0.9, 1.2))
+        )
+        self.other = self.others[0]
+        self.rolled = self.map(np.roll(np.arange(642), 3))
+        self.same = self.map(np.arange(642))
+
+    def map(self, images: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.full(self.first, -1), images + self.first])
+
+    def rows(self, values: Any) -> np.ndarray:
+        """Rows of the vertices in use."""
+        return np.asarray(values)[self.first :]
+
+
+def diagnosis(case: Case) -> Iterator[Any]:
+    told = dataclasses.asdict(unbend.diagnose(case.mesh))
+    del told["n_vertices"], told["unreferenced_vertices"]
+    yield repr(told)
+
+
+def form(case: Case, **options: Any) -> Iterator[Any]:
+    found = unbend.canonical_form(case.mesh, **options)
+    yield from (case.rows(found.points), found.eigenvalues, found.stress, found.area)
+    yield from () if found.surface is None else (case.rows(found.surface),)
+
+
+def laplacians(case: Case) -> Iterator[Any]:
+    for kind in ("cotangent", "robust"):
+        found = unbend.laplacian(case.mesh, laplacian=kind)
+        yield from (found.stiffness.toarray()[-642:, -642:], found.areas[-642:])
+
+
+def spectrum(case: Case) -> Iterator[Any]:
+    found = unbend.spectrum(case.mesh, 12)
+    yield from (found.eigenvalues, case.rows(found.eigenfunctions))
+    values = unbend.interpolate(np.arange(5.0), np.arange(5) * 50 + case.first, found)
+    yield case.rows(values)
+
+
+def distances(case: Case) -> Iterator[Any]:
+    for kind in ("biharmonic", "geodesic"):
+        found = unbend.distance(case.mesh, [3 + case.first, 40 + case.first], distance=kind)
+        yield case.rows(found.T)
+        samples = unbend.farthest_point_sampling(case.mesh, 9, distance=kind)
+        yield samples - case.first
+
+
+def matched(case: Case, **options: Any) -> Iterator[Any]:
+    found = unbend.match(case.mesh, case.other, **options)
+    yield from (case.rows(found.source_to_target) - case.first, found.confidence)
+
+
+def errors(case: Case) -> Iterator[Any]:
+    rows = np.arange(0, 642, 9) + case.first
+    found = unbend.evaluate(case.rolled, case.mesh, rows, rows, source=case.other)
+    yield from (found.direct, found.coverage, found.continuity)
+
+
+def carried(case: Case) -> Iterator[Any]:
+    values = case.map(np.arange(642)).astype(float)
+    found = unbend.transfer(values, case.rolled, source=case.mesh, target=case.other)
+    yield case.rows(found) - case.first
+    yield case.rows(unbend.morph(case.mesh, case.other, case.same, 0.5).vertices)
+    yield unbend.similarity(case.mesh, case.other, match=case.same)
+    yield from (case.rows(one) for one in unbend.match_colors(case.mesh, case.other, case.rolled))
+
+
+def registration(case: Case) -> Iterator[Any]:
+    found = unbend.register(case.mesh, case.other, case.same)
+    yield from (case.rows(found.mesh.vertices), case.rows(found.distances), found.coverage)
+
+
+def mean(case: Case) -> Iterator[Any]:
+    found = unbend.mean_shape(case.others, case.mesh)
+    yield from (case.rows(found.mean.vertices), found.statistics.variances, found.confidences)
+    yield case.rows(found.statistics.variability)
+
+
+def measures(case: Case) -> Iterator[Any]:
+    yield unbend.descriptor(case.mesh)
+    yield case.rows(vertex_areas(case.mesh))
+    yield case.rows(vertex_normals(case.mesh.vertices, case.mesh.faces))
+    yield case.rows(used_vertices(case.mesh))
+    yield thumbnail(case.mesh)
+
+
+def files(case: Case) -> Iterator[Any]:
+    for suffix in ("off", "obj", "ply", "stl", "glb"):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, f"shape.{suffix}")
+            unbend.write_mesh(path, case.mesh)
+            if suffix != "glb":  # which is not read
+                read = unbend.read_mesh(path)
+                yield read.vertices[read.faces]
+
+
+def pages(case: Case) -> Iterator[Any]:
+    two, table = [case.mesh, case.other], np.array([[0, 1.0], [1, 0]])
+    for page in (
+        unbend.form_page(case.mesh, unbend.canonical_form(case.mesh)),
+        unbend.match_page(*two, case.rolled),
+        unbend.similarity_page(two, table),
+        unbend.search_page(case.mesh, two, [0.0, 1.0]),
+    ):
+        (data,) = re.findall(r'id="data">(.*?)</script>', page.html)
+        yield str(list(places_in(json.loads(data))))
+
+
+def places_in(data: Any) -> Iterator[Any]:
+    for key, one in data.items() if isinstance(data, dict) else enumerate(data):
+        if key in ("places", "faces"):
+            yield one
+        elif isinstance(one, dict | list):
+            yield from places_in(one)
+
+
+def pictures(case: Case) -> Iterator[Any]:
+    image = pytest.importorskip("matplotlib.image")
+    found = unbend.canonical_form(case.mesh)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "picture.png")
+        draw_form(case.mesh, found, path)
+        yield image.imread(path)
+        draw_match(case.mesh, case.other, case.rolled, path)
+        yield image.imread(path)
+        draw_canonical_forms([("a", case.mesh, found.points)], path)
+        yield image.imread(path)
+        save_figure(figure_of(case.mesh), path)
+        yield image.imread(path)
+
+
+CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
+    "diagnose": diagnosis,
+    "canonical_form": form,
+    "canonical_form, area": partial(form, weighting="area"),
+    "canonical_form, sampled": partial(form, distance="geodesic"),
+    "canonical_form, n_coarse": partial(form, n_coarse=200),
+    "canonical_form, detail": partial(form, detail="preserved", keep_scale=True),
+    "laplacian": laplacians,
+    "spectrum, interpolate": spectrum,
+    "distance, farthest_point_sampling": distances,
+    "match": matched,
+    "match, icp": partial(matched, method="icp"),
+    "evaluate": errors,
+    "transfer, morph, similarity, match_colors": carried,
+    "register": registration,
+    "mean_shape": mean,
+    "descriptor and measures": measures,
+    "write_mesh": files,
+    "pages": pages,
+    "figures": pictures,
+}
+
+
+@pytest.fixture(scope="module")
+def without(blob: Mesh) -> Callable[[str], list[Any]]:
+    """Results without an unused vertex."""
+    return functools.cache(lambda name: list(CASES[name](Case(blob))))
+
+
+@pytest.mark.parametrize("far", FAR)
+@pytest.mark.parametrize("name", CASES)
+def test_results_are_as_without_them(
+    blob: Mesh, without: Callable[[str], list[Any]], name: str, far: str
+) -> None:
+    expected, found = without(name), list(CASES[name](Case(blob, FAR[far])))
+    assert len(found) == len(expected) > 0
+    for one, other in zip(found, expected, strict=True):
+        if isinstance(other, str | bytes):
+            assert one == other
+        else:
+            largest = np.abs(np.nan_to_num(np.asarray(other, dtype=float))).max()
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * largest)
+
+
+@pytest.mark.parametrize("far", FAR)
+def test_a_moebius_strip_stays_one_sided(moebius_strip: Mesh, far: str) -> None:
+    vertices = np.concatenate([moebius_strip.vertices, [FAR[far]]])
+    assert unbend.diagnose(Mesh(vertices, moebius_strip.faces)).one_sided
+
+
+def test_rows_that_are_not_finite_are_nan() -> None:
+    ball = make_sphere(1)
+    mesh = Mesh(np.concatenate([ball.vertices, [[0, np.inf, 1]]]), ball.faces)
+    assert np.isnan(mesh.vertices[-1]).all()
