@@ -13,7 +13,14 @@ import pytest
 import unbend
 from unbend.collection import find_groups
 from unbend.datasets import make_sphere
-from unbend.errors import FileError, InputError, MeshError, MissingExtraError, SolverError
+from unbend.errors import (
+    FileError,
+    InputError,
+    MeshError,
+    MissingExtraError,
+    SolverError,
+    UnbendWarning,
+)
 
 BALL = make_sphere(2)
 N = BALL.n_vertices
@@ -165,3 +172,14 @@ def test_a_result_tells_how_large_its_arrays_are() -> None:
 )
 def test_errors_travel_between_processes(error: Exception) -> None:
     assert repr(pickle.loads(pickle.dumps(error))) == repr(error)
+
+
+def test_a_warning_points_to_the_line_that_called_unbend() -> None:
+    ball = make_sphere(2)
+    two = np.vstack([ball.vertices, ball.vertices + 9])
+    faces = np.vstack([ball.faces[:50], ball.faces + ball.n_vertices])
+    with pytest.warns(UnbendWarning) as told:
+        unbend.match((two, faces), ball, method="icp")
+    with pytest.warns(UnbendWarning) as also_told:
+        unbend.canonical_form((two, faces), component="largest")
+    assert {one.filename for one in [*told, *also_told]} == {__file__}

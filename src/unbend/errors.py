@@ -16,6 +16,9 @@ prints that sentence and exits with code 2.
 
 from __future__ import annotations
 
+import sys
+import warnings
+
 
 class UnbendError(Exception):
     """Root of all errors raised by unbend."""
@@ -58,3 +61,14 @@ class MissingExtraError(UnbendError, ImportError):
 
 class UnbendWarning(UserWarning):
     """The result stands, but something was done to the input, or a check gave a figure to know."""
+
+
+def warn(message: str) -> None:
+    """Issue an :class:`UnbendWarning` that points to the line that called unbend."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in (
+        "unbend",
+        "contextlib",
+    ):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, UnbendWarning, stacklevel=level)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +13,7 @@ from unbend._display import Brief
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
 from unbend.alignment._nearest import nearest_pairs
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, warn
 from unbend.linalg.signs import fix_signs
 
 # More axes than this would make more than 256 starts; the later axes then keep their sign.
@@ -259,11 +258,9 @@ def align(
     unsettled = len(residuals) > max_iterations > 0 and residuals[-2] > 0
     fall = 1 - residuals[-1] / residuals[-2] if unsettled else 0.0
     if fall > tolerance:
-        warnings.warn(
+        warn(
             f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
-            f"{max_iterations} iterations; allow more with max_iterations",
-            UnbendWarning,
-            stacklevel=2,
+            f"{max_iterations} iterations; allow more with max_iterations"
         )
     forward, backward, _ = closest_points(left @ rotation.T + translation, right)
     return Alignment(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
 from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
-from unbend.errors import InputError, SolverError, UnbendWarning
+from unbend.errors import InputError, SolverError, warn
 from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
@@ -252,7 +251,7 @@ def canonical_form(
         points, values = points * unit, values * unit**2
     found = _eigenvalue_notes(values, n_components, _EQUAL[chosen])
     for note in found:
-        warnings.warn(f"{surface.mesh.name}: {note}", UnbendWarning, stacklevel=2)
+        warn(f"{surface.mesh.name}: {note}")
     return CanonicalForm(
         points=surface.prepared.expand(points),
         eigenvalues=values[:n_components],

@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import os
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from unbend.errors import FileError, UnbendWarning
+from unbend.errors import FileError, warn
 from unbend.io import read_bytes
 
 _COLUMNS = "path", "label"
@@ -104,10 +103,6 @@ def _agreed(labels: dict[str, str], table: Path) -> str | None:
         names.setdefault(label, path)
     if len(names) > 1:
         said = " and ".join(f"{path} a {label}" for label, path in names.items())
-        warnings.warn(
-            f"{table} calls {said}, but these files are identical: their shape is left out",
-            UnbendWarning,
-            stacklevel=3,
-        )
+        warn(f"{table} calls {said}, but these files are identical: their shape is left out")
         return None
     return next(iter(names), None)

@@ -16,7 +16,7 @@ from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._files import find_file
 from unbend.collection._rows import Hit
 from unbend.collection._store import Store
-from unbend.errors import FileError, UnbendError, UnbendWarning
+from unbend.errors import FileError, UnbendError, UnbendWarning, warn
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -47,7 +47,7 @@ def rank_by_match(
         try:
             path = find_file(hit, store)
         except FileError as error:
-            warnings.warn(f"{error}; until then it comes last", UnbendWarning, stacklevel=3)
+            warn(f"{error}; until then it comes last")
             continue
         with warnings.catch_warnings(), suppress(UnbendError):
             warnings.simplefilter("ignore", UnbendWarning)

@@ -8,7 +8,6 @@ shapes are first scaled to one size.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from unbend._arrays import is_number, is_whole, numbers_of
 from unbend._display import Brief
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, warn
 
 _ROUNDS = 100
 _SETTLED = 1e-9
@@ -204,10 +203,8 @@ def _fit_together(points: FloatArray, mass: FloatArray) -> FloatArray:
         moved = float(np.sqrt((change**2).sum() / (inner**2).sum()))
         if moved <= _SETTLED:
             return mean
-    warnings.warn(
+    warn(
         f"the mean still moves by {moved:.1e} of its size after {_ROUNDS} rounds: the shapes may "
-        "be too unlike each other to have one",
-        UnbendWarning,
-        stacklevel=3,
+        "be too unlike each other to have one"
     )
     return mean

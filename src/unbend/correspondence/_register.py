@@ -132,7 +132,7 @@ def register(
     if match is None:
         match = find_match(template, scan, barycentric=True, cache=cache, progress=progress)
     elif isinstance(match, Match):
-        warn_of_disorder(match, stacklevel=2)
+        warn_of_disorder(match)
     goal = positions_on_target(match, scan)
     if len(goal) != template.n_vertices:
         raise InputError(

@@ -90,7 +90,7 @@ def transfer(
     if np.ma.is_masked(values):
         raise InputError("some of the values are masked; fill them first, for instance with NaN")
     if isinstance(match, Match):
-        warn_of_disorder(match, stacklevel=2)
+        warn_of_disorder(match)
     array = array_of(values, "values")
     corners, shares = _preimages(match, source, target)
     n_source = _source_size(match, source)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +11,7 @@ from unbend._arrays import unit_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.distances._metric import Metric
-from unbend.errors import MeshError, MissingExtraError, SolverError, UnbendWarning
+from unbend.errors import MeshError, MissingExtraError, SolverError, warn
 from unbend.mesh import (
     Mesh,
     count_non_manifold_vertices,
@@ -134,12 +133,10 @@ def _heat(mesh: Mesh) -> _FromVertex:
         short = float((straight - distances[some]).max() / largest)
         if short > _SHORT and not told:
             told = True
-            warnings.warn(
+            warn(
                 f"{mesh.name}: geodesic distances are shorter than the straight line, by up to "
                 f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
-                "method; use geodesic-exact, which needs a mesh, or remesh it",
-                UnbendWarning,
-                stacklevel=2,
+                "method; use geodesic-exact, which needs a mesh, or remesh it"
             )
         return distances
 
@@ -186,12 +183,10 @@ def _exact(mesh: Mesh) -> _FromVertex:
         steep = float(steps.max() / distances.max())
         if steep > _STEEP and not told:
             told = True
-            warnings.warn(
+            warn(
                 f"{mesh.name}: exact geodesics change by more than the length of an edge along it, "
                 f"by up to {steep:.1g} of the largest: needle triangles lead them astray; use "
-                "geodesic, or remesh it",
-                UnbendWarning,
-                stacklevel=2,
+                "geodesic, or remesh it"
             )
         scaled: FloatArray = distances * unit
         return scaled

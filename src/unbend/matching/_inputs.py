@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ from scipy.spatial import cKDTree
 from unbend._parallel import run_all
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import Mesh, find_components, vertex_ids, wind_alike
@@ -142,12 +141,10 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
     n_others = len(components.n_vertices) - 1
     if n_others < 1:
         return mesh, np.arange(mesh.n_vertices), np.arange(mesh.n_faces)
-    warnings.warn(
+    warn(
         f"{mesh.name}: its largest component is matched, {components.n_vertices[0]} of "
         f"{mesh.n_vertices} vertices; {plural(n_others, 'smaller component')} "
-        f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it",
-        UnbendWarning,
-        stacklevel=4,
+        f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
     )
     return restrict(mesh, components.of_vertex == 0)
 

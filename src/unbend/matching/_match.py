@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
@@ -16,7 +15,7 @@ from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
-from unbend.errors import InputError, UnbendWarning
+from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidences, judge, ranked
@@ -196,12 +195,8 @@ def match(
         other = with_partners(chosen, sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
     for row in result.missed_landmarks:
-        warnings.warn(
-            f"landmark {row} is left aside: what fits best leads it elsewhere",
-            UnbendWarning,
-            stacklevel=3,
-        )
-    warn_of_disorder(result, stacklevel=3)
+        warn(f"landmark {row} is left aside: what fits best leads it elsewhere")
+    warn_of_disorder(result)
     return result
 
 

@@ -6,13 +6,11 @@ over the other evenly. On full meshes right maps have a disorder of less than a 
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, IntArray
-from unbend.errors import UnbendWarning
+from unbend.errors import warn
 from unbend.matching._judge import Candidate
 from unbend.matching._result import Match
 from unbend.matching._shape import Shape
@@ -42,15 +40,13 @@ def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
     return float(np.clip((_CHAOTIC - disorder) / (_CHAOTIC - _ORDERLY), 0, 1))
 
 
-def warn_of_disorder(match: Match, stacklevel: int) -> None:
+def warn_of_disorder(match: Match) -> None:
     """Warn of a map that cannot be right everywhere."""
     if match.confidence_bound < 1:
-        warnings.warn(
+        warn(
             "the map is in disorder: in places it turns the surface inside out, crowds it together "
             f"or does not lead back (orientation {match.orientation:+.2f}, confidence at most "
-            f"{match.confidence_bound:.2f}); look at it, and give landmarks",
-            UnbendWarning,
-            stacklevel=stacklevel + 1,
+            f"{match.confidence_bound:.2f}); look at it, and give landmarks"
         )
 
 

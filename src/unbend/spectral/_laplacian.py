@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,7 +13,7 @@ from unbend._memory import check_robust_memory
 from unbend._parallel import run_all
 from unbend._types import FloatArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
+from unbend.errors import InputError, MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import FACES_AT_ONCE, Mesh, measure_corners, measure_faces
 from unbend.preparation import Prepared, check_area, check_size, prepare
@@ -149,11 +148,9 @@ def _tell_if_wider(operator: Laplacian, mesh: Mesh) -> None:
         return
     taken, area = float(operator.areas.sum()), measure_faces(mesh.vertices, mesh.faces)[1]
     if abs(taken - area) > _WIDENED * area:
-        warnings.warn(
+        warn(
             f"{mesh.name}: the robust Laplacian takes its area for {taken:.3g}, but its faces have "
-            f"{area:.3g}: they are too thin for it; remesh it",
-            UnbendWarning,
-            stacklevel=3,
+            f"{area:.3g}: they are too thin for it; remesh it"
         )
 
 

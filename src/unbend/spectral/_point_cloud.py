@@ -10,7 +10,6 @@ still covered once. Sharp and Crane (2020, section 5.7) add a third for each cor
 
 from __future__ import annotations
 
-import warnings
 from functools import partial
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ import scipy.sparse.csgraph as csgraph
 from unbend._arrays import first_equal_row, unit_of
 from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
-from unbend.errors import MeshError, SolverError, UnbendWarning
+from unbend.errors import MeshError, SolverError, warn
 from unbend.mesh import Mesh, measure_corners
 from unbend.preparation import check_size
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
@@ -141,12 +140,10 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     cotangents, areas = dots / double_areas[:, None], double_areas / 2
     agreed = weights @ areas / areas.sum()
     if agreed < _AGREEMENT:
-        warnings.warn(
+        warn(
             f"{mesh.name}: neighbouring points disagree about {1 - agreed:.0%} of the surface: "
             "they are noisy, or too far apart to tell its parts from each other; use more points, "
-            "or a mesh",
-            UnbendWarning,
-            stacklevel=2,
+            "or a mesh"
         )
     stiffness = assemble_stiffness(faces, weights[:, None] * cotangents / 2, n)
     cells = unit**2 * _cells(faces, weights, squared, cotangents, areas, stiffness)

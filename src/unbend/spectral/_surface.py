@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import scipy.sparse.csgraph as csgraph
 
 from unbend._types import IntArray
 from unbend.choices import AreaKind, LaplacianKind
-from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
+from unbend.errors import InputError, MeshError, SolverError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, vertex_ids
 from unbend.preparation import Prepared, prepare
@@ -86,7 +85,7 @@ def make_surface(
     """
     prepared = prepare(as_mesh(mesh), component=component, connected=connected)
     for note in prepared.notes:
-        warnings.warn(f"{prepared.mesh.name}: {note}", UnbendWarning, stacklevel=3)
+        warn(f"{prepared.mesh.name}: {note}")
     operator = build_laplacian(
         prepared.mesh, laplacian=choose_kind(laplacian, prepared), area_kind=area_kind
     )
