@@ -224,6 +224,7 @@ def test_quick_and_icp_variants(blob: Mesh) -> None:
     assert _share_right(match(blob, blob, method="icp").source_to_target, blob, every) > 0.95
 
 
+@pytest.mark.filterwarnings("ignore:the map is in disorder")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
     other = make_quadruped("walking", n_vertices=600).mesh
     told: list[tuple[str, float]] = []
@@ -499,6 +500,7 @@ def test_how_far_it_is_is_told_after_each_of_the_matches(asked: Asked) -> None:
     assert told[2:] == [("refine", share) for share in (0.25, 0.5, 0.75, 1.0)]
 
 
+@pytest.mark.filterwarnings("ignore:the map is in disorder")
 def test_what_has_no_partner_is_not_shared(asked: Asked) -> None:
     asked.within[0] = asked.box.vertices[:, 0] > 0.4
     found = asked(partial="none", barycentric=True)

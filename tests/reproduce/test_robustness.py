@@ -70,7 +70,7 @@ def test_the_page_has_all_that_was_done(result):
     assert len(result.figures["robustness"].axes) == 6
     for kind in ("noise", "remeshing", "shortcut"):
         assert f"- **{kind}**: the claim" in result.text
-    assert "Decimation was left out: it needs fast-simplification" in result.text
+    assert "Decimation was left out: it needs `pip install fast-simplification`" in result.text
     assert [row["shape"] for row in result.tables["all_shapes"]] == ["dog0", "dog0", "dog0", "dog"]
 
 
