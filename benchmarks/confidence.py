@@ -77,9 +77,12 @@ def main() -> None:
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     rows = [row for file in parser.parse_args().files for row in read(file) if "energies" in row]
-    if len(rows) < N_FOLDS:
-        parser.error(f"the files have {len(rows)} maps with a confidence; it takes {N_FOLDS}")
     right = np.array([float(row["error"] < WRONG) for row in rows])
+    if min(right.sum(), len(rows) - right.sum()) < N_FOLDS:
+        parser.error(
+            f"a fit takes {N_FOLDS} right maps and {N_FOLDS} wrong ones; of the {len(rows)} in the "
+            f"files {right.sum():.0f} are right"
+        )
     print(f"{len(rows)} maps as they were matched:")
     print_reliability(np.array([row["confidence"] for row in rows]), right)
     even, spread, lead = fitted(rows, right)

@@ -30,6 +30,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -293,6 +294,8 @@ def main() -> None:
     for name in ("barycentric", "peer"):
         how.add_argument(f"--{name}", dest="how", action="store_const", const=name, default="")
     given = parser.parse_args()
+    if given.how == "peer" and find_spec("pyFM") is None:
+        parser.error("--peer needs the extra bench: pip install -e '.[bench]'")
     left_out = sorted(set(given.without))
     if left_out and (unknown := set(left_out).difference(known := lines_of_plan())):
         parser.error(f"the plan has no {unknown.pop()}; its lines are {', '.join(known)}")

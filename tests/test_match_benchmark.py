@@ -225,6 +225,10 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
     said = capsys.readouterr().out
     assert "200 maps as they were matched" in said
     assert "fitted to all: even 0.3" in said
+    file.write_text("\n".join(json.dumps(row | {"error": 0.0}) for row in rows[:20]))
+    with pytest.raises(SystemExit):
+        confidence.main()
+    assert "of the 20 in the files 20 are right" in capsys.readouterr().err
 
 
 def test_a_bound_of_the_map_bounds_the_confidence(script):
