@@ -78,10 +78,9 @@ def judge(
     target: Shape,
     found: Registered,
     reflected: bool = False,
-    wide: bool = False,
 ) -> Candidate:
-    """Judge a registration of two shapes; by wide patches if it is slides that are to be told."""
-    ahead, back = unexplained(source, target, found, wide)
+    """Judge a registration of two shapes."""
+    ahead, back = unexplained(source, target, found)
     energy = float(source.areas @ ahead + target.areas @ back) / 2
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
@@ -95,14 +94,12 @@ def judge(
     return Candidate(found, energy, orientation, reflected, missed, overlap)
 
 
-def unexplained(
-    source: Shape, target: Shape, found: Registered, wide: bool = False
-) -> tuple[FloatArray, FloatArray]:
+def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
     """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
     ahead, back = _images_of(source, target, found)
     return (
-        _unexplained(source, ahead, found.source.within, wide),
-        _unexplained(target, back, found.target.within, wide),
+        _unexplained(source, ahead, found.source.within),
+        _unexplained(target, back, found.target.within),
     )
 
 
@@ -216,9 +213,7 @@ def _images_of(source: Shape, target: Shape, found: Registered) -> tuple[FloatAr
     return ahead, _images(right, left, source, found.backward)
 
 
-def _unexplained(
-    shape: Shape, images: FloatArray, within: BoolArray, wide: bool = False
-) -> FloatArray:
+def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
     """Shares (n, ...) of patches that their images (n, ..., 3), turned and scaled, do not explain.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
@@ -231,8 +226,7 @@ def _unexplained(
     theirs = edge_squares(*graph, images).reshape(n, -1, 1)
     own = np.broadcast_to(shape.edge_squares[:, None, None], theirs.shape)
     terms = np.concatenate([common, own, theirs], axis=2) * within.reshape(n, -1, 1)
-    patches = shape.patches if wide else shape.details
-    averaged = patches.solve(terms.reshape(n, -1)).reshape(terms.shape)
+    averaged = shape.details.solve(terms.reshape(n, -1)).reshape(terms.shape)
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)

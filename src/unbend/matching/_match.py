@@ -19,6 +19,7 @@ from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidences, judge, ranked
+from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import refined, settled, with_partners
 from unbend.matching._projection import closest_faces
 from unbend.matching._quality import confidence_bound, warn_of_disorder
@@ -30,7 +31,6 @@ from unbend.matching._registration import (
 )
 from unbend.matching._result import Hypothesis, Match
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides
 from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
@@ -171,10 +171,9 @@ def match(
         return _match_by_icp(ours, theirs)
     if landmarks is not None:
         ours, theirs = _with_landmarks(ours, theirs, landmarks)
-    sides = make_sides(ours.shape, theirs.shape)
-    several = n_matches > 1
-    found = candidates(sides, progress, several)
-    turned = candidates(sides.reflected(), progress, several) if mirrored or allow_mirror else []
+    sides = make_sides(ours.shape, theirs.shape, thorough=n_matches > 1)
+    found = candidates(sides, progress)
+    turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
     found, fine = settled(sides, found) if polish else (found, {})

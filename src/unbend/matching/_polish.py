@@ -1,4 +1,4 @@
-"""From the proxies to the shapes themselves: growth, polish, and who has a partner at all."""
+"""From the proxies to the shapes themselves: the polish, and who has a partner at all."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 
 from unbend._arrays import snap
 from unbend._parallel import run_all
-from unbend._types import BoolArray, FloatArray
+from unbend._types import BoolArray
+from unbend.alignment import nearest_rotation
 from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._partners import keep_matched
+from unbend.matching._plan import MEDIUM, STEPS, Sides, make_ready
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -20,9 +22,8 @@ from unbend.matching._registration import (
     register,
     smooth_start,
 )
+from unbend.matching._search import grow
 from unbend.matching._shape import Shape
-from unbend.matching._solve import STEPS, Sides, functional_map, make_ready
-from unbend.matching._zoomout import grow
 
 # Growth begins with so many functions and multiplies their number by this, over so many samples.
 _GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
@@ -36,33 +37,44 @@ _SMOOTHED = 2
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
-    """Bring a candidate from the proxies to the shapes themselves.
+    """Bring a candidate from the proxies to the shapes themselves, and register these.
 
-    They are registered from the proxies' poses and, if they are whole, once more from those of
-    their functional map grown through all eigenfunctions, which slides less where the two metrics
-    agree. The judge tells.
+    Whole shapes are registered once more from their functional map, grown through all
+    eigenfunctions, which slides less where the two metrics agree. The judge takes the better one.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     ours, theirs = sides.source.shape, sides.target.shape
-    lifted = lift(candidate.registered, sides.source.proxy, sides.target.proxy, ours, theirs)
+    proxies = sides.source.proxies[MEDIUM], sides.target.proxies[MEDIUM]
+    found = lift(candidate.registered, *proxies, ours, theirs)
     if not polish:
-        return judge(ours, theirs, lifted, candidate.reflected)
-    pulls = bearable(ours, theirs, PULLS[1:], _POLISHED_OVER)
-    ready = pulls if sides.partial else PULLS
-    wide = not sides.partial  # then what differs is how far maps slide
-    run_all(functools.partial(make_ready, one, ready, wide) for one in (ours, theirs))
+        return judge(ours, theirs, found, candidate.reflected)
+    pulls = bearable(ours, theirs, PULLS, _POLISHED_OVER)
+    run_all(functools.partial(make_ready, one, pulls) for one in (ours, theirs))
+    (found,) = register(ours, theirs, [found], pulls, STEPS // 2)
+    first = judge(ours, theirs, found, candidate.reflected)
+    if sides.partial:
+        return first
+    (found,) = register(ours, theirs, [grown_start(ours, theirs, found)], pulls, STEPS)
+    return ranked([first, judge(ours, theirs, found, candidate.reflected)])[0]
 
-    def from_proxies() -> Candidate:
-        (found,) = register(ours, theirs, [lifted], pulls, STEPS // 2)
-        return judge(ours, theirs, found, candidate.reflected, wide)
 
-    def grown() -> Candidate:
-        start = grown_start(ours, theirs, functional_map(sides, candidate, _GROWN_FROM), lifted)
-        (found,) = register(ours, theirs, [start], PULLS, STEPS)
-        return judge(ours, theirs, found, candidate.reflected, wide)
-
-    return ranked(run_all([from_proxies] if sides.partial else [from_proxies, grown]))[0]
+def grown_start(source: Shape, target: Shape, found: Registered) -> Registered:
+    """Poses and maps of a registration's functional map, grown through all eigenfunctions."""
+    most = min(source.k, target.k)
+    sizes = [min(_GROWN_FROM, most)]
+    while sizes[-1] < most:
+        sizes.append(min(most, round(_GROWTH * sizes[-1])))
+    ours, theirs = source.samples[:_GROWN_OVER], target.samples[:_GROWN_OVER]
+    left = source.basis[np.concatenate([ours, found.backward[theirs]]), : sizes[0]]
+    right = target.basis[np.concatenate([found.forward[ours], theirs]), : sizes[0]]
+    grown = grow(
+        (source.eigenvalues, source.basis[ours]),
+        (target.eigenvalues, target.basis[theirs]),
+        nearest_rotation((left.T @ right)[None], reflect=True)[0],
+        sizes[1:],
+    )
+    return smooth_start(source, target, grown, found)
 
 
 def settled(
@@ -130,19 +142,3 @@ def _as_most_around(shape: Shape, within: BoolArray) -> BoolArray:
     for _ in range(_SMOOTHED):
         share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
     return np.asarray(snap(share) > 0.5)
-
-
-def grown_start(
-    source: Shape, target: Shape, functional_map: FloatArray, near: Registered
-) -> Registered:
-    """Poses and maps of a functional map grown through all functions, sought from near ones."""
-    sizes, most = [len(functional_map)], min(source.k, target.k)
-    while sizes[-1] < most:
-        sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    grown = grow(
-        (source.eigenvalues, source.basis[source.samples[:_GROWN_OVER]]),
-        (target.eigenvalues, target.basis[target.samples[:_GROWN_OVER]]),
-        functional_map,
-        sizes[1:],
-    )
-    return smooth_start(source, target, grown, near)

@@ -26,8 +26,8 @@ from unbend.matching._kernels import (
 )
 from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._proxy import Proxy
+from unbend.matching._search import spectral_weights
 from unbend.matching._shape import Shape, find_rim
-from unbend.matching._zoomout import spectral_weights
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.

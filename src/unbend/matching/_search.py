@@ -8,33 +8,25 @@ hypothesis, each new eigenfunction branches it, and the closest ones that differ
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray
-from unbend.alignment import Pairs, nearest_pairs
+from unbend.alignment import Pairs, nearest_pairs, nearest_rotation
 from unbend.matching._shape import Shape
-from unbend.matching._zoomout import orthogonal_maps, spectral_weights
 
 _SIGNED = 6
 _LAST = 20
 _SAMPLES = 250
-_BEAM = 16
-_DESCRIPTOR_WEIGHT = 0.1
+_BEAM = 8
 # Two maps of k functions are the same when they differ by less than this, times sqrt(k).
 _SAME = 0.15
 _DIGITS = 6  # of squared residuals, that are not rounding: they come of single precision
 
 
-def search(
-    source: Shape,
-    target: Shape,
-    *,
-    beam: int = _BEAM,
-    on_step: Callable[[float], None] | None = None,
-) -> FloatArray:
+def search(source: Shape, target: Shape, *, beam: int = _BEAM) -> FloatArray:
     """Find the functional maps that bring two shapes' spectral forms close to each other.
 
     Returns
@@ -47,12 +39,11 @@ def search(
     left = source.samples[:_SAMPLES]
     right = target.samples[:_SAMPLES]
     forms = source.basis[left], target.basis[right]
-    base = _descriptor_distances(source.signature[left], target.signature[right])
 
     def pairs_of(maps: FloatArray) -> Pairs:
         k = maps.shape[1]
         weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-        return nearest_pairs(forms[0][:, :k] @ maps * weights, forms[1][:, :k] * weights, base)
+        return nearest_pairs(forms[0][:, :k] @ maps * weights, forms[1][:, :k] * weights)
 
     k = min(_SIGNED, available)
     maps = _diagonals(k)
@@ -67,14 +58,42 @@ def search(
         maps = orthogonal_maps(*sized, pairs)
         best = _distinct(maps, _closest_first(pairs), beam)
         maps, pairs = maps[best], _take(pairs, best)
-        if on_step is not None:
-            on_step(size / last)
     return maps
 
 
-def _descriptor_distances(source: FloatArray, target: FloatArray) -> npt.NDArray[np.float32]:
-    squares = (source**2).sum(axis=1)[:, None] + (target**2).sum(axis=1) - 2 * source @ target.T
-    return np.asarray(_DESCRIPTOR_WEIGHT**2 * squares, dtype=np.float32)
+def spectral_weights(source: FloatArray, target: FloatArray, k: int) -> FloatArray:
+    """Weights ``lambda^(-1/2)`` of the first k eigenfunctions, of unit total square.
+
+    Parameters
+    ----------
+    source, target : (>= k,) ndarray of float64
+        Eigenvalues of the non-constant eigenfunctions; their geometric mean is used, so that
+        both directions weigh alike.
+    k : int
+    """
+    weights = (source[:k] * target[:k]) ** -0.25
+    return np.asarray(weights / np.linalg.norm(weights))
+
+
+def orthogonal_maps(source: FloatArray, target: FloatArray, pairs: Pairs) -> FloatArray:
+    """Orthogonal matrices C that bring ``source @ C`` nearest to ``target`` over given pairs.
+
+    The orthogonal Procrustes problem (Schönemann 1966) on the pairs of both directions.
+
+    Parameters
+    ----------
+    source : (m, k) ndarray of float64
+    target : (n, k) ndarray of float64
+    pairs : Pairs
+        Of h maps.
+
+    Returns
+    -------
+    (h, k, k) ndarray of float64
+    """
+    cross = np.matmul(source.T, target[pairs.forward])
+    cross += np.matmul(source[pairs.backward].transpose(0, 2, 1), target)
+    return nearest_rotation(cross, reflect=True)
 
 
 def _diagonals(k: int) -> FloatArray:
@@ -114,3 +133,42 @@ def _distinct(maps: FloatArray, order: npt.NDArray[np.intp], count: int) -> list
         if len(kept) == count:
             break
     return kept
+
+
+def grow(
+    source: tuple[FloatArray, FloatArray],
+    target: tuple[FloatArray, FloatArray],
+    functional_map: FloatArray,
+    sizes: Sequence[int],
+) -> FloatArray:
+    """Grow one orthogonal functional map through a sequence of sizes.
+
+    Parameters
+    ----------
+    source, target : pair of ndarrays
+        Non-constant eigenvalues (K,) at unit area, and eigenfunctions (m, K) at sampled points.
+    functional_map : (k, k) ndarray of float64
+        Orthogonal; ``source @ functional_map`` corresponds to ``target``.
+    sizes : sequence of int
+        Growing, the last one at most K.
+
+    Returns
+    -------
+    (sizes[-1], sizes[-1]) ndarray of float64
+
+    References
+    ----------
+    Melzi, Ren, Rodolà, Sharma, Wonka, Ovsjanikov, "ZoomOut: spectral upsampling for efficient
+    shape correspondence", ACM TOG 38(6), 2019.
+    """
+    (source_values, left), (target_values, right) = source, target
+
+    def pairs_of(matrix: FloatArray) -> Pairs:
+        k = len(matrix)
+        weights = spectral_weights(source_values, target_values, k)
+        return nearest_pairs((left[:, :k] @ matrix * weights)[None], right[:, :k] * weights)
+
+    for k in sizes:
+        pairs = pairs_of(functional_map)
+        functional_map = orthogonal_maps(left[:, :k], right[:, :k], pairs)[0]
+    return functional_map

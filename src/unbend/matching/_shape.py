@@ -138,11 +138,6 @@ class Shape:
         return np.asarray(self.basis.T @ (self.areas[:, None] * self.vertices))
 
     @cached_property
-    def signature(self) -> FloatArray:
-        """Wave kernel signature (n, 56), each energy standardised, unit total variance."""
-        return wave_kernel_signature(self.eigenvalues, self.basis, self.areas)
-
-    @cached_property
     def spokes(self) -> SparseMatrix:
         """Positive cotangent weights of the edges, (n, n) in compressed rows."""
         return _spokes(self.vertices, self.faces)
@@ -210,7 +205,6 @@ class Shape:
         # What does not depend on handedness, where it is known.
         for name in (
             "samples",
-            "signature",
             "spokes",
             "fans",
             "stiffness",
@@ -300,20 +294,6 @@ def make_shape(
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
         partial=partial and _rim_length(points, faces) > _SHORTEST_RIM,
     )
-
-
-def wave_kernel_signature(
-    eigenvalues: FloatArray, basis: FloatArray, areas: FloatArray, n_energies: int = 60
-) -> FloatArray:
-    """Wave kernel signature (Aubry, Schlickewei & Cremers 2011), standardised per energy."""
-    logs = np.log(eigenvalues)
-    spacing = (logs[-1] - logs[0]) / n_energies
-    energies = logs[0] + spacing * np.arange(2, n_energies - 2)
-    kernel = np.exp(-((energies[:, None] - logs) ** 2) / (2 * (7 * max(spacing, 1e-9)) ** 2))
-    signature = (basis**2) @ (kernel / kernel.sum(axis=1, keepdims=True)).T
-    signature -= areas @ signature
-    spread = np.sqrt(areas @ signature**2)
-    return np.asarray(signature / np.maximum(spread, 1e-12) / np.sqrt(signature.shape[1]))
 
 
 def _spokes(vertices: FloatArray, faces: IntArray) -> SparseMatrix:

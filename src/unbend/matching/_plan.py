@@ -1,0 +1,302 @@
+"""The plan of a match: stages that propose candidates, and how many of each are gone on with.
+
+A stage is a function of the two shapes and the candidates so far, best first, that returns new
+candidates at its level of detail. To add a source of hypotheses, write such a function and give it
+a line of :data:`PLAN`.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from unbend._parallel import run_all
+from unbend._types import IntArray, Progress
+from unbend.matching._continuation import continued, patches_to_hold
+from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_costs
+from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
+from unbend.matching._proxy import Proxy, make_proxy
+from unbend.matching._registration import (
+    LOOSE,
+    LOOSEST,
+    PULLS,
+    Registered,
+    bearable,
+    lift,
+    lower,
+    mapped_start,
+    register,
+    rough_start,
+)
+from unbend.matching._search import search
+from unbend.matching._shape import Shape
+from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
+
+COARSE, MEDIUM = 0, 1  # levels of detail
+N_VERTICES = (400, 1000)  # of the proxies at these
+STEPS = 8  # at each pull
+# A candidate is clear if its cost is at most this, and that of any other so many times as much.
+_CLEAR, _AHEAD = 0.2, 1.4
+# Guesses which extremities correspond whose maps are looked at, and those that are registered.
+_FEW, _MANY = (60, 12), (200, 32)
+_TIGHTENED = 8
+_POINTS, _GUESSED = (40, 60), 24
+_RESTARTED, _AGAIN = 4, 2  # candidates, and times
+
+
+class Levels(NamedTuple):
+    """A shape, and its proxies by level, the coarser one a proxy of the finer one."""
+
+    shape: Shape
+    proxies: tuple[Proxy, Proxy]
+
+    def reflected(self) -> Levels:
+        """Take the shape as its mirror image."""
+        coarse, medium = (one._replace(shape=one.shape.reflected()) for one in self.proxies)
+        return Levels(self.shape.reflected(), (coarse, medium))
+
+
+class Sides(NamedTuple):
+    """Two shapes to match.
+
+    Attributes
+    ----------
+    source, target : Levels
+    turned : bool
+        Whether the target is the mirror image of what was given.
+    thorough : bool
+        Whether several ways to match are wanted, so that none is clear.
+    """
+
+    source: Levels
+    target: Levels
+    turned: bool = False
+    thorough: bool = False
+
+    def at(self, level: int) -> tuple[Shape, Shape]:
+        """Proxies of source and target at a level."""
+        return self.source.proxies[level].shape, self.target.proxies[level].shape
+
+    @property
+    def partial(self) -> bool:
+        """Whether either may be a part."""
+        return self.source.shape.partial or self.target.shape.partial
+
+    def reflected(self) -> Sides:
+        """Take the target as its mirror image."""
+        return self._replace(target=self.target.reflected(), turned=not self.turned)
+
+
+def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
+    """Make the proxies, and factorise what every hypothesis solves with."""
+    mine, other = run_all(functools.partial(_make_levels, one) for one in (source, target))
+    sides = Sides(mine, other, thorough=thorough)
+    for level in (COARSE, MEDIUM):
+        pair = sides.at(level)
+        loosest = LOOSEST if sides.partial else ()
+        pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
+        run_all(functools.partial(make_ready, one, pulls) for one in pair)
+    for one in sides.at(COARSE):  # once, before several threads do
+        _ = one.patches, one.ways, one.landmark_ways
+    return sides
+
+
+def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
+    """Find the distinct ways in which two shapes may correspond, the best first."""
+    found: list[Candidate] = []
+    level = COARSE
+    for i, step in enumerate(PLAN):
+        ways = best(sides, level, found)
+        if step.when(sides, ways):
+            if step.level != level:
+                found, level = moved(sides, found, step.level), step.level
+                ways = best(sides, level, found)
+            found += best(sides, level, step.stage(sides, ways))[: step.keep]
+        if on_step is not None:
+            on_step("search", (i + 1) / len(PLAN))
+    return best(sides, level, found)
+
+
+def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:
+    """Rank candidates at a level, without those that lead where a better one does."""
+    coarse = sides.target.proxies[COARSE]
+    places = np.arange(len(coarse.kept)) if level == COARSE else coarse.parents
+    return distinct(ranked(found), sides.at(level)[0].areas, coarse.shape.ways, places)
+
+
+def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidate]:
+    """Carry candidates to the other level; to the finer one, register them there."""
+    coarse = sides.source.proxies[COARSE], sides.target.proxies[COARSE]
+    if level == COARSE:
+        lowered = [lower(one.registered, *coarse) for one in found]
+        return [judge(*sides.at(COARSE), one, sides.turned) for one in lowered]
+    starts = [lift(one.registered, *coarse, *sides.at(MEDIUM)) for one in found]
+    return registered(sides, MEDIUM, starts, PULLS[1:])
+
+
+def registered(
+    sides: Sides,
+    level: int,
+    starts: Sequence[Registered],
+    pulls: tuple[float, ...],
+    *,
+    resize: bool = True,
+) -> list[Candidate]:
+    """Register the proxies of a level from every start, side by side, and judge what comes out."""
+    shapes = sides.at(level)
+    found = register(*shapes, starts, pulls, STEPS, resize)
+    return run_all(functools.partial(judge, *shapes, one, sides.turned) for one in found)
+
+
+def always(sides: Sides, found: list[Candidate]) -> bool:
+    """Whatever was found."""
+    return True
+
+
+def clear(sides: Sides, found: list[Candidate]) -> bool:
+    """Whether the best candidate is good, and far ahead of any other."""
+    if sides.thorough:
+        return False
+    first, *others = (round(one.cost, DIGITS) for one in found)
+    ahead = all(other > _AHEAD * first for other in others)
+    return ahead and first <= _CLEAR and found[0].orientation > 0
+
+
+def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
+    """Whether none is clear."""
+    return not clear(sides, found)
+
+
+def part(sides: Sides, found: list[Candidate]) -> bool:
+    """Whether either shape may be a part."""
+    return sides.partial
+
+
+def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
+    """Whether either shape may be a part, and no candidate is clear."""
+    return sides.partial and ambiguous(sides, found)
+
+
+def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from alignments of spectral canonical forms in growing dimension."""
+    maps = search(sides.source.shape, sides.target.shape)
+    coarse = sides.at(COARSE)
+    starts = run_all(functools.partial(rough_start, *coarse, one) for one in maps)
+    return registered(sides, COARSE, starts, PULLS[:1])
+
+
+def from_few_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from the likeliest guesses which extremities correspond."""
+    return _from_extremities(sides, *_FEW)
+
+
+def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from many guesses which extremities correspond."""
+    return _from_extremities(sides, *_MANY)
+
+
+def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from guesses which points, all over the shapes, correspond."""
+    medium = sides.at(MEDIUM)
+    mine, other = (find_points(one, count) for one, count in zip(medium, _POINTS, strict=True))
+    guesses = guess_points(mine, other, sizes_to_try(*medium), _GUESSED)
+    kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
+    ours, theirs = mine.fields[kept[0]], other.fields[kept[1]]
+    maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
+    return _from_guesses(sides, guesses, maps, _GUESSED)
+
+
+def restarted(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register the best anew, from weak pulls on, that let them relax."""
+    starts = [one.registered for one in found[:_RESTARTED]]
+    return registered(sides, MEDIUM, starts, (*LOOSEST, *LOOSE, *PULLS[1:]))
+
+
+def redrawn(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register the best once more."""
+    starts = [one.registered for one in found[: 1 if clear(sides, found) else _RESTARTED]]
+    return registered(sides, MEDIUM, starts, PULLS)
+
+
+def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from what the best explain best, continued, and from what comes out again."""
+    coarse = sides.at(COARSE)
+    proposed: list[Candidate] = []
+    poses = [one.registered for one in moved(sides, found[:_RESTARTED], COARSE)]
+    for _ in range(_AGAIN):
+        held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
+        starts = run_all(
+            functools.partial(continued, *coarse, one, patches) for one, patches in held
+        )
+        begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE))
+        poses = [one.registered for one in begun[:8]]
+        proposed += begun
+    return moved(sides, best(sides, COARSE, proposed)[:8], MEDIUM)
+
+
+def _from_extremities(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
+    medium = sides.at(MEDIUM)
+    mine, other = (find_tips(one) for one in medium)
+    guesses = guess_limbs(mine, other, n_guesses, len(medium[0].landmarks), sides.partial)
+    kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
+    maps = [
+        limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
+        for one in guesses
+    ]
+    return _from_guesses(sides, guesses, maps, n_begun)
+
+
+def _from_guesses(
+    sides: Sides, guesses: list[Guess], maps: list[tuple[IntArray, IntArray]], n_begun: int
+) -> list[Candidate]:
+    """Register the coarse proxies from the best of guesses' maps; tighten the best of these."""
+    if not guesses:
+        return []
+    coarse = sides.at(COARSE)
+    forward, backward = (np.stack(ways, axis=1) for ways in zip(*maps, strict=True))
+    costs = rough_costs(*coarse, forward, backward).round(DIGITS)
+    starts = [
+        mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
+        for i in np.argsort(costs, kind="stable")[:n_begun]
+    ]
+    begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE[:1], resize=False))
+    poses = [one.registered for one in begun[:_TIGHTENED]]
+    return registered(sides, COARSE, poses, LOOSE[1:], resize=False)
+
+
+def _make_levels(shape: Shape) -> Levels:
+    _ = shape.samples  # what the search asks for, of both shapes at once
+    medium = make_proxy(shape, N_VERTICES[MEDIUM])
+    return Levels(shape, (make_proxy(medium.shape, N_VERTICES[COARSE]), medium))
+
+
+def make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
+    """Make what several threads would make several times."""
+    _ = shape.averaging, shape.normals, shape.position_coefficients, shape.fans, shape.details
+    _ = [shape.pulled(pull) for pull in pulls]
+
+
+Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
+
+
+class Step(NamedTuple):
+    """A line of the plan: at which level a stage proposes, when, and how many of its are kept."""
+
+    level: int
+    stage: Stage
+    when: Callable[[Sides, list[Candidate]], bool]
+    keep: int
+
+
+PLAN = [
+    Step(COARSE, from_spectra, always, 3),
+    Step(COARSE, from_few_extremities, clear, 2),
+    Step(COARSE, from_extremities, ambiguous, 8),
+    Step(COARSE, from_points, ambiguous_part, 4),
+    Step(MEDIUM, restarted, part, 4),
+    Step(MEDIUM, carried_on, ambiguous_part, 8),
+    Step(MEDIUM, redrawn, always, 4),
+]
