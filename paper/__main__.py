@@ -11,11 +11,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from paper.collection import Collection
 from paper.data import SYNTHETIC, open_data
 from paper.page import write_index, write_page
 from paper.run import Run
 from paper.targets import TARGETS, shapes_for
-from unbend.datasets import Collection
 from unbend.errors import InputError, UnbendError
 from unbend.report.figures import new_figure
 

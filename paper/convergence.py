@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.forms import difference
 from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere
@@ -15,7 +16,6 @@ from unbend.canonical import (
     spread_samples,
 )
 from unbend.choices import Interpolation
-from unbend.datasets import Collection
 from unbend.distances import make_metric, truncated_metric
 from unbend.errors import InputError
 from unbend.report.figures import new_figure

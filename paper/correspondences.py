@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from paper.collection import Collection, Truth
 from paper.forms import form, some_points
 from paper.run import Arrays, Run, everywhere, piece
 from unbend._arrays import nearest_rows
@@ -15,7 +16,6 @@ from unbend._types import FloatArray, IntArray
 from unbend.alignment import align, procrustes
 from unbend.choices import DistanceKind, Method
 from unbend.correspondence import evaluate
-from unbend.datasets import Collection, Truth
 from unbend.matching import match
 
 SMDS, PAPERS, EXACT = "S-MDS", "biharmonic, sampled", "biharmonic, exact"

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from paper.collection import Collection
+from paper.loading import load_scape, load_tosca
 from paper.run import Arrays, kept
 from paper.synthetic import make_people, make_species
 from unbend._text import plural
-from unbend.datasets import Collection, load_scape, load_tosca
 from unbend.errors import FileError
 from unbend.io import atomic_write
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from paper.collection import Collection
 from unbend._arrays import nearest_rows
 from unbend._types import FloatArray
-from unbend.datasets import Collection
 from unbend.mesh import Mesh
 from unbend.report.match_figures import pattern_colors
 

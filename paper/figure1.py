@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
 from paper.drawing import colors_of, upright
 from paper.forms import N_SAMPLES, difference, form
@@ -14,7 +15,6 @@ from paper.run import Arrays, Run, everywhere, piece
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.choices import DistanceKind, Method
-from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, same_scale

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.correspondences import FORMS, ICP_POINTS, N_EIGENPAIRS, PAPERS
 from paper.figure1 import some_classes
 from paper.forms import N_SAMPLES, difference, form, some_points
@@ -14,7 +15,6 @@ from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere, piece
 from unbend._types import FloatArray
 from unbend.alignment import icp
-from unbend.datasets import Collection
 from unbend.mesh import Mesh
 from unbend.report.figures import draw_mesh, new_figure, same_scale
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.run import Arrays
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
-from unbend.datasets import Collection
 
 N_SAMPLES = 200
 

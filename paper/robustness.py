@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
 from paper.forms import N_SAMPLES, difference, form
 from paper.perturbations import perturb
@@ -16,7 +17,7 @@ from paper.run import Arrays, Run, everywhere, piece
 from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.correspondence import evaluate
-from unbend.datasets import Collection, make_biped, make_octopus, make_quadruped, rest_map
+from unbend.datasets import make_biped, make_octopus, make_quadruped, rest_map
 from unbend.datasets.damage import Damaged
 from unbend.errors import InputError, MeshError
 from unbend.matching import match

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import threadpoolctl
 
-from unbend.datasets import Collection
+from paper.collection import Collection
 from unbend.errors import UnbendWarning
 from unbend.io import atomic_write
 

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from paper.collection import Collection
 from unbend import write_map, write_mesh
-from unbend.datasets import Collection, Shape, make_biped, make_octopus, make_quadruped, rest_map
+from unbend.datasets import Shape, make_biped, make_octopus, make_quadruped, rest_map
 
 _SPECIES: dict[str, tuple[Callable[..., Shape], dict[str, Any], tuple[str, ...]]] = {
     "dog": (make_quadruped, {"species": "dog"}, ("standing", "galloping", "sitting", "grazing")),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paper.collection import Collection
 from paper.forms import form, some_points
 from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere, piece
@@ -26,7 +27,6 @@ from unbend._types import FloatArray
 from unbend.alignment import align
 from unbend.choices import DistanceKind
 from unbend.correspondence import aligned_cosine
-from unbend.datasets import Collection
 from unbend.errors import InputError
 from unbend.report.figures import new_figure
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from paper.collection import Collection
 from paper.convergence import convergence
 from paper.data import Data, Described
 from paper.efficiency import efficiency
@@ -14,7 +15,6 @@ from paper.robustness import robustness
 from paper.run import Run
 from paper.table1 import table1
 from paper.table2 import table2
-from unbend.datasets import Collection
 from unbend.errors import InputError
 
 TARGETS: dict[str, Callable[[Run], Result]] = {

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from paper.collection import Collection
 from paper.convergence import EIGENPAIRS, SAMPLES, convergence
 from paper.forms import difference
+from paper.loading import load_tosca
 from paper.result import Result
 from paper.run import Run
 from unbend import canonical_form, write_mesh
-from unbend.datasets import Collection, load_tosca, make_quadruped
+from unbend.datasets import make_quadruped
 from unbend.errors import InputError
 
 

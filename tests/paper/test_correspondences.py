@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from paper import correspondences, forms
+from paper.collection import Collection
 from paper.correspondences import (
     ALTERNATIVES,
     EXACT,
@@ -17,11 +18,11 @@ from paper.correspondences import (
     label_of,
 )
 from paper.forms import form, some_points
+from paper.loading import load_tosca
 from paper.run import Arrays, Run
 from tests.paper.folders import write_animals
 from unbend import Mesh, read_mesh, write_mesh
 from unbend.correspondence import aligned_cosine
-from unbend.datasets import Collection, load_tosca
 
 
 @pytest.fixture(scope="module")

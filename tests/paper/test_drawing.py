@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from paper.drawing import colors_of, upright
+from paper.loading import load_tosca
 from tests.paper.folders import write_animals
 from unbend import write_map
-from unbend.datasets import load_tosca
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from paper import efficiency as module
+from paper.collection import Collection
 from paper.efficiency import METHODS, efficiency, peak_of
 from paper.run import Run
-from unbend.datasets import Collection, make_quadruped
+from unbend.datasets import make_quadruped
 
 
 @pytest.fixture

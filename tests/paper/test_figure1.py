@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from paper.collection import Collection
 from paper.drawing import upright
 from paper.figure1 import KINDS, figure1, some_classes, turned
+from paper.loading import load_tosca
 from paper.result import Result
 from paper.run import Run
 from tests.paper.folders import write_animals
-from unbend.datasets import Collection, load_tosca
 from unbend.errors import InputError
 
 

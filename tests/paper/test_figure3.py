@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from paper.figure3 import descend, figure3
+from paper.loading import load_tosca
 from paper.run import Run
 from tests.paper.folders import write_animals
-from unbend.datasets import load_tosca
 
 
 @pytest.fixture(scope="module")

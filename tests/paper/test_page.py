@@ -5,10 +5,10 @@ import json
 import math
 from dataclasses import replace
 
+from paper.collection import Collection
 from paper.data import Described
 from paper.page import markdown_table, write_index, write_page
 from paper.result import Result
-from unbend.datasets import Collection
 from unbend.report.figures import new_figure
 
 DATA = Described(

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from paper import robustness as module
+from paper.collection import Collection
+from paper.loading import load_tosca
 from paper.result import Result
 from paper.robustness import KINDS, compare, robustness
 from paper.robustness_page import text
 from paper.run import Run
 from tests.paper.folders import write_animals
-from unbend.datasets import Collection, load_tosca, make_quadruped
+from unbend.datasets import make_quadruped
 from unbend.datasets.damage import unchanged
 from unbend.errors import InputError
 

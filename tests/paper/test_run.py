@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from counting import count
+from paper.collection import Collection
 from paper.run import Run, everywhere, kept, piece
-from unbend.datasets import Collection
 from unbend.errors import InputError
 
 NOTHING = Collection("nothing", {}, {}, None, {})

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from paper import table1 as module
+from paper.collection import Collection
 from paper.correspondences import ALTERNATIVES, FORMS, METHODS, PROGRESSIVE, label_of
 from paper.run import Run
 from paper.table1 import table1
-from unbend.datasets import Collection
 from unbend.errors import InputError
 
 KINDS = {"cat0": "cat", "cat1": "cat", "cat2": "cat", "cat3": "cat", "david0": "david",

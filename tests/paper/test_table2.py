@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from paper import forms
+from paper.loading import load_scape
 from paper.result import Result
 from paper.run import Run
 from paper.table2 import cosine, table2
@@ -13,7 +14,6 @@ from paper.table2_text import WAYS, Compared, table2_text
 from tests.paper.folders import write_people
 from unbend import canonical_form
 from unbend.correspondence import similarity
-from unbend.datasets import load_scape
 from unbend.errors import InputError
 
 

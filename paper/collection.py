@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from paper.shape_files import read_features, read_mirror, read_rows, read_shape
 from unbend._text import plural
 from unbend._types import BoolArray, IntArray
-from unbend.datasets._shape_files import read_features, read_mirror, read_rows, read_shape
 from unbend.errors import FileError, InputError
 from unbend.mesh import Mesh, edge_ends
 
@@ -79,7 +79,8 @@ class Collection:
     >>> from itertools import combinations
     >>> from pathlib import Path
     >>> from unbend import write_mesh
-    >>> from unbend.datasets import load_tosca, make_sphere
+    >>> from paper.loading import load_tosca
+    >>> from unbend.datasets import make_sphere
     >>> folder, sphere = Path(tempfile.mkdtemp()), make_sphere(1)
     >>> for name in ("cat0", "cat1", "dog0"):
     ...     write_mesh(folder / f"{name}.off", sphere)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from paper.loading import load_faust, load_scape, load_tosca
 from unbend import Mesh, canonical_form, write_mesh
-from unbend.datasets import load_faust, load_scape, load_tosca, make_quadruped, make_sphere
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import FileError, InputError, MeshError, UnbendWarning
 
 POSES = {"cat0": "standing", "cat2": "galloping", "cat10": "sitting"}

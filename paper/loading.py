@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import MappingProxyType
 
-from unbend.datasets._shape_files import SHAPE_SUFFIXES
-from unbend.datasets.collection import Collection
+from paper.collection import Collection
+from paper.shape_files import SHAPE_SUFFIXES
 from unbend.errors import FileError, InputError
 
 # Where the meshes are, below the folder that is given: at hand; in the Princeton benchmark; in
@@ -82,7 +82,8 @@ def load_tosca(
     >>> import tempfile
     >>> from pathlib import Path
     >>> from unbend import write_mesh
-    >>> from unbend.datasets import load_tosca, make_sphere
+    >>> from paper.loading import load_tosca
+    >>> from unbend.datasets import make_sphere
     >>> folder = Path(tempfile.mkdtemp())
     >>> (folder / "corres").mkdir()
     >>> for name in ("cat0", "cat1"):
@@ -134,7 +135,8 @@ def load_scape(folder: str | os.PathLike[str]) -> Collection:
     >>> import tempfile
     >>> from pathlib import Path
     >>> from unbend import write_mesh
-    >>> from unbend.datasets import load_scape, make_sphere
+    >>> from paper.loading import load_scape
+    >>> from unbend.datasets import make_sphere
     >>> folder = Path(tempfile.mkdtemp())
     >>> for name in ("mesh000", "mesh001"):
     ...     write_mesh(folder / f"{name}.off", make_sphere(1))
@@ -181,7 +183,8 @@ def load_faust(folder: str | os.PathLike[str]) -> Collection:
     >>> import tempfile
     >>> from pathlib import Path
     >>> from unbend import write_mesh
-    >>> from unbend.datasets import load_faust, make_sphere
+    >>> from paper.loading import load_faust
+    >>> from unbend.datasets import make_sphere
     >>> folder = Path(tempfile.mkdtemp())
     >>> for name in ("tr_reg_000", "tr_reg_001"):
     ...     write_mesh(folder / f"{name}.ply", make_sphere(1))
