@@ -66,7 +66,7 @@ def _reproduce(target: str, data: str, out: Path, quick: bool, jobs: int) -> int
     new_figure(1, 1)  # a missing matplotlib is reported before the work
     found = open_data(data, out / "pieces", quick, _say)
     run = Run(
-        found.shapes.collection if found.shapes else Collection("TOSCA", {}, {}, None, {}),
+        found.shapes.collection if found.shapes else Collection("TOSCA", {}, {}, None),
         found.scape.collection if found.scape else None,
         quick,
         jobs,

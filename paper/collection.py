@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paper.shape_files import read_features, read_mirror, read_rows, read_shape
+from paper.shape_files import read_rows, read_shape
 from unbend._text import plural
 from unbend._types import BoolArray, IntArray
 from unbend.errors import FileError, InputError
@@ -36,21 +36,6 @@ class Truth(NamedTuple):
     mirrored_target_points: IntArray | None
 
 
-class Features(NamedTuple):
-    """Marked points of a shape, the same in every shape of its class.
-
-    Attributes
-    ----------
-    points : (k,) ndarray of int64
-        0-based vertex ids.
-    mirrored_points : (k,) ndarray of int64, or None
-        The left-right mirror image of each, itself where it lies on the plane of symmetry.
-    """
-
-    points: IntArray
-    mirrored_points: IntArray | None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Collection:
     """Shapes by name, each read from its file when it is asked for; only the last few are kept.
@@ -66,12 +51,10 @@ class Collection:
     corres : Path or None
         The folder of ``NAME.vts`` and ``NAME.sym.vts`` files whose rows correspond. None where
         vertex ``i`` is the same point on every shape of a class.
-    feature_files : mapping of str to Path
-        The ``.pid`` file of each class that has one.
 
     See Also
     --------
-    load_tosca, load_scape, load_faust : Make one from a folder.
+    load_tosca, load_scape : Make one from a folder.
 
     Examples
     --------
@@ -96,7 +79,6 @@ class Collection:
     class_of: Mapping[str, str]
     files: Mapping[str, Path]
     corres: Path | None
-    feature_files: Mapping[str, Path]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -189,45 +171,6 @@ class Collection:
                     "again"
                 )
         return Truth(lists[0], lists[1], lists[2] if len(lists) == 3 else None)
-
-    def features(self, name: str) -> Features:
-        """Return the marked points of a shape, and which of them mirror each other.
-
-        Parameters
-        ----------
-        name : str
-            One of ``names``.
-
-        Returns
-        -------
-        Features
-
-        Raises
-        ------
-        InputError
-            If there is no such shape.
-        FileError
-            If its class has no feature points or their files do not fit it.
-        """
-        self._check(name)
-        kind = self.class_of[name]
-        path = self.feature_files.get(kind)
-        if path is None:
-            raise FileError(
-                f"{self.title} has no feature points of the class {kind} here; the Princeton "
-                f"benchmark has them in its folders Corrs: put that beside its Meshes"
-            )
-        points = read_features(path)
-        n_vertices = self.mesh(name).n_vertices
-        if points.max() >= n_vertices:
-            raise FileError(
-                f"{path}: names vertex {points.max()}, but {name} has {n_vertices}; "
-                "put the meshes of the Princeton benchmark there"
-            )
-        symmetry = path.with_suffix(".sym.info")
-        if not symmetry.exists():
-            return Features(points, None)
-        return Features(points, points[read_mirror(symmetry, len(points))])
 
     def _check(self, name: str) -> None:
         if name not in self.files:

@@ -214,7 +214,6 @@ def _first(
                 found,
                 class_of=dict(found.class_of),
                 files=dict(found.files),
-                feature_files=dict(found.feature_files),
             )
     return None
 

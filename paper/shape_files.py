@@ -104,42 +104,6 @@ def read_rows(path: Path) -> IntArray:
     return rows
 
 
-def read_features(path: Path) -> IntArray:
-    """Read a .pid file: rows that begin with a vertex id, counted from 0."""
-    try:
-        ids = [int(line.split()[0]) for line in _lines(path)]
-    except ValueError:
-        ids = [-1]
-    if min(ids, default=-1) < 0:
-        raise FileError(f"{path.name}: every line must begin with a vertex id")
-    return np.array(ids, dtype=np.int64)
-
-
-def read_mirror(path: Path, n_features: int) -> IntArray:
-    """Read a .sym.info file: the mirror image of each feature, itself where it stands alone.
-
-    Rows hold two features that mirror each other, or one that lies on the plane of symmetry.
-    """
-    mirror = np.full(n_features, -1, dtype=np.int64)
-    try:
-        for line in _lines(path):
-            pair = [int(word) for word in line.split()]
-            if not all(0 <= feature < n_features for feature in pair) or len(pair) > 2:
-                raise ValueError
-            mirror[pair] = pair[::-1]
-    except ValueError:
-        raise FileError(
-            f"{path.name}: every line must hold one or two of the features 0 to {n_features - 1}"
-        ) from None
-    if (mirror < 0).any():
-        raise FileError(f"{path.name}: lacks the feature {int(np.argmin(mirror))}")
-    return mirror
-
-
-def _lines(path: Path) -> list[str]:
-    return [line for line in read_bytes(path).decode(errors="replace").splitlines() if line.strip()]
-
-
 def read_bytes(path: Path) -> bytes:
     """Read a whole file, or say which one cannot be read."""
     try:

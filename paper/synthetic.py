@@ -50,7 +50,7 @@ def make_species(folder: Path, quick: bool, progress: Callable[[str], None]) -> 
             write_mesh(files[name], shape.mesh)
             write_map(corres / f"{name}.vts", truth)
             write_map(corres / f"{name}.sym.vts", shape.mirror[truth])
-    return Collection("shapes of our own", class_of, files, corres, {})
+    return Collection("shapes of our own", class_of, files, corres)
 
 
 def make_people(folder: Path, quick: bool, progress: Callable[[str], None]) -> Collection:
@@ -64,4 +64,4 @@ def make_people(folder: Path, quick: bool, progress: Callable[[str], None]) -> C
         if not files[name].exists():
             progress(f"making a person, {pose}")
             write_mesh(files[name], make_biped(pose, n_vertices=n_vertices).mesh)
-    return Collection("one person of our own", dict.fromkeys(names, "person"), files, None, {})
+    return Collection("one person of our own", dict.fromkeys(names, "person"), files, None)

@@ -32,7 +32,7 @@ ON_SCAPE = frozenset({"table2"})
 # Those that need shapes which no collection has.
 _ON_OUR_OWN = {
     "efficiency": Described(
-        Collection("shapes of our own", {}, {}, None, {}),
+        Collection("shapes of our own", {}, {}, None),
         "shapes of our own: a walking dog, meshed at every size",
         (),
         (),

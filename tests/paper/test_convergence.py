@@ -56,6 +56,6 @@ def test_mu_matters_little_once_it_is_large(result):
 
 
 def test_without_shapes_there_is_nothing_to_compare(run):
-    nothing = Collection("nothing", {}, {}, None, {})
+    nothing = Collection("nothing", {}, {}, None)
     with pytest.raises(InputError, match="needs the shapes of TOSCA"):
         convergence(replace(run, shapes=nothing))

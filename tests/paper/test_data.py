@@ -71,7 +71,7 @@ def test_the_shifted_number_of_scape_is_pointed_out(tmp_path):
     sizes = dict.fromkeys(collection.names, 600)
     assert without_strangers(collection, sizes) == (collection, ())
     kinds = {f"mesh{i:03d}": "person" for i in range(70, 74)}
-    copy = type(collection)("SCAPE", kinds, dict.fromkeys(kinds), None, {})
+    copy = type(collection)("SCAPE", kinds, dict.fromkeys(kinds), None)
     kept, notes = without_strangers(copy, dict(zip(kinds, (600, 500, 600, 510), strict=True)))
     assert kept.names == ("mesh070", "mesh072")
     assert len(notes) == 3

@@ -23,7 +23,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.setattr(module, "_REPEATS", 1)
     ticks = itertools.count()  # a clock of our own: no test asserts a time
     monkeypatch.setattr(module, "perf_counter", lambda: float(next(ticks)) ** 2)
-    nothing = Collection("nothing", {}, {}, None, {})
+    nothing = Collection("nothing", {}, {}, None)
     return Run(nothing, None, True, 2, tmp_path, lambda step: None)
 
 

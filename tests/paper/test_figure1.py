@@ -61,9 +61,9 @@ def test_the_papers_classes_come_first(run, tmp_path):
     kinds = ("ape", "ape", "bat", "bat", "gorilla", "gorilla", "wolf", "wolf", "yak")
     names = {f"{kind}{i}": kind for i, kind in enumerate(kinds)}
     files = {name: tmp_path / f"{name}.off" for name in names}
-    many = replace(run, shapes=Collection("many", names, files, None, {}))
+    many = replace(run, shapes=Collection("many", names, files, None))
     assert list(some_classes(many)) == ["wolf", "gorilla"]
     assert list(some_classes(replace(many, quick=False))) == ["wolf", "gorilla", "ape", "bat"]
-    alone = Collection("one", {"yak0": "yak"}, {}, None, {})
+    alone = Collection("one", {"yak0": "yak"}, {}, None)
     with pytest.raises(InputError, match="two poses"):
         some_classes(replace(run, shapes=alone))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from paper.loading import load_faust, load_scape, load_tosca
+from paper.loading import load_scape, load_tosca
 from unbend import Mesh, canonical_form, write_mesh
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import FileError, InputError, MeshError, UnbendWarning
@@ -87,8 +87,6 @@ def test_shapes_numbered_alike_are_the_same_in_every_layout(layout, cats, tmp_pa
     [
         (load_tosca, "", "cat{}"),
         (load_tosca, "Dataset/TOSCA_Isometric/vtx_5k", "cat{}"),
-        (load_faust, "", "tr_reg_00{}"),
-        (load_faust, "Dataset/FAUST/vtx_5k", "tr_reg_00{}"),
         (load_scape, "vtx_5k", "mesh00{}"),
     ],
 )
@@ -118,14 +116,6 @@ def test_meshes_may_lie_beside_the_rows_and_lack_mirrored_ones(given, cats, tmp_
     assert truth.mirrored_target_points is None
 
 
-def test_faust_registrations_in_the_layout_of_their_archive(cats, tmp_path):
-    meshes = {f"tr_reg_0{i}0": mesh for i, mesh in enumerate(cats.values())}
-    _write_off(tmp_path / "MPI-FAUST" / "training" / "registrations", meshes, ".ply")
-    shapes = load_faust(tmp_path)
-    assert shapes.classes == {"person": tuple(meshes)}
-    assert len(shapes.truth("tr_reg_000", "tr_reg_020").source_points) == 600
-
-
 def test_unused_vertices_are_no_part_of_the_truth(tmp_path):
     sphere = make_sphere(2)
     holes = {"cat0": (3, 50), "cat1": (7,)}
@@ -150,36 +140,11 @@ def test_holes_and_pinched_vertices_are_read_and_used(tmp_path):
         assert canonical_form(shapes.mesh("mesh001")).points.shape == (164, 3)
 
 
-@pytest.mark.parametrize("corrs", ["Corrs", "Meshes"])
-@pytest.mark.parametrize("given", ["", "Meshes"])
-def test_princeton_features_and_their_symmetry(corrs, given, cats, tmp_path):
-    _write_off(tmp_path / "Meshes", cats)
-    (tmp_path / corrs).mkdir(exist_ok=True)
-    (tmp_path / corrs / "cat.pid").write_text(" 40 0 0 0\n 50 0 0 0\n 60 0 0 0\n")
-    shapes = load_tosca(tmp_path / given)
-    assert shapes.features("cat2").mirrored_points is None
-    (tmp_path / corrs / "cat.sym.info").write_text("0 2 \n\n1\n\n")
-    points, mirrored = shapes.features("cat2")
-    assert points.tolist() == [40, 50, 60]
-    assert mirrored is not None
-    assert mirrored.tolist() == [60, 50, 40]
-
-
-def test_scape_features_are_named_1(cats, tmp_path):
-    _write_off(tmp_path, {"mesh000": cats["cat0"]})
-    (tmp_path / "1.pid").write_text("4 0 0 0\n")
-    assert load_scape(tmp_path).features("mesh000").points.tolist() == [4]
-
-
-def test_only_some_classes(cats, tmp_path):
+def test_a_class_is_a_name_without_its_number(cats, tmp_path):
     names = ["dog0", "cat0", "seahorse1", "8_man_01"]
     _write_off(tmp_path, dict.fromkeys(names, cats["cat0"]))
     (tmp_path / "atlas.off").touch()  # no number: no shape of the collection
     assert set(load_tosca(tmp_path).classes) == {"dog", "cat", "seahorse", "8_man"}
-    assert load_tosca(tmp_path, classes="dog").names == ("dog0",)
-    assert load_tosca(tmp_path, classes=["dog", "cat"]).names == ("cat0", "dog0")
-    with pytest.raises(InputError, match=r"no 'lion' of TOSCA; it holds 8_man, cat, dog"):
-        load_tosca(tmp_path, classes=["lion"])
 
 
 def test_nothing_is_read_before_it_is_asked_for(tmp_path):
@@ -215,8 +180,8 @@ def test_a_file_that_changes_is_read_again(suffixes, tmp_path):
 def test_what_is_missing_is_said(cats, tmp_path):
     with pytest.raises(FileError, match=r"there is no folder .*put the shapes of SCAPE there"):
         load_scape(tmp_path / "nowhere")
-    with pytest.raises(FileError, match=r"holds no shapes of FAUST; put tr_reg_000\.ply"):
-        load_faust(tmp_path)
+    with pytest.raises(FileError, match=r"holds no shapes of SCAPE; put mesh000\.off"):
+        load_scape(tmp_path)
     np.savetxt(tmp_path / "cat0.vert", np.eye(3))
     with pytest.raises(FileError, match=r"cat0\.vert has no triangles: put cat0\.tri into"):
         load_tosca(tmp_path).mesh("cat0")
@@ -226,8 +191,6 @@ def test_what_is_missing_is_said(cats, tmp_path):
         shapes.mesh("cat7")
     with pytest.raises(InputError, match="of different classes"):
         shapes.truth("cat0", "dog0")
-    with pytest.raises(FileError, match="no feature points of the class cat"):
-        shapes.features("cat0")
 
 
 def test_truth_that_does_not_fit_is_refused(cats, tmp_path):
@@ -260,25 +223,6 @@ def test_meshes_numbered_apart_are_not_taken_for_numbered_alike(cats, tmp_path):
         shapes.truth("cat0", "cat2")
     with pytest.raises(FileError, match="cat0 has 600 vertices and cat11 has 162"):
         shapes.truth("cat0", "cat11")
-
-
-@pytest.mark.parametrize(
-    ("pid", "symmetry", "message"),
-    [
-        ("x 0 0 0\n", "0\n", r"cat\.pid: every line must begin"),
-        ("", "0\n", r"cat\.pid: every line must begin"),
-        ("600 0 0 0\n", "0\n", "names vertex 600, but cat0 has 600"),
-        ("5 0 0 0\n6 0 0 0\n", "0\n", r"cat\.sym\.info: lacks the feature 1"),
-        ("5 0 0 0\n6 0 0 0\n", "0 2\n", "one or two of the features 0 to 1"),
-        ("5 0 0 0\n6 0 0 0\n", "0 1 1\n", "one or two of the features 0 to 1"),
-    ],
-)
-def test_feature_files_that_do_not_fit(pid, symmetry, message, cats, tmp_path):
-    _write_off(tmp_path, {"cat0": cats["cat0"]})
-    (tmp_path / "cat.pid").write_text(pid)
-    (tmp_path / "cat.sym.info").write_text(symmetry)
-    with pytest.raises(FileError, match=message):
-        load_tosca(tmp_path).features("cat0")
 
 
 def test_damaged_matlab_files(tmp_path):

@@ -12,7 +12,7 @@ from paper.result import Result
 from unbend.report.figures import new_figure
 
 DATA = Described(
-    Collection("dogs", {}, {}, None, {}), "dogs: 3 shapes", ("They are small.",), ("dog7 was not.",)
+    Collection("dogs", {}, {}, None), "dogs: 3 shapes", ("They are small.",), ("dog7 was not.",)
 )
 ROWS = [{"name": "a", "value": 0.25, "sure": True}, {"name": "b", "value": math.nan, "sure": False}]
 RESULT = Result("A title", {"numbers": ROWS}, {"curve": new_figure(1, 1)}, "The text.")

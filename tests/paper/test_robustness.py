@@ -107,6 +107,6 @@ def test_the_verdict_follows_the_figures():
 
 
 def test_without_shapes_there_is_nothing_to_perturb(run):
-    nothing = Collection("nothing", {}, {}, None, {})
+    nothing = Collection("nothing", {}, {}, None)
     with pytest.raises(InputError, match="needs the shapes of TOSCA"):
         robustness(replace(run, shapes=nothing))

@@ -10,7 +10,7 @@ from paper.collection import Collection
 from paper.run import Run, everywhere, kept, piece
 from unbend.errors import InputError
 
-NOTHING = Collection("nothing", {}, {}, None, {})
+NOTHING = Collection("nothing", {}, {}, None)
 
 
 def make_run(folder: Path, jobs: int = 1) -> Run:

@@ -12,7 +12,7 @@ from unbend.errors import InputError
 
 KINDS = {"cat0": "cat", "cat1": "cat", "cat2": "cat", "cat3": "cat", "david0": "david",
          "david1": "david", "wolf0": "wolf"}  # fmt: skip
-SHAPES = Collection("TOSCA", KINDS, {}, None, {})
+SHAPES = Collection("TOSCA", KINDS, {}, None)
 
 
 def make_run(tmp_path, quick: bool = False) -> Run:
@@ -80,6 +80,6 @@ def test_the_verdict_follows_the_figures(tmp_path, monkeypatch):
 
 
 def test_single_shapes_make_no_table(tmp_path):
-    alone = Collection("TOSCA", {"cat0": "cat"}, {}, None, {})
+    alone = Collection("TOSCA", {"cat0": "cat"}, {}, None)
     with pytest.raises(InputError, match="two shapes of a class"):
         table1(Run(alone, None, False, 1, tmp_path, print))
