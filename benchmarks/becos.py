@@ -1,4 +1,4 @@
-"""Pairs of different animals and people with ground truth, from a folder in the layout of BeCoS.
+"""Sets of pairs of different animals or people, from a folder in the layout of BeCoS.
 
 FOLDER holds ``data/tosca-off/NAME.off``, poses of a class numbered alike, and
 ``precomputed_corr_templates/A_B_corres.txt``: for each vertex of the first pose of A a face of the
@@ -9,15 +9,18 @@ Ways through a third shape need its faces in ``corres_comp/default_faces/NAME.np
 
 from __future__ import annotations
 
+import functools
 import re
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from match_cases import Case, Draw, Pair, Set, coarser, of_pair
 
 from unbend import read_mesh
 from unbend._types import IntArray
+from unbend.datasets import damaged_truth
 
 
 class Links(NamedTuple):
@@ -107,3 +110,30 @@ def _nearest_corners(path: Path, faces: IntArray) -> IntArray:
 
 def _then(one: IntArray, other: IntArray) -> IntArray:
     return np.where(one >= 0, other[one], -1)
+
+
+def species(all_of_it: bool) -> Set:
+    """Make a set of different animals or people, of which all have partners or only some."""
+
+    def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
+        folder = data / "becos-code"
+        return [
+            functools.partial(species_case, folder, all_of_it, seed, i)
+            for i in range(20 if count is None else count)
+        ]
+
+    return draws
+
+
+def species_case(folder: Path, all_of_it: bool, seed: int, number: int) -> Case:
+    """Draw two animals or people of different kinds, of 3,000 vertices each."""
+    chance = np.random.default_rng([seed, number, all_of_it])
+    kinds = [
+        pair for pair in class_pairs(folder) if bool((truth(folder, *pair) >= 0).all()) == all_of_it
+    ]
+    one, other = kinds[int(chance.integers(len(kinds)))]
+    names = [str(chance.choice(poses(folder)[kind])) for kind in (one, other)]
+    coarse = [coarser(read_mesh(mesh_file(folder, name)), 3000) for name in names]
+    there = damaged_truth(truth(folder, one, other), *coarse)
+    back = damaged_truth(truth(folder, other, one), *coarse[::-1])
+    return of_pair(Pair(" ".join(names), coarse[0].mesh, coarse[1].mesh, there, back))

@@ -1,63 +1,99 @@
 """Match pairs of shapes whose correspondence is known, and print one table of how right it is.
 
     python benchmarks/match.py SET ... [--data FOLDER] [--pairs N] [--seed S] [--jobs N]
-                               [--out FILE] [--groups]
+                               [--out FILE] [--groups] [--without NAME ...]
+                               [--barycentric | --peer]
 
-SETS are those of benchmarks/match_sets.py, which says where the data comes from; ``list`` names
-them all. Everything is at its default, and nothing but compiled code is cached. A set with a list
+SETS are those of benchmarks/match_sets.py, which says where the data comes from; ``--help`` names
+them. Everything is at its default, and nothing but compiled code is cached. A set with a list
 of pairs is matched whole unless ``--pairs`` draws some. FILE (JSON lines) keeps what was measured:
-a run that was interrupted goes on where it stopped.
+a run that was interrupted goes on where it stopped. ``--without`` leaves lines of the matcher's
+plan out. ``--peer`` matches with pyFM (package ``pyfmaps``) instead, as its documentation shows:
+wave kernel signatures, a functional map with the orientation term, ZoomOut.
 
 Errors are geodesic distances on the whole target, in square roots of its area, at source vertices
 whose partner is known and was found. A map is right if their mean is below 0.08; one that is
 refused is wrong. ``IoU`` is the intersection over union, by area, of the vertices that were matched
 and those that have a partner, on the worse of the two shapes. ``calibration`` is how far right maps
 are from as many as their confidences say, over ten classes of it (expected calibration error).
+``--barycentric`` adds a table of straight distances to the exact places of vertices, which the sets
+``poses...`` know: from the vertices and from the points on faces that they are mapped to, and from
+the nearest vertices, which is the least error of a map between vertices.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import os
 import time
 import warnings
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from match_sets import SETS, Case, Draw
+from match_cases import Case, Draw
+from match_sets import SETS
 from processes import run_all
+from scipy.spatial import cKDTree
 
-from unbend import Mesh, evaluate, match
+from unbend import Match, Mesh, evaluate, match
 from unbend._types import BoolArray, IntArray
 from unbend.errors import UnbendError
 from unbend.mesh import vertex_areas
+
+Row = dict[str, Any]
 
 WRONG = 0.08  # a map whose mean error is larger has a limb, a side or an end mistaken
 SURE = 0.9
 N_POINTS = 200  # points of a map that are measured: its mean is known to one or two thousandths
 
 
-def run(name: str, draw: Draw) -> dict[str, Any]:
-    """Match a pair and measure the map."""
+def run(name: str, draw: Draw, how: str = "") -> Row:
+    """Match a pair and measure the map; how is "", "barycentric" or "peer"."""
     warnings.simplefilter("ignore")
     case = draw()
-    row: dict[str, Any] = {"set": name, "pair": case.name}
+    row: Row = {"set": name, "pair": case.name}
     start = time.process_time()
+    if how == "peer":
+        found = match_with_pyfm(case.source, case.target)
+        row |= {"cpu": time.process_time() - start, "confidence": np.nan}
+        return row | measure(case, found, np.zeros(case.target.n_vertices, dtype=np.int64))
     try:
-        found = match(case.source, case.target, cache=False)
+        found = match(case.source, case.target, barycentric=how == "barycentric", cache=False)
     except UnbendError as error:
-        return row | {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": 0.0}
+        cpu = time.process_time() - start
+        return row | {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": cpu}
     row["cpu"] = time.process_time() - start
     row["confidence"] = float(found.confidence)
+    row["confidence_bound"] = float(found.confidence_bound)
     row["orientation"] = float(found.orientation)
     row["overlap"] = min(found.overlap_source, found.overlap_target)
     row["energies"] = [one.energy for one in found.hypotheses]
+    if how == "barycentric" and case.places is not None:
+        row["straight"] = straight_errors(case, found)
     return row | measure(case, found.source_to_target, found.target_to_source)
 
 
-def measure(case: Case, there: IntArray, back: IntArray) -> dict[str, Any]:
+def match_with_pyfm(source: Mesh, target: Mesh) -> IntArray:
+    """Match as pyFM's documentation shows, whose maps go from the second mesh to the first."""
+    from pyFM.functional import FunctionalMapping
+    from pyFM.mesh import TriMesh
+
+    first, second = (
+        TriMesh(one.vertices, one.faces, area_normalize=True, center=True)
+        for one in (target, source)
+    )
+    model = FunctionalMapping(first, second)
+    model.preprocess(descr_type="WKS", subsample_step=2)
+    model.fit(K=30, w_descr=1e0, w_lap=1e-1, w_dcomm=1e0, w_orient=1e0)
+    return np.asarray(model.get_p2p(model.zoomout_refine(nit=16, step=5)))
+
+
+def measure(case: Case, there: IntArray, back: IntArray) -> Row:
     """Errors over the true overlap, and how well the overlap itself was found."""
     known = np.flatnonzero(there[case.rows] >= 0)
     if not len(known):
@@ -71,7 +107,7 @@ def measure(case: Case, there: IntArray, back: IntArray) -> dict[str, Any]:
     # What is known may lie on another component than the one that was matched.
     errors = found.errors("direct")
     errors = errors[np.isfinite(errors)]
-    row: dict[str, Any] = {
+    row: Row = {
         "error": float(errors.mean()),
         "shares": [float((errors <= most).mean()) for most in (0.025, 0.05, 0.1)],
         "mirrored": len(truths) > 1 and bool(found.mean("map-min") < WRONG <= errors.mean()),
@@ -92,14 +128,31 @@ def _iou(mesh: Mesh, found: BoolArray, true: BoolArray) -> float:
     return float(areas[found & true].sum() / areas[found | true].sum())
 
 
+def straight_errors(case: Case, found: Match) -> list[float]:
+    """Mean straight errors of vertices, of points on faces, and of vertices nearest the truth."""
+    assert case.places is not None
+    assert found.faces is not None
+    assert found.weights is not None
+    mesh, known = case.target, found.source_to_target >= 0
+    corners = mesh.vertices[mesh.faces[found.faces[known]]]
+    places = case.places[known]
+    on_faces = np.einsum("ij,ijk->ik", found.weights[known], corners)
+    nearest = cKDTree(mesh.vertices).query(places)[1]
+    images = mesh.vertices[found.source_to_target[known]], on_faces, mesh.vertices[nearest]
+    unit = np.sqrt(vertex_areas(mesh).sum())
+    return [float(np.linalg.norm(one - places, axis=1).mean() / unit) for one in images]
+
+
 def calibration_error(confidence: Any, right: Any) -> float:
     """Mean gap between confidence and share of right maps, over ten classes of confidence."""
+    if np.isnan(confidence).any():  # the peer has none
+        return np.nan
     classes = np.minimum((10 * confidence).astype(int), 9)
     gaps = [abs((confidence - right)[classes == i].sum()) for i in range(10)]
     return float(sum(gaps) / len(right))
 
 
-def line(label: str, rows: list[dict[str, Any]]) -> str:
+def line(label: str, rows: list[Row]) -> str:
     """One line of the table."""
     errors = np.array([row["error"] for row in rows])
     confidence = np.array([row["confidence"] for row in rows])
@@ -117,18 +170,28 @@ def line(label: str, rows: list[dict[str, Any]]) -> str:
     )
 
 
-def print_table(rows: list[dict[str, Any]], groups: bool = False) -> None:
+def group(row: Row) -> str:
+    """Set and kind of a pair: what befell it, or its shapes without their numbers."""
+    kind, colon, _ = row["pair"].partition(":")
+    return f"{row['set']} {kind if colon else kind.split()[0].rstrip('0123456789')}"
+
+
+def grouped(rows: list[Row], groups: bool) -> dict[str, list[Row]]:
+    """Rows of each set, or of each kind of pair in it."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(group(row) if groups else row["set"], []).append(row)
+    return found
+
+
+def print_table(rows: list[Row], groups: bool = False) -> None:
     """Print a line for each set, or for each kind of pair in it, and every map that is wrong."""
     print(
         f"{'':24}{'pairs':>6}{'right':>7}{'mean':>9}{'worst':>8}{'<.025':>7}{'<.05':>7}{'<.1':>7}"
         f"{'IoU':>7}{'calibr.':>9}{'wrong > .9':>13}{'CPU s':>8}"
     )
-
-    def label(row: dict[str, Any]) -> str:
-        return f"{row['set']} {row['pair'].split()[0]}" if groups else row["set"]
-
-    for name in [*dict.fromkeys(label(row) for row in rows)]:
-        print(line(name, [row for row in rows if label(row) == name]))
+    for name, some in grouped(rows, groups).items():
+        print(line(name, some))
     print(line("all", rows))
     for row in rows:
         if row["error"] >= WRONG and row["set"] != "different":
@@ -137,56 +200,108 @@ def print_table(rows: list[dict[str, Any]], groups: bool = False) -> None:
                 f"confidence {row['confidence']:.2f}"
             )
             print(f"wrong: {row['set']} {row['pair']}: {why}")
+    right = [row for row in rows if "straight" in row and row["error"] < WRONG]
+    if right:
+        print(f"\n{'straight errors':24}{'right':>6}{'vertices':>10}{'faces':>10}{'nearest':>10}")
+        for name, some in grouped(right, groups).items():
+            means = np.mean([row["straight"] for row in some], axis=0)
+            print(f"{name:24}{len(some):6}" + "".join(f"{one:10.5f}" for one in means))
 
 
-def read(path: Path) -> list[dict[str, Any]]:
+def read(path: Path) -> list[Row]:
     """Read what a run measured; a line that was cut off is left out."""
     if not path.exists():
         return []
     return [json.loads(one) for one in path.read_text().splitlines() if one.endswith("}")]
 
 
-def main() -> None:
-    """Match what is missing, print the table."""
+def make_parser(description: str | None) -> argparse.ArgumentParser:
+    """Make a parser of the options of every script that matches sets."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        description=description, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("sets", nargs="+", metavar="SET")
+    parser.add_argument("sets", nargs="+", metavar="SET", choices=SETS, help=", ".join(SETS))
     data = Path(os.environ.get("UNBEND_PUBLIC", "."))
     parser.add_argument("--data", type=Path, metavar="FOLDER", default=data)
-    parser.add_argument("--pairs", type=int, help="of each set")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1, help="pairs at a time")
-    parser.add_argument("--out", type=Path, metavar="FILE")
-    parser.add_argument("--groups", action="store_true", help="a line for each kind of pair")
-    given = parser.parse_args()
-    if given.sets == ["list"]:
-        print("\n".join(SETS))
-        return
-    if unknown := set(given.sets) - set(SETS):
-        parser.error(f"there is no set {unknown.pop()}; the sets are {', '.join(SETS)}")
-    rows = read(given.out) if given.out else []
-    known = {(row["set"], row["number"], row["seed"]) for row in rows}
-    tasks = [
-        (_run, name, draw, number, given.seed)
+    parser.add_argument("--pairs", type=int, metavar="N", help="of each set")
+    parser.add_argument("--seed", type=int, metavar="S", default=0)
+    parser.add_argument("--jobs", type=int, metavar="N", default=1, help="pairs at a time")
+    return parser
+
+
+def measured(
+    given: argparse.Namespace,
+    out: Path | None,
+    changed: str = "",
+    set_up: Callable[[], object] | None = None,
+    how: str = "",
+) -> list[Row]:
+    """Match what the file lacks, and return the rows of all pairs that are given, in their order.
+
+    ``set_up`` changes the matcher, in every process that matches. Rows keep what was ``changed``,
+    and those of a matcher that was changed otherwise don't count.
+    """
+    tasks = {
+        (name, number, given.seed, changed): (_run, name, draw, number, given.seed, changed, how)
         for name in given.sets
         for number, draw in enumerate(SETS[name](given.data, given.seed, given.pairs))
-        if (name, number, given.seed) not in known
-    ]
+    }
+    rows = {_key(row): row for row in (read(out) if out else [])}
 
-    def keep(row: dict[str, Any]) -> None:
-        rows.append(row)
-        if given.out:
-            with given.out.open("a") as file:
+    def keep(row: Row) -> None:
+        rows[_key(row)] = row
+        if out:
+            with out.open("a") as file:
                 print(json.dumps(row), file=file)
 
-    run_all(tasks, given.jobs, keep)
-    print_table(sorted(rows, key=lambda row: given.sets.index(row["set"])
-                       if row["set"] in given.sets else -1), given.groups)  # fmt: skip
+    if out and out.exists() and not out.read_text().endswith("\n"):
+        with out.open("a") as file:
+            print(file=file)  # the next row must not follow one that was cut off
+    missing = [task for key, task in tasks.items() if key not in rows]
+    run_all(missing, given.jobs, keep, set_up)
+    return [rows[key] for key in tasks]
 
 
-def _run(name: str, draw: Draw, number: int, seed: int) -> dict[str, Any]:
-    return run(name, draw) | {"number": number, "seed": seed}
+def _key(row: Row) -> tuple[str, int, int, str]:
+    return row["set"], row["number"], row["seed"], row["changed"]
+
+
+def _run(name: str, draw: Draw, number: int, seed: int, changed: str, how: str) -> Row:
+    return run(name, draw, how) | {"number": number, "seed": seed, "changed": changed}
+
+
+def lines_of_plan() -> list[str]:
+    """Names of the lines of the matcher's plan."""
+    from unbend.matching import _plan
+
+    return list(dict.fromkeys(step.stage.__name__ for step in _plan.PLAN))
+
+
+def leave_out(names: list[str]) -> None:
+    """Leave lines of the matcher's plan out, in this process."""
+    from unbend.matching import _plan
+
+    _plan.PLAN[:] = [step for step in _plan.PLAN if step.stage.__name__ not in names]
+
+
+def main() -> None:
+    """Match what is missing, print the table."""
+    parser = make_parser(__doc__)
+    parser.add_argument("--out", type=Path, metavar="FILE")
+    parser.add_argument("--groups", action="store_true", help="a line for each kind of pair")
+    parser.add_argument("--without", action="append", metavar="NAME", default=[])
+    how = parser.add_mutually_exclusive_group()
+    for name in ("barycentric", "peer"):
+        how.add_argument(f"--{name}", dest="how", action="store_const", const=name, default="")
+    given = parser.parse_args()
+    if given.how == "peer" and find_spec("pyFM") is None:
+        parser.error("--peer needs the extra bench: pip install -e '.[bench]'")
+    left_out = sorted(set(given.without))
+    if left_out and (unknown := set(left_out).difference(known := lines_of_plan())):
+        parser.error(f"the plan has no {unknown.pop()}; its lines are {', '.join(known)}")
+    changed = " ".join([given.how, *(f"without {name}" for name in left_out)]).strip()
+    set_up = functools.partial(leave_out, left_out) if left_out else None
+    print_table(measured(given, given.out, changed, set_up, given.how), given.groups)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The benchmarks run; what they find is their own affair."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -36,3 +37,25 @@ def test_solvers_are_measured_and_count_alike():
     counted = {row[0].strip("| "): row[7] for row in rows if len(row) > 7}
     assert counted["multifrontal"] == counted["superlu"]
     assert 90 < int(counted["multifrontal"]) < 110  # Weyl: about 100
+
+
+def test_a_set_is_matched_once_and_its_rows_are_kept(tmp_path):
+    rows = tmp_path / "rows.jsonl"
+    command = ["match.py", "poses", "--pairs", "1", "--barycentric", "--out", str(rows)]
+    done = run(*command)
+    assert done.returncode == 0, done.stderr
+    row = json.loads(rows.read_text())
+    assert 0 <= row["confidence"] <= row["confidence_bound"] <= 1
+    by_vertices, on_faces, _ = row["straight"]
+    assert on_faces < by_vertices
+    with rows.open("a") as file:
+        file.write('{"set": "poses", "pa')  # an interrupted run's
+    again = run(*command)
+    assert (again.returncode, again.stdout) == (0, done.stdout), again.stderr
+    assert "1 of 1" not in again.stderr  # nothing was matched
+
+
+def test_a_set_that_does_not_exist_is_refused_with_the_names_of_all():
+    done = run("match.py", "pose")
+    assert done.returncode == 2
+    assert "'poses'" in done.stderr
