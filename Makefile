@@ -5,10 +5,14 @@ BIN := .venv/bin
 # Every worker computes with one thread of BLAS: with more, they wait for each other.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
-.PHONY: demo test test-browser browser test-portable test-matrix fuzz mutants lint format bench docs clean
+.PHONY: demo reproduce test test-browser browser test-portable test-matrix fuzz mutants lint format bench \
+	docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
+
+reproduce: .venv/test.stamp ## the paper's experiments, into reproduction/; ARGS="--quick", ARGS="table1 --data DIR"
+	$(BIN)/python -m paper $(ARGS)
 
 test: .venv/test.stamp lint ## the whole suite: lint, types, tests, doctests, coverage
 	NUMBA_DISABLE_JIT=1 $(PYTEST) tests -m kernels --cov --cov-report= --cov-fail-under=0
@@ -20,7 +24,7 @@ test: .venv/test.stamp lint ## the whole suite: lint, types, tests, doctests, co
 # thread. The others leave out files, the command line, figures and experiments, whose arithmetic is
 # the library's; the second gives unbend and BLAS two threads each, the third unbend alone.
 NEWEST_BLAS := $(if $(shell grep -w avx512dq /proc/cpuinfo 2>/dev/null),SkylakeX,Sandybridge)
-ARITHMETIC := $(addprefix --ignore=tests/,cli io report reproduce test_benchmarks.py test_readme.py)
+ARITHMETIC := $(addprefix --ignore=tests/,cli io report paper test_benchmarks.py test_readme.py)
 
 test-portable: .venv/test.stamp ## the tests again under what rounds differently on other processors
 	OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \

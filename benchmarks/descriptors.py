@@ -10,7 +10,8 @@ Sets, each a collection of its own:
 ``meshed``, ``coarse``, ``holed``, ``noisy``   the same asked for by copies: meshed anew, with a
             third of the vertices, with 4 holes of 6 % of the area together, with noise of 0.15 mean
             edges. A copy's own original is left out of its list.
-``tosca``   with --tosca: all of TOSCA, reduced to 4,000 vertices; poses of 9 classes.
+``tosca``   with --tosca: all of TOSCA, a folder of .off files, reduced to 4,000 vertices; poses of
+            9 classes.
 ``things``  22 kinds of creatures and wares in N proportions, a quarter in pieces, some open,
             and N bodies of random proportions of each of our 3 kinds: 25 classes.
 ``even``, ``odd``   two halves of the kinds of ``things``: what is best on one must be on the other.
@@ -28,7 +29,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -55,7 +56,6 @@ from unbend.collection._whole import whole_surface
 from unbend.datasets import (
     add_noise,
     cut_discs,
-    load_tosca,
     make_biped,
     make_body,
     make_octopus,
@@ -254,13 +254,18 @@ def damages(shape: Shape, seed: int) -> list[tuple[str, Shape]]:
     ]
 
 
+def read_tosca(folder: Path) -> Iterator[tuple[str, str, Mesh]]:
+    """Name, class and mesh of each ``cat0.off`` and so on."""
+    for path in sorted(folder.glob("*[0-9].off")):
+        yield path.stem, path.stem.rstrip("0123456789"), read_mesh(path)
+
+
 def list_sets(tosca: Path | None, each: int) -> dict[str, list[Shape]]:
     """Shapes of each set."""
     known = []
     if "UNBEND_DATA" in os.environ:
-        for path in sorted((Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed").glob("*.off")):
-            kind = path.stem.rstrip("0123456789")
-            known.append(Shape(f"TOSCA {path.stem}", f"TOSCA {kind}", read_mesh(path)))
+        for name, kind, mesh in read_tosca(Path(os.environ["UNBEND_DATA"]) / "tosca_remeshed"):
+            known.append(Shape(f"TOSCA {name}", f"TOSCA {kind}", mesh))
     for make, species in SPECIES.items():
         for kind in species:
             for i in range(each):
@@ -272,10 +277,9 @@ def list_sets(tosca: Path | None, each: int) -> dict[str, list[Shape]]:
         for done, copy in damages(shape, i):
             sets.setdefault(done, []).append(copy)
     if tosca is not None:
-        whole = load_tosca(tosca)
         sets["tosca"] = [
-            Shape(f"whole {name}", kind, reduce_to(whole.mesh(name), 4000))
-            for name, kind in whole.class_of.items()
+            Shape(f"whole {name}", kind, reduce_to(mesh, 4000))
+            for name, kind, mesh in read_tosca(tosca)
         ]
     sets["things"] = [
         Shape(f"thing {kind}{i}", kind, make_thing(kind, i))

@@ -26,7 +26,7 @@ ROOT = HERE.parent
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 LIMIT_BYTES = 1_000_000  # of the wheel
 # Those that users ask for; the others are tools of whoever works on unbend.
-EXTRAS = ("plot", "sklearn", "exact", "data", "collection", "reproduce", "cholmod")
+EXTRAS = ("plot", "sklearn", "exact", "data", "collection", "cholmod")
 COMPILED = ("cholmod", "exact")  # of scikit-sparse, and on Python 3.14 of pygeodesic, are no wheels
 
 

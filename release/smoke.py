@@ -119,16 +119,7 @@ def collection(folder: Path) -> None:
     assert Path(hit.path).name == "dog.ply"
 
 
-def reproduce(folder: Path) -> None:
-    """Decimate a shape as the experiments do."""
-    from unbend.reproduce.perturbations import perturb
-
-    assert len(perturb(make_sphere(3), "decimation", 0.5).mesh.vertices) < 400
-
-
-CHECKS = {
-    one.__name__: one for one in (none, plot, sklearn, cholmod, exact, data, collection, reproduce)
-}
+CHECKS = {one.__name__: one for one in (none, plot, sklearn, cholmod, exact, data, collection)}
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:

@@ -45,7 +45,6 @@ COMMANDS = {
     "evaluate": "evaluate map.txt --target good.off --source-truth truth.txt "
     "--target-truth truth.txt --figure curves.svg",
     "demo": "demo -o demo.png",
-    "reproduce": "reproduce figure1 --data synthetic -o reproduced --quick",
     "cache clear": "cache clear",
     "collection add": "collection add OWN good.off --workers 1",
     "collection remove": "collection remove OWN SHAPE",

@@ -35,7 +35,7 @@ FORMS = np.stack([BALL.vertices * scale for scale in (1, 2, 3)])
 # None in sys.modules: the import fails as where the package is not installed.
 CORE_INSTALL = """
 import inspect, sys
-optional = "sklearn matplotlib pygeodesic pooch fast_simplification lancedb dask distributed"
+optional = "sklearn matplotlib pygeodesic pooch lancedb dask distributed"
 for package in [*optional.split(), "pyarrow"]:
     sys.modules[package] = None
 import unbend

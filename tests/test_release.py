@@ -57,7 +57,10 @@ def test_lowest_versions_are_those_of_the_bounds():
     assert told == matrix.PYTHONS[0]
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "src").rglob("*.py")), ids=lambda path: path.stem)
+OURS = sorted(path for folder in ("src", "paper") for path in (ROOT / folder).rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", OURS, ids=lambda path: path.stem)
 def test_modules_need_neither_unix_nor_its_encoding(path):
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import | ast.ImportFrom):

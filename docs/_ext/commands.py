@@ -19,7 +19,7 @@ SUBJECTS = {
     "One shape": ("check", "canonical", "distance"),
     "Two shapes": ("match", "evaluate", "transfer", "register", "similarity"),
     "Many shapes": ("collection",),
-    "The rest": ("demo", "reproduce", "cache"),
+    "The rest": ("demo", "cache"),
 }
 
 

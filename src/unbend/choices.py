@@ -14,9 +14,6 @@ Interpolation = Literal["projection", "least-squares"]
 MatchMethod = Literal["progressive", "icp"]
 Partial = Literal["auto", "none", "source", "target", "both"]
 GeodesicKind = Literal["geodesic", "geodesic-exact"]
-Experiment = Literal[
-    "table1", "table2", "figure1", "figure3", "robustness", "efficiency", "convergence", "all"
-]
 ValueKind = Literal["auto", "scalar", "label", "weights", "color", "uv"]
 Rerank = Literal["none", "form", "match"]
 Axis = Literal["x", "y", "z"]

@@ -49,7 +49,7 @@ LINES = {
     "collection info STORE a.ply": "",
 }
 # One output each, in tests of their own.
-ELSEWHERE = {"demo", "reproduce", "collection match", "collection mean"}
+ELSEWHERE = {"demo", "collection match", "collection mean"}
 
 
 def commands(

@@ -1,4 +1,4 @@
-"""Collections, the cache of spectra, and folders of data that are damaged or something else."""
+"""Collections and the cache of spectra, damaged or replaced by something else."""
 
 from __future__ import annotations
 
@@ -46,13 +46,6 @@ def cases() -> Iterator[Case]:
             ("distance good.off --from 0 --n-eigenpairs 20 -o form.npy",),
             Answer(beside, _same_form, "the answer without a cache"),
             _with_cache(damage),
-        )
-    for name, make in (("not there", beside), ("empty", _empty_data), ("a file", _data_file)):
-        yield Case(
-            f"data of the paper, {name}",
-            make,
-            ("reproduce table1 --data bad.data -o out --quick",),
-            Refused("bad.data"),
         )
 
 
@@ -161,11 +154,3 @@ def _same_form(seen: Seen, truth: Seen) -> str:
     found, right = (np.load(one.folder / "form.npy") for one in (seen, truth))
     np.testing.assert_array_equal(found, right)
     return "the same to the last bit"
-
-
-def _empty_data(folder: Path) -> None:
-    (folder / "bad.data").mkdir()
-
-
-def _data_file(folder: Path) -> None:
-    (folder / "bad.data").write_text("no folder")

@@ -33,7 +33,6 @@ from unbend.cli import (
     evaluate,
     match,
     register,
-    reproduce,
     similarity,
     transfer,
 )
@@ -50,7 +49,6 @@ COMMANDS = (
     register.register,
     similarity.similarity,
     demo.demo,
-    reproduce.reproduce,
 )
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C

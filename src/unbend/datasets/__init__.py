@@ -1,11 +1,9 @@
-"""Shapes to try things on, with known correspondences: synthetic animals, public collections."""
+"""Shapes to try things on, with known correspondences: synthetic animals, and TOSCA to download."""
 
 from __future__ import annotations
 
-from unbend.datasets.benchmarks import load_faust, load_scape, load_tosca
 from unbend.datasets.biped import make_biped
 from unbend.datasets.bodies import make_body, random_proportions
-from unbend.datasets.collection import Collection, Features, Truth
 from unbend.datasets.damage import Damaged, cut, cut_discs, damaged_truth, keep
 from unbend.datasets.fetch import fetch_tosca_remeshed
 from unbend.datasets.octopus import make_octopus
@@ -16,11 +14,8 @@ from unbend.datasets.shape import Shape, rest_map
 from unbend.datasets.welding import fuse, weld
 
 __all__ = [
-    "Collection",
     "Damaged",
-    "Features",
     "Shape",
-    "Truth",
     "add_components",
     "add_noise",
     "cut",
@@ -29,9 +24,6 @@ __all__ = [
     "fetch_tosca_remeshed",
     "fuse",
     "keep",
-    "load_faust",
-    "load_scape",
-    "load_tosca",
     "make_biped",
     "make_body",
     "make_octopus",

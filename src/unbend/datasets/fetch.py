@@ -49,7 +49,8 @@ def fetch_tosca_remeshed(
     Returns
     -------
     Path
-        The folder, for :func:`load_tosca`.
+        The folder, with meshes ``NAME.off``. Row `i` of every ``corres/NAME.vts`` of a class is
+        the same point; ``corres/NAME.sym.vts`` holds its left-right mirror image.
 
     Raises
     ------
@@ -68,8 +69,12 @@ def fetch_tosca_remeshed(
 
     Examples
     --------
-    >>> from unbend.datasets import fetch_tosca_remeshed, load_tosca
-    >>> shapes = load_tosca(fetch_tosca_remeshed())  # doctest: +SKIP
+    >>> from unbend import evaluate, match, read_map, read_mesh
+    >>> from unbend.datasets import fetch_tosca_remeshed
+    >>> folder = fetch_tosca_remeshed()  # doctest: +SKIP
+    >>> source, target = (read_mesh(folder / f"cat{i}.off") for i in (0, 1))  # doctest: +SKIP
+    >>> truth = [read_map(folder / "corres" / f"cat{i}.vts") for i in (0, 1)]  # doctest: +SKIP
+    >>> evaluate(match(source, target), target, *truth).mean()  # doctest: +SKIP
     """
     lines = (files("unbend.datasets") / "tosca_remeshed.sha256").read_text("utf-8").splitlines()
     registry = {name: digest for digest, name in (line.split() for line in lines)}
