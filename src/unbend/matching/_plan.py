@@ -240,7 +240,7 @@ def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 def _from_extremities(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
     medium = sides.at(MEDIUM)
     mine, other = (find_tips(one) for one in medium)
-    guesses = guess_limbs(mine, other, n_guesses, len(medium[0].landmarks), sides.partial)
+    guesses = guess_limbs(mine, other, n_guesses, len(medium[0].landmarks))
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     maps = [
         limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))

@@ -16,21 +16,13 @@ from scipy.sparse.csgraph import dijkstra
 from unbend._arrays import snap
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import nearest_pairs
+from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
-# Tips that are nearer to each other than this, in sqrt(area), are one: fingers, ears.
-_APART = 0.22
-_MOST_TIPS, MOST_LANDMARKS = 10, 7
+MOST_LANDMARKS = 7
+_WIDER = 16  # times as many guesses are gone on with after each tip as are wanted in the end
+_FEWEST = 3  # tips that must correspond: fewer do not tell left from right
 _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
-# At least so many tips must correspond, and of whole shapes all but so many, or enough.
-_FEWEST, _LEFT_OUT, _ENOUGH = 3, 2, 5
-_LEAVING_OUT = 0.04  # what leaving one out costs, in the relative deviation of ways
-# No limb is taken to be shorter than this, in sqrt(area); and ways from where limbs begin count so
-# much beside those along them, which are straighter.
-_SHORTEST, _TRUNK = 0.05, 0.5
-_WIDTH = 6000  # guesses that are gone on with after each tip
-# Variance of a limb's length where it may be any, and how much longer trunks are on another body.
-_ANY_LENGTH, _LONGER = 64.0, 1.7
 
 
 class Tips(NamedTuple):
@@ -89,7 +81,7 @@ def find_tips(shape: Shape) -> Tips:
     sought = [*shape.landmarks, *tips[np.argsort(-remoteness[tips], kind="stable")]]
     for i, tip in enumerate(sought):
         given = i < len(shape.landmarks)
-        if given or (len(kept) < _MOST_TIPS and (ways[:, tip] > _APART).all()):
+        if given or (len(kept) < constants.N_TIPS and (ways[:, tip] > constants.LIMB).all()):
             kept.append(int(tip))
             ways = np.vstack([ways, dijkstra(shape.edge_lengths, directed=False, indices=tip)])
     chosen = np.array(kept, dtype=np.int64)
@@ -108,8 +100,8 @@ def limb_maps(ours: Tips, theirs: Tips) -> tuple[IntArray, IntArray]:
         for one, ends in ((ours, limb), (theirs, other))
     ]
     size = np.sqrt(between[1] / between[0])
-    left = np.hstack([along * lengths / limb, _TRUNK * size * trunk])
-    right = np.hstack([there * lengths / other, _TRUNK / size * beyond])
+    left = np.hstack([along * lengths / limb, size * trunk])
+    right = np.hstack([there * lengths / other, beyond / size])
     pairs = nearest_pairs(left[None], right)
     return pairs.forward[0], pairs.backward[0]
 
@@ -125,16 +117,14 @@ def _coordinates(tips: Tips) -> tuple[FloatArray, FloatArray, FloatArray]:
     limbs = common.min(
         axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=np.inf
     )
-    limbs = np.maximum(limbs, _SHORTEST)
+    limbs = np.maximum(limbs, constants.THIN)
     depths = np.maximum(limbs - tips.fields, 0)
     elsewhere = depths.sum(axis=1, keepdims=True) - depths
     beyond = np.maximum(tips.fields - limbs - elsewhere, 0)
     return limbs, np.minimum(tips.fields, limbs), beyond
 
 
-def guess_limbs(
-    source: Tips, target: Tips, count: int, n_landmarks: int = 0, partial: bool = False
-) -> list[Guess]:
+def guess_limbs(source: Tips, target: Tips, count: int, n_landmarks: int = 0) -> list[Guess]:
     """Guess which tips correspond: those between which the ways deviate least, in either sense.
 
     So many guesses are made in each, or as many as there are; none where a shape has too few tips.
@@ -145,22 +135,21 @@ def guess_limbs(
     guesses = (
         Guess(mine, other, size)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
-        for mine, other, size in _assignments(source.ways, target.ways, count, fixed, partial)
+        for mine, other, size in _assignments(source.ways, target.ways, count, fixed)
     )
     return list({(*one.source, *one.target): one for one in guesses}.values())
 
 
 def _assignments(
-    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int], partial: bool
+    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int]
 ) -> list[tuple[IntArray, IntArray, float]]:
     """Tips of both shapes that may correspond, and the size; of the fixed ones, i to i."""
     if len(ours) > len(theirs):
-        swapped = _assignments(theirs, ours, count, fixed, partial)
+        swapped = _assignments(theirs, ours, count, fixed)
         return [(mine, other, 1 / size) for other, mine, size in swapped]
     n = len(ours)
     few, many = (np.maximum(ways, _NEAR) for ways in (ours, theirs))
-    fewest = _FEWEST if partial else max(_FEWEST, min(n - _LEFT_OUT, _ENOUGH))
-    if n < fewest:
+    if n < _FEWEST:
         return []
     guesses = []
     for deviation in (_of_logarithms, _of_trunks):
@@ -168,9 +157,11 @@ def _assignments(
         partners = np.empty((1, 0), dtype=np.int64)
         for tip in range(n):
             partners = _with_another(partners, [tip] if tip in fixed else [*range(len(many)), -1])
-            partners = partners[(partners < 0).sum(axis=1) <= n - fewest]
+            partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
             costs = _costs(few, many, partners, deviation)
-            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if tip < n - 1 else count]
+            best = np.argsort(snap(costs), kind="stable")[
+                : _WIDER * count if tip < n - 1 else count
+            ]
             partners = partners[best]
         for row in partners:
             mine = np.flatnonzero(row >= 0)
@@ -195,7 +186,7 @@ def _costs(
     """Deviation of ways between tips from those between their partners, and left out ones."""
     given = partners >= 0
     counts = given.sum(axis=1)
-    costs = np.asarray(_LEAVING_OUT * (~given).sum(axis=1), dtype=np.float64)
+    costs = np.asarray(constants.LEFT_OUT * (~given).sum(axis=1), dtype=np.float64)
     for m in np.unique(counts[counts >= _FEWEST]):
         alike = counts == m
         mine = np.nonzero(given[alike])[1].reshape(-1, m)
@@ -218,10 +209,10 @@ def _of_logarithms(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
 
 def _of_trunks(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
     """Limbs may be of any length: what is left tells which of them begin beside each other."""
-    whitening = _whitening(n, _ANY_LENGTH)
+    whitening = _whitening(n, constants.LIMB_LENGTH)
     one, many = (rows / _root_mean_square(rows)[:, None] @ whitening for rows in (lengths, ways))
     size = (many * one).sum(axis=1) / np.maximum((many**2).sum(axis=1), _NEAR)
-    return _root_mean_square(np.clip(size, 1 / _LONGER, _LONGER)[:, None] * many - one)
+    return _root_mean_square(size[:, None] * many - one)
 
 
 def _root_mean_square(rows: FloatArray) -> FloatArray:

@@ -1,0 +1,42 @@
+"""Every number of the matcher that was set by hand, with its reason.
+
+Lengths are in units of the square root of a shape's area, pulls in units of one over it.
+benchmarks/constants.py tells what halving and doubling each does to hundreds of maps.
+"""
+
+from __future__ import annotations
+
+# How the matcher sees a body.
+LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
+PATCH = 0.08  # The size of details by which maps are judged; rough maps are averaged over twice it.
+TURNING = 0.03  # Rotations are averaged over this: limbs turn as wholes, and yet joints bend.
+THIN = 0.05  # No limb is shorter than this, and along a shorter boundary nothing was cut off.
+
+# How hypotheses are made.
+N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
+FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
+BEAM = 8  # Hypotheses that are gone on with; half as many are restarted, four times as many begun.
+SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
+N_TIPS = 10  # Extremities of a shape at most, the most remote first.
+LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.
+LIMB_LENGTH = 64.0  # Variance of a limb's length, of its trunk's, where only trunks are compared.
+
+# How shapes are registered.
+PULLS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)  # A ladder in steps of about sqrt(10).
+STEPS = 8  # At each pull.
+MOMENTUM = 0.7  # Closest points are sought ahead of a slow slide, by this share of its last step.
+NORMAL_WEIGHT = 0.1  # Length that a difference of normals of one counts as.
+EDGES = 2.0  # What is less than so many mean edges away cannot be told apart.
+OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
+
+# How maps are judged.
+WITHOUT = 0.12  # What a vertex without a partner leaves unexplained.
+MISSED = 0.15  # What a missed landmark adds to the cost.
+CLEAR = (0.2, 1.4)  # Largest cost of a clear candidate, and how many times as much others cost.
+NEARLY = 1.15  # Candidates that cost so many times the least are told apart on the full meshes.
+CONFIDENCE = (0.27, 0.022, 0.0275, 0.08)  # Fitted by benchmarks/confidence.py; see the judge.
+DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
+TORN = 0.02  # Share of the area below which a hole is no missing part.
+
+# Floors of the arithmetic, which decide nothing.
+DIGITS = 6  # of costs that are not rounding
