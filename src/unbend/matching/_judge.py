@@ -13,32 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.matching import _constants as constants
 from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces, scatter
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
-# Maps are different where more than this share of the surface, a limb's end, goes further apart
-# than this, in sqrt(area): to another limb.
-_SHARE, _APART = 0.03, 0.22
-# The energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a
-# share of the energy, that makes the odds between two maps 2.7 to 1 where they are of all of both
-# shapes: the likeliest for 626 pairs of our own bodies (benchmarks/confidence.py).
-_EVEN, _SPREAD, _LEAD = 0.27, 0.022, 0.0275
-# Where the second best map leaves less than this unexplained, the shape has few features, and a
-# lead tells less: of 51 stretched ellipsoids with dents 13 of 19 above 0.9 were wrong without it.
-_FEATURES = 0.08
-# What a landmark that is missed adds to the energy, and how far off that is, in sqrt(area).
-_MISSED, _OFF = 0.15, 0.15
-# What a vertex without a partner counts as, of 1.
-_WITHOUT = 0.12
-# Of what is unexplained and of shear, where these tell apart what costs nearly the same: the share
-# by which meshes differ, what a vertex without a partner counts as (three times what right maps of
-# parts leave, as in the energy), and the weight.
-_UNEXPLAINED, _SHEAR = (0.001, 0.07, 1.0), (0.01, 0.04, 0.5)
+# Maps are different where more than this share of the area goes to another limb: a limb's end.
+_SHARE = 0.03
+# Where maps that cost nearly the same are told apart, shear counts half as much as what is
+# unexplained, and a vertex without a partner as half of what it does in the energy; below these
+# shares meshes, not maps, differ.
+_SHEAR, _WITHOUT, _LEAST = 0.5, 0.5, 0.005
 _NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
-DIGITS = 6  # of energies, that are not rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +58,7 @@ class Candidate:
     @property
     def cost(self) -> float:
         """Energy, and what missed landmarks add to it."""
-        return self.energy + _MISSED * float(self.missed.sum())
+        return self.energy + constants.MISSED * float(self.missed.sum())
 
 
 def judge(
@@ -116,11 +104,11 @@ def fine_energy(source: Shape, target: Shape, found: Registered) -> float:
     for shape, images, pose in zip(
         (source, target), _images_of(source, target, found), found[2:], strict=True
     ):
-        for share, (least, without, weight) in (
-            (_unexplained(shape, images, pose.within), _UNEXPLAINED),
+        for share, weight in (
+            (_unexplained(shape, images, pose.within), 1.0),
             (_sheared(shape, images, pose.within), _SHEAR),
         ):
-            counted = np.where(pose.within, share + least, without)
+            counted = np.where(pose.within, share + _LEAST, _WITHOUT * constants.WITHOUT)
             logs += weight * float(shape.areas @ np.log(counted))
     return float(np.exp(logs / 2))
 
@@ -134,7 +122,7 @@ def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntAr
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
     ]
-    return np.asarray((ahead + back) / 2 + _MISSED * np.array(missed))
+    return np.asarray((ahead + back) / 2 + constants.MISSED * np.array(missed))
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -144,7 +132,7 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
     came first stays first.
     """
     kept = [one for one in candidates if one.orientation > 0]
-    return sorted(kept or candidates, key=lambda one: round(one.cost, DIGITS))
+    return sorted(kept or candidates, key=lambda one: round(one.cost, constants.DIGITS))
 
 
 def distinct(
@@ -167,7 +155,7 @@ def distinct(
     def same(one: Candidate, other: Candidate) -> bool:
         images, others = (places[c.registered.forward] for c in (one, other))
         both = areas * (one.registered.source.within & other.registered.source.within)
-        return bool(both @ (ways[images, others] > _APART) <= _SHARE)
+        return bool(both @ (ways[images, others] > constants.LIMB) <= _SHARE)
 
     for one in candidates:
         if not any(same(one, other) for other in found):
@@ -185,7 +173,7 @@ def probabilities(
     costs: FloatArray,
     energies: FloatArray,
     overlap: float,
-    constants: Sequence[float] = (_EVEN, _SPREAD, _LEAD),
+    fitted: Sequence[float] = constants.CONFIDENCE,
 ) -> FloatArray:
     """Probability of each of some maps, the least cost first, that it is right as a whole.
 
@@ -193,10 +181,11 @@ def probabilities(
     other does so nearly as well. Maps of one cost share the probability. The less the shapes have
     in common by the first, and the fewer features they have, the more of a lead is chance.
     """
-    even, spread, lead = constants
-    lead /= max(overlap, 10.0**-DIGITS)
-    lead *= max(1.0, _FEATURES / max(costs[min(1, len(costs) - 1)], 10.0**-DIGITS)) ** 2
-    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], 10.0**-DIGITS)))
+    even, spread, lead, features = fitted
+    floor = 10.0**-constants.DIGITS
+    lead /= max(overlap, floor)
+    lead *= max(1.0, features / max(costs[min(1, len(costs) - 1)], floor)) ** 2
+    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], floor)))
     return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
 
 
@@ -230,7 +219,7 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
-    return np.where(within, np.maximum(1 - explained, 0), _WITHOUT)
+    return np.where(within, np.maximum(1 - explained, 0), constants.WITHOUT)
 
 
 def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
@@ -264,7 +253,7 @@ def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray)
     off = np.maximum(
         target.landmark_ways[every, forward[ours]], source.landmark_ways[every, backward[theirs]]
     )
-    return np.asarray(off > _OFF)
+    return np.asarray(off > constants.LIMB)
 
 
 def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:

@@ -17,6 +17,7 @@ from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidences, judge, ranked
 from unbend.matching._plan import candidates, make_sides
@@ -35,8 +36,6 @@ from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
 _ICP_COMPONENTS = 3
-_POINTS_FOR_ICP = 1500
-_TORN = 0.02  # of either area, less than which is not left without partner unless asked for
 
 
 @one_blas_thread()
@@ -177,7 +176,7 @@ def match(
     if allow_mirror:
         found = ranked([*found, *turned])
     found, fine = settled(sides, found) if polish else (found, {})
-    whole = _TORN if partial == "auto" else 0.0
+    whole = constants.TORN if partial == "auto" else 0.0
     results = []
     for i, trust in enumerate(confidences(found)[:n_matches]):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=polish)
@@ -292,7 +291,7 @@ def _match_by_icp(ours: Input, theirs: Input) -> Match:
     d = min(_ICP_COMPONENTS, left.k, right.k)
     forms = [shape.basis[:, :d] / shape.eigenvalues[:d] for shape in (left, right)]
     found = align(
-        forms[0][left.samples[:_POINTS_FOR_ICP]], forms[1][right.samples[:_POINTS_FOR_ICP]]
+        forms[0][left.samples[: constants.SAMPLES]], forms[1][right.samples[: constants.SAMPLES]]
     )
     forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
     poses = smooth_poses(left, right, found.rotation.T)

@@ -15,8 +15,9 @@ import numpy as np
 
 from unbend._parallel import run_all
 from unbend._types import IntArray, Progress
+from unbend.matching import _constants as constants
 from unbend.matching._continuation import continued, patches_to_hold
-from unbend.matching._judge import DIGITS, Candidate, distinct, judge, ranked, rough_costs
+from unbend.matching._judge import Candidate, distinct, judge, ranked, rough_costs
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
@@ -36,15 +37,7 @@ from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
 
 COARSE, MEDIUM = 0, 1  # levels of detail
-N_VERTICES = (400, 1000)  # of the proxies at these
-STEPS = 8  # at each pull
-# A candidate is clear if its cost is at most this, and that of any other so many times as much.
-_CLEAR, _AHEAD = 0.2, 1.4
-# Guesses which extremities correspond whose maps are looked at, and those that are registered.
-_FEW, _MANY = (60, 12), (200, 32)
-_TIGHTENED = 8
-_POINTS, _GUESSED = (40, 60), 24
-_RESTARTED, _AGAIN = 4, 2  # candidates, and times
+BEAM = constants.BEAM
 
 
 class Levels(NamedTuple):
@@ -147,7 +140,7 @@ def registered(
 ) -> list[Candidate]:
     """Register the proxies of a level from every start, side by side, and judge what comes out."""
     shapes = sides.at(level)
-    found = register(*shapes, starts, pulls, STEPS, resize)
+    found = register(*shapes, starts, pulls, constants.STEPS, resize)
     return run_all(functools.partial(judge, *shapes, one, sides.turned) for one in found)
 
 
@@ -160,9 +153,10 @@ def clear(sides: Sides, found: list[Candidate]) -> bool:
     """Whether the best candidate is good, and far ahead of any other."""
     if sides.thorough:
         return False
-    first, *others = (round(one.cost, DIGITS) for one in found)
-    ahead = all(other > _AHEAD * first for other in others)
-    return ahead and first <= _CLEAR and found[0].orientation > 0
+    first, *others = (round(one.cost, constants.DIGITS) for one in found)
+    most, ahead = constants.CLEAR
+    alone = all(other > ahead * first for other in others)
+    return alone and first <= most and found[0].orientation > 0
 
 
 def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
@@ -190,34 +184,36 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def from_few_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from the likeliest guesses which extremities correspond."""
-    return _from_extremities(sides, *_FEW)
+    return _from_extremities(sides, BEAM)
 
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from many guesses which extremities correspond."""
-    return _from_extremities(sides, *_MANY)
+    return _from_extremities(sides, 4 * BEAM)
 
 
 def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from guesses which points, all over the shapes, correspond."""
     medium = sides.at(MEDIUM)
-    mine, other = (find_points(one, count) for one, count in zip(medium, _POINTS, strict=True))
-    guesses = guess_points(mine, other, sizes_to_try(*medium), _GUESSED)
+    mine, other = (
+        find_points(one, count) for one, count in zip(medium, (5 * BEAM, 8 * BEAM), strict=True)
+    )
+    guesses = guess_points(mine, other, sizes_to_try(*medium), 3 * BEAM)
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     ours, theirs = mine.fields[kept[0]], other.fields[kept[1]]
     maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
-    return _from_guesses(sides, guesses, maps, _GUESSED)
+    return _from_guesses(sides, guesses, maps, 3 * BEAM)
 
 
 def restarted(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best anew, from weak pulls on, that let them relax."""
-    starts = [one.registered for one in found[:_RESTARTED]]
+    starts = [one.registered for one in found[: BEAM // 2]]
     return registered(sides, MEDIUM, starts, (*LOOSEST, *LOOSE, *PULLS[1:]))
 
 
 def redrawn(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best once more."""
-    starts = [one.registered for one in found[: 1 if clear(sides, found) else _RESTARTED]]
+    starts = [one.registered for one in found[: 1 if clear(sides, found) else BEAM // 2]]
     return registered(sides, MEDIUM, starts, PULLS)
 
 
@@ -225,22 +221,22 @@ def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from what the best explain best, continued, and from what comes out again."""
     coarse = sides.at(COARSE)
     proposed: list[Candidate] = []
-    poses = [one.registered for one in moved(sides, found[:_RESTARTED], COARSE)]
-    for _ in range(_AGAIN):
+    poses = [one.registered for one in moved(sides, found[: BEAM // 2], COARSE)]
+    for _ in range(2):
         held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
         starts = run_all(
             functools.partial(continued, *coarse, one, patches) for one, patches in held
         )
         begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE))
-        poses = [one.registered for one in begun[:8]]
+        poses = [one.registered for one in begun[:BEAM]]
         proposed += begun
-    return moved(sides, best(sides, COARSE, proposed)[:8], MEDIUM)
+    return moved(sides, best(sides, COARSE, proposed)[:BEAM], MEDIUM)
 
 
-def _from_extremities(sides: Sides, n_guesses: int, n_begun: int) -> list[Candidate]:
+def _from_extremities(sides: Sides, n_begun: int) -> list[Candidate]:
     medium = sides.at(MEDIUM)
     mine, other = (find_tips(one) for one in medium)
-    guesses = guess_limbs(mine, other, n_guesses, len(medium[0].landmarks))
+    guesses = guess_limbs(mine, other, 6 * n_begun, len(medium[0].landmarks))
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     maps = [
         limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
@@ -257,20 +253,20 @@ def _from_guesses(
         return []
     coarse = sides.at(COARSE)
     forward, backward = (np.stack(ways, axis=1) for ways in zip(*maps, strict=True))
-    costs = rough_costs(*coarse, forward, backward).round(DIGITS)
+    costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
     starts = [
         mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
         for i in np.argsort(costs, kind="stable")[:n_begun]
     ]
     begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE[:1], resize=False))
-    poses = [one.registered for one in begun[:_TIGHTENED]]
+    poses = [one.registered for one in begun[:BEAM]]
     return registered(sides, COARSE, poses, LOOSE[1:], resize=False)
 
 
 def _make_levels(shape: Shape) -> Levels:
     _ = shape.samples  # what the search asks for, of both shapes at once
-    medium = make_proxy(shape, N_VERTICES[MEDIUM])
-    return Levels(shape, (make_proxy(medium.shape, N_VERTICES[COARSE]), medium))
+    medium = make_proxy(shape, constants.N_VERTICES[MEDIUM])
+    return Levels(shape, (make_proxy(medium.shape, constants.N_VERTICES[COARSE]), medium))
 
 
 def make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
@@ -294,9 +290,9 @@ class Step(NamedTuple):
 PLAN = [
     Step(COARSE, from_spectra, always, 3),
     Step(COARSE, from_few_extremities, clear, 2),
-    Step(COARSE, from_extremities, ambiguous, 8),
-    Step(COARSE, from_points, ambiguous_part, 4),
-    Step(MEDIUM, restarted, part, 4),
-    Step(MEDIUM, carried_on, ambiguous_part, 8),
-    Step(MEDIUM, redrawn, always, 4),
+    Step(COARSE, from_extremities, ambiguous, BEAM),
+    Step(COARSE, from_points, ambiguous_part, BEAM // 2),
+    Step(MEDIUM, restarted, part, BEAM // 2),
+    Step(MEDIUM, carried_on, ambiguous_part, BEAM),
+    Step(MEDIUM, redrawn, always, BEAM // 2),
 ]

@@ -17,26 +17,18 @@ from scipy.sparse.csgraph import dijkstra
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
+from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess
 
-# Surroundings are described within so many distances, from this one on, in sqrt(area), each by
-# this factor longer than the last. Sizes of a part beside the whole are tried by the same factor,
-# so many.
-_RADIUS, _FACTOR, _N_RADII = 0.07, 2**0.25, 9
-_SIZES = 6
-_FAR = 0.3  # in sqrt(area): ways that are longer say ever less about where their ends are
-# What faces away by more than this, as the cosine, is not described: a camera may not see it.
-_FACING = 0.3
-_PARTNERS = 8  # of every point that are tried
-# Relative difference of distances at which pairs do not support each other any more; and the
-# distance, in sqrt(area), at which they do so the less by e: long ways lead round what is torn.
-_DEVIATION, _DECAY = 0.25, 0.8
-_ROUNDS = 5
-_GATHERED = 0.35  # of the strongest pair's share: what has less is not gathered
+# Surroundings are described within so many distances, from `PATCH` on, each by this factor longer
+# than the last. Sizes of a part beside the whole are tried by the same factor, so many.
+_FACTOR, _N_RADII, _SIZES = 2**0.25, 9, 6
+_DEVIATION = 0.25  # relative difference of distances at which pairs do not support each other
+_ROUNDS = 5  # of the power method
+_HALF = 0.5  # of support: what has less than half of the best is not gathered; of pairs: the same
 _FEWEST = 4  # pairs
-_DIGITS, _LEAST = 6, 1e-6  # of support that is not rounding: digits, and size
-_SHARED = 0.5  # of the pairs of a guess: with more it is no other one
+_LEAST = 1e-6  # support that is not rounding
 
 
 class Points(NamedTuple):
@@ -98,13 +90,16 @@ def point_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntAr
     size : float
         How much longer ways are on the target.
     """
-    left, right = np.exp(-(size**0.5) * ours / _FAR), np.exp(-(size**-0.5) * theirs / _FAR)
+    left, right = (
+        np.exp(-(size**0.5) * ours / constants.LIMB),
+        np.exp(-(size**-0.5) * theirs / constants.LIMB),
+    )
     pairs = nearest_pairs(left[None], right)
     return pairs.forward[0], pairs.backward[0]
 
 
 def _radii() -> FloatArray:
-    return np.asarray(_RADIUS * _FACTOR ** np.arange(_N_RADII))
+    return np.asarray(constants.PATCH * _FACTOR ** np.arange(_N_RADII))
 
 
 def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -112,7 +107,7 @@ def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray,
     normal, radii = shape.normals[vertex], _radii()
     offsets, facing = shape.vertices - shape.vertices[vertex], shape.normals @ normal
     inside = np.clip((radii[:, None] - field) / shape.edge + 0.5, 0, 1) * shape.areas
-    seen = inside * np.clip(facing / _FACING, 0, 1)
+    seen = inside * np.maximum(facing, 0)
     # A vertex whose faces lie back to back faces nowhere, and sees nothing.
     total = np.maximum(seen.sum(axis=1, keepdims=True), _LEAST**2)
     means = seen @ offsets / total
@@ -134,11 +129,11 @@ def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray,
 def guess_points(ours: Points, theirs: Points, sizes: range, count: int) -> list[Guess]:
     """Guess which points of two shapes correspond, at most so many times, for sizes to be tried."""
     found = [one for size in sizes for one in _consistent(ours, theirs, size)]
-    found.sort(key=lambda one: -round(one[0], _DIGITS))
+    found.sort(key=lambda one: -round(one[0], constants.DIGITS))
     kept: list[tuple[set[int], Guess]] = []
     for _, guess in found:
         pairs = set((guess.source * len(theirs.ways) + guess.target).tolist())
-        if all(len(pairs & other) < _SHARED * len(pairs) for other, _ in kept):
+        if all(len(pairs & other) < _HALF * len(pairs) for other, _ in kept):
             kept.append((pairs, guess))
             if len(kept) == count:
                 break
@@ -149,16 +144,16 @@ def _consistent(ours: Points, theirs: Points, step: int) -> list[tuple[float, Gu
     """Gather pairs that support each other, and the support, if sizes differ by so many factors."""
     size = _FACTOR**step
     unlike = _unlike(ours, theirs, step)
-    n, k = len(unlike), min(_PARTNERS, unlike.shape[1])
+    n, k = len(unlike), min(constants.BEAM, unlike.shape[1])
     partners = np.argsort(snap(unlike), axis=1, kind="stable")[:, :k]
     usual = max(float(np.median(unlike.min(axis=1))), _LEAST)
     alike = np.exp(-np.take_along_axis(unlike, partners, 1) / (2 * usual))
     mine, other, alike = np.arange(n).repeat(k), partners.ravel(), alike.ravel()
     here = ours.ways[np.ix_(mine, mine)] * size**0.5
     there = theirs.ways[np.ix_(other, other)] / size**0.5
-    deviation = np.abs(here - there) / np.maximum(np.minimum(here, there), _RADIUS)
+    deviation = np.abs(here - there) / np.maximum(np.minimum(here, there), constants.PATCH)
     support = np.maximum(1 - (deviation / _DEVIATION) ** 2, 0)
-    support *= np.exp(-(here + there) / (2 * _DECAY)) * np.sqrt(alike[:, None] * alike)
+    support *= np.exp(-(here + there) / (8 * constants.LIMB)) * np.sqrt(alike[:, None] * alike)
     support[(mine[:, None] == mine) | (other[:, None] == other)] = 0
     shares = np.eye(n * k)
     for _ in range(_ROUNDS):
@@ -169,7 +164,7 @@ def _consistent(ours: Points, theirs: Points, step: int) -> list[tuple[float, Gu
         shares /= np.maximum(np.linalg.norm(shares, axis=1, keepdims=True), _LEAST)
     gathered = shares.reshape(-1, n, k)
     best = gathered.max(axis=2, keepdims=True)
-    least = _GATHERED * best.max(axis=1, keepdims=True)
+    least = _HALF * best.max(axis=1, keepdims=True)
     chosen = np.unique(((gathered == best) & (best > least)).reshape(-1, n * k), axis=0)
     chosen = chosen[chosen.any(axis=1)]
     # The better supported half: the others may be beyond what both have.

@@ -11,9 +11,10 @@ from unbend._arrays import snap
 from unbend._parallel import run_all
 from unbend._types import BoolArray
 from unbend.alignment import nearest_rotation
+from unbend.matching import _constants as constants
 from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._partners import keep_matched
-from unbend.matching._plan import MEDIUM, STEPS, Sides, make_ready
+from unbend.matching._plan import MEDIUM, Sides, make_ready
 from unbend.matching._registration import (
     PULLS,
     Registered,
@@ -25,15 +26,8 @@ from unbend.matching._registration import (
 from unbend.matching._search import grow
 from unbend.matching._shape import Shape
 
-# Growth begins with so many functions and multiplies their number by this, over so many samples.
-_GROWN_FROM, _GROWTH, _GROWN_OVER = 20, 1.25, 1500
-# Parts balance stiffness and pull over at least so many edges.
-_POLISHED_OVER = 2.0
-# At most so many, which cost at most so many times the least, are told apart on the shapes: rims
-# and small details, by which limbs that are alike differ, are coarse on proxies.
-_SETTLED, _NEARLY = 5, 1.15
-# Who has a partner is averaged so often with the neighbours, for rims are ragged.
-_SMOOTHED = 2
+_GROWTH = 1.25  # of the number of functions in a step
+_SMOOTHED = 2  # times that who has a partner is averaged with the neighbours, for rims are ragged
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
@@ -49,23 +43,23 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     found = lift(candidate.registered, *proxies, ours, theirs)
     if not polish:
         return judge(ours, theirs, found, candidate.reflected)
-    pulls = bearable(ours, theirs, PULLS, _POLISHED_OVER)
+    pulls = bearable(ours, theirs, PULLS, constants.EDGES)
     run_all(functools.partial(make_ready, one, pulls) for one in (ours, theirs))
-    (found,) = register(ours, theirs, [found], pulls, STEPS // 2)
+    (found,) = register(ours, theirs, [found], pulls, constants.STEPS // 2)
     first = judge(ours, theirs, found, candidate.reflected)
     if sides.partial:
         return first
-    (found,) = register(ours, theirs, [grown_start(ours, theirs, found)], pulls, STEPS)
+    (found,) = register(ours, theirs, [grown_start(ours, theirs, found)], pulls, constants.STEPS)
     return ranked([first, judge(ours, theirs, found, candidate.reflected)])[0]
 
 
 def grown_start(source: Shape, target: Shape, found: Registered) -> Registered:
     """Poses and maps of a registration's functional map, grown through all eigenfunctions."""
     most = min(source.k, target.k)
-    sizes = [min(_GROWN_FROM, most)]
+    sizes = [min(constants.FUNCTIONS[1], most)]
     while sizes[-1] < most:
         sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    ours, theirs = source.samples[:_GROWN_OVER], target.samples[:_GROWN_OVER]
+    ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
     left = source.basis[np.concatenate([ours, found.backward[theirs]]), : sizes[0]]
     right = target.basis[np.concatenate([found.forward[ours], theirs]), : sizes[0]]
     grown = grow(
@@ -93,7 +87,9 @@ def settled(
     dict
         Of those, what :func:`refined` makes of them.
     """
-    nearly = [one for one in ranks[:_SETTLED] if one.cost <= _NEARLY * ranks[0].cost]
+    nearly = [
+        one for one in ranks[: constants.BEAM // 2] if one.cost <= constants.NEARLY * ranks[0].cost
+    ]
     if len(nearly) == 1:
         return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)

@@ -11,17 +11,14 @@ from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, IntArray
 from unbend.errors import warn
+from unbend.matching import _constants as constants
 from unbend.matching._judge import Candidate
 from unbend.matching._result import Match
 from unbend.matching._shape import Shape
 
-# A vertex returns if it comes back to within this, in sqrt(area), or to within so many mean edges.
-_RETURN, _RETURN_EDGES = 0.05, 2.0
 # The target is divided into at most so many patches, of at least so many vertices of either shape
 # in the mean. A patch is crowded that takes in so many times its own area.
 _PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
-# Up to the first disorder a map may be right for sure, from the second on it is wrong for sure.
-_ORDERLY, _CHAOTIC = 0.1, 0.3
 
 
 def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
@@ -37,7 +34,8 @@ def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
         1 - found.orientation,
         *(measure(*way) for measure in (_not_returning, _crowded) for way in (ahead, back)),
     )
-    return float(np.clip((_CHAOTIC - disorder) / (_CHAOTIC - _ORDERLY), 0, 1))
+    orderly, chaotic = constants.DISORDER
+    return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
 
 
 def warn_of_disorder(match: Match) -> None:
@@ -60,7 +58,7 @@ def _not_returning(
 ) -> float:
     """Share of the area with partners that does not return to where it began."""
     off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
-    near = max(_RETURN, _RETURN_EDGES * max(shape.edge, goal.edge))
+    near = max(constants.THIN, constants.EDGES * max(shape.edge, goal.edge))
     lost = (off > near) | ~goal_within[there]
     return _share(shape, lost, within)
 

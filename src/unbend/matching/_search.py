@@ -15,29 +15,27 @@ import numpy.typing as npt
 
 from unbend._types import FloatArray
 from unbend.alignment import Pairs, nearest_pairs, nearest_rotation
+from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
-_SIGNED = 6
-_LAST = 20
-_SAMPLES = 250
-_BEAM = 8
 # Two maps of k functions are the same when they differ by less than this, times sqrt(k).
 _SAME = 0.15
 _DIGITS = 6  # of squared residuals, that are not rounding: they come of single precision
 
 
-def search(source: Shape, target: Shape, *, beam: int = _BEAM) -> FloatArray:
+def search(source: Shape, target: Shape) -> FloatArray:
     """Find the functional maps that bring two shapes' spectral forms close to each other.
 
     Returns
     -------
     (h, k, k) ndarray of float64
-        Up to `beam` orthogonal maps between the first k (at most 20) non-constant
+        Up to `BEAM` orthogonal maps between the first k (at most 20) non-constant
         eigenfunctions, closest first.
     """
-    available = min(source.k, target.k)
-    left = source.samples[:_SAMPLES]
-    right = target.samples[:_SAMPLES]
+    available, beam = min(source.k, target.k), constants.BEAM
+    count = constants.SAMPLES // 6  # many maps are tried
+    left = source.samples[:count]
+    right = target.samples[:count]
     forms = source.basis[left], target.basis[right]
 
     def pairs_of(maps: FloatArray) -> Pairs:
@@ -45,10 +43,10 @@ def search(source: Shape, target: Shape, *, beam: int = _BEAM) -> FloatArray:
         weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
         return nearest_pairs(forms[0][:, :k] @ maps * weights, forms[1][:, :k] * weights)
 
-    k = min(_SIGNED, available)
+    k = min(constants.FUNCTIONS[0], available)
     maps = _diagonals(k)
     pairs = pairs_of(maps)
-    last = min(_LAST, available)
+    last = min(constants.FUNCTIONS[1], available)
     for size in [*range(k + 2, last, 2), last]:
         sized = forms[0][:, :size], forms[1][:, :size]
         starts = np.concatenate([orthogonal_maps(*sized, pairs), _extended(maps, size)])
