@@ -34,7 +34,6 @@ ENGINES = {
     "qdldl+numba": ({"qdldl", "numba"}, False),
     "multifrontal": ({"qdldl", "numba"}, True),
     "superlu": (set[str](), False),
-    "cholmod": ({"qdldl", "numba", "sksparse"}, False),
 }
 # By how much a result may differ, as a share of its largest number; of a match, the mean distance
 # between partners, in lengths of the shape.
@@ -152,7 +151,6 @@ def with_engine(name: str, set_to: Any) -> Results:
     installed, dense_blocks = ENGINES[name]
     set_to(factorization, "_installed", installed.__contains__)
     set_to(factorization, "_NUMBA_PAYS", 0 if "numba" in installed else 10**9)
-    set_to(factorization, "_CHOLMOD_PAYS", 0)
     set_to(factorization, "_DENSE_BLOCKS_PAY", 0 if dense_blocks else 10**9)
     return compute(matching=False)
 

@@ -5,8 +5,6 @@ Backends, chosen in :func:`_backends` and nowhere else:
 - ``"multifrontal"``: L D L^T of our own (nested dissection, no pivoting), for large systems.
 - ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), solves of our own.
 - ``"qdldl"``: the same with qdldl's solves, for systems too small to pay for importing Numba.
-- ``"cholmod"``: supernodal Cholesky where scikit-sparse is installed, for the largest positive
-  definite systems.
 - ``"superlu"``: SciPy's, in symmetric mode, where qdldl is missing.
 """
 
@@ -30,7 +28,6 @@ from unbend.errors import InputError, SolverError
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
 _DENSE_BLOCKS_PAY = 100_000  # below, solves are no faster with our own factor
-_CHOLMOD_PAYS = 500_000  # below, our own solves are faster
 _SMALLEST_PIVOT = 1e-13  # relative to the diagonal it came from; less is cancellation
 _LARGEST_ERROR = 1e-4  # share of an error that a refinement step may leave
 _SMALL_ERROR = 1e-8  # share that may stay where solves need not be exact
@@ -46,8 +43,7 @@ class Factorization:
     n_negative : int
         Number of negative eigenvalues of the matrix (Sylvester's law of inertia).
     backend : str
-        What did the work: ``"multifrontal"``, ``"qdldl+numba"``, ``"qdldl"``, ``"cholmod"`` or
-        ``"superlu"``.
+        What did the work: ``"multifrontal"``, ``"qdldl+numba"``, ``"qdldl"`` or ``"superlu"``.
     """
 
     n_negative: int
@@ -127,7 +123,6 @@ class Factorization:
 def factorize(
     matrix: SparseMatrix,
     *,
-    indefinite: bool = False,
     refine: bool = True,
     many: bool = False,
     diagonal: bool = False,
@@ -145,8 +140,6 @@ def factorize(
     ----------
     matrix : (n, n) sparse matrix of float64
         Symmetric; may be indefinite.
-    indefinite : bool
-        A hint that the matrix is not positive definite: spares attempts bound to fail.
     refine : bool
         Whether solves are refined to rounding where the factor has grown. Without, a relative
         error of up to 1e-8 stays, which halves the time of such solves.
@@ -183,7 +176,7 @@ def factorize(
     size = abs(matrix).sum(axis=0).max()
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
-        for name, decompose in _backends(n, indefinite, many, diagonal):
+        for name, decompose in _backends(n, many, diagonal):
             try:
                 order, pivots, solve = decompose(shifted)
             except ArithmeticError:  # a zero pivot, or not definite
@@ -201,15 +194,11 @@ def factorize(
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
 
 
-def _backends(
-    n: int, indefinite: bool, many: bool, diagonal: bool
-) -> Iterator[tuple[str, Callable[..., Any]]]:
+def _backends(n: int, many: bool, diagonal: bool) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Name the backends to try, best first."""
     if diagonal:
         yield "multifrontal", _multifrontal
         return
-    if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
-        yield "cholmod", _cholmod
     if n >= _DENSE_BLOCKS_PAY and _installed("numba"):
         yield "multifrontal", _multifrontal
     elif not _installed("qdldl"):
@@ -268,16 +257,6 @@ def _solve_in_chunks(order: Any, factor: tuple[Any, ...], rhs: FloatArray) -> Fl
 
     run_all(functools.partial(work, first) for first in range(0, count, width))
     return solution
-
-
-def _cholmod(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
-    from sksparse import cholmod
-
-    try:
-        factor = cholmod.cholesky(matrix, ordering_method="amd")
-    except cholmod.CholmodError as error:
-        raise ArithmeticError("not positive definite") from error
-    return factor.P(), factor.D(), factor
 
 
 def _superlu(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
