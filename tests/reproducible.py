@@ -42,7 +42,6 @@ TOLERANCES = {
     "form, exact": 1e-7,
     "form, by area": 1e-7,
     "form, sampled": 1e-6,
-    "form, two levels": 1e-5,
     "descriptor": 1e-5,
     "alignment": 1e-9,
     "register": 1e-6,
@@ -82,7 +81,6 @@ def compute(matching: bool = True) -> Results:
         "exact": {},
         "by area": {"weighting": "area"},
         "sampled": {"method": "sampled", "n_eigenpairs": 40, "n_samples": 80},
-        "two levels": {"n_coarse": 150},
     }
     for name, options in forms.items():
         form = unbend.canonical_form(one, cache=False, **options)  # type: ignore[arg-type]
