@@ -45,10 +45,14 @@ def qdldl_and_numba(matrix: sp.csc_matrix) -> tuple[_Solve, np.ndarray]:
 
 
 def superlu(matrix: sp.csc_matrix) -> tuple[_Solve, np.ndarray]:
-    from unbend.linalg.factorization import _superlu
+    from scipy.sparse.linalg import splu
 
-    _, pivots, solve = _superlu(matrix)
-    return lambda rhs: solve(np.asfortranarray(rhs)), pivots
+    options = {"SymmetricMode": True}
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    pivots = factor.U.diagonal()
+    if not np.array_equal(factor.perm_r, factor.perm_c):  # a pivot off the diagonal: no inertia
+        pivots = np.full_like(pivots, np.nan)
+    return lambda rhs: factor.solve(np.asfortranarray(rhs)), pivots
 
 
 def cholespy(matrix: sp.csc_matrix) -> tuple[_Solve, None]:

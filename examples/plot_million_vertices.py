@@ -36,13 +36,7 @@ for _ in range(3):
     sizes.append(dog.n_vertices)
     seconds.append(time.process_time() - start)
     print(f"{sizes[-1]:,} vertices: {seconds[-1]:.1f} s of processor time")
-    finest, dog = dog, subdivide(dog)
-
-# %%
-# With ``n_coarse`` a mesh is unbent through a coarser one and then polished, to a residual that
-# the form tells: for what would not fit into the memory.
-coarse = canonical_form(finest, n_coarse=10_000, cache=False)
-print(f"{len(coarse.points):,} vertices through 10,000, residual {coarse.residual:.1e}")
+    dog = subdivide(dog)
 
 # %%
 fig, ax = plt.subplots(figsize=(5, 3.4), layout="constrained")

@@ -83,13 +83,6 @@ def sklearn(folder: Path) -> None:
     assert unbend.SpectralMDS().fit_transform((dog.vertices, dog.faces)).shape[1] == 3
 
 
-def cholmod(folder: Path) -> None:
-    """Do all that with the other factorisation."""
-    from sksparse.cholmod import cholesky  # noqa: F401
-
-    none(folder)
-
-
 def exact(folder: Path) -> None:
     """Half-way round the unit sphere is pi."""
     ball = make_sphere(3)
@@ -119,7 +112,7 @@ def collection(folder: Path) -> None:
     assert Path(hit.path).name == "dog.ply"
 
 
-CHECKS = {one.__name__: one for one in (none, plot, sklearn, cholmod, exact, data, collection)}
+CHECKS = {one.__name__: one for one in (none, plot, sklearn, exact, data, collection)}
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:

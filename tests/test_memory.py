@@ -74,10 +74,6 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**19)
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
         canonical_form(blob)
-    with pytest.raises(MeshError, match="--n-coarse"):
-        canonical_form(blob)
-    with pytest.raises(MeshError, match="fewer vertices"):
-        canonical_form(blob, n_coarse=200)
     with pytest.raises(MeshError, match="fewer vertices"):
         spectrum(blob, 10, cache=False)
     monkeypatch.setattr("unbend._memory.available_memory", lambda: None)

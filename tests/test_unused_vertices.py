@@ -172,7 +172,6 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
     "canonical_form": form,
     "canonical_form, area": partial(form, weighting="area"),
     "canonical_form, sampled": partial(form, distance="geodesic"),
-    "canonical_form, n_coarse": partial(form, n_coarse=200),
     "canonical_form, detail": partial(form, detail="preserved", keep_scale=True),
     "laplacian": laplacians,
     "spectrum, interpolate": spectrum,

@@ -21,13 +21,10 @@ _GROWTH = 0.12
 _ENTRY_BYTES = 8
 # Bytes for each vertex of the mesh, the Laplacian and what the factorisation makes of it.
 _VERTEX_BYTES = 1150
-# The same where only the coarse level is factorised: two levels of matrices and blocks of vectors.
-_ITERATIVE_BYTES = 1100
 # Bytes for each face while the robust Laplacian is built. Measured: 1,770 to 2,110.
 _ROBUST_BYTES = 2_000
 # What Numba takes when it is loaded, which systems of so many vertices do.
 _COMPILER_BYTES, _COMPILED = 110 * 2**20, 2_000
-_FEWER = "reduce the mesh to fewer vertices first"
 
 
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
@@ -67,27 +64,18 @@ def available_memory() -> int | None:
     return min(known) if known else None
 
 
-def check_memory(
-    name: str, n_vertices: int, columns: int = 0, *, n_coarse: int | None = None
-) -> None:
+def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
     """Refuse a mesh whose computation will not fit into memory.
-
-    With `n_coarse`, a coarse level of so many vertices is factorised, not the mesh itself.
 
     Raises
     ------
     MeshError
         With the figures, and what to do.
     """
-    if n_coarse is None:
-        needed = needed_memory(n_vertices, columns)
-        remedy = "give n_coarse (--n-coarse), or reduce the mesh to fewer vertices first"
-    else:
-        needed = needed_memory(n_coarse) + n_vertices * (_ITERATIVE_BYTES + 8 * columns)
-        remedy = _FEWER
+    needed = needed_memory(n_vertices, columns)
     if n_vertices >= _COMPILED and "numba" not in sys.modules:
         needed += _COMPILER_BYTES
-    _refuse_more(needed, f"{name}: {n_vertices:,} vertices need", remedy)
+    _refuse_more(needed, f"{name}: {n_vertices:,} vertices need")
 
 
 def check_robust_memory(name: str, n_faces: int) -> None:
@@ -99,15 +87,16 @@ def check_robust_memory(name: str, n_faces: int) -> None:
         With the figures, and what to do.
     """
     what = f"{name}: the robust Laplacian of {n_faces:,} faces needs"
-    _refuse_more(n_faces * _ROBUST_BYTES, what, _FEWER)
+    _refuse_more(n_faces * _ROBUST_BYTES, what)
 
 
-def _refuse_more(needed: int, what: str, remedy: str) -> None:
+def _refuse_more(needed: int, what: str) -> None:
     there = available_memory()
     if there is not None and needed > there:
         raise MeshError(
-            f"{what} about {_gib(needed)} of memory and {_gib(there)} are free; {remedy}; if there "
-            f"is more, say so with --memory-limit ({LIMIT_VARIABLE})"
+            f"{what} about {_gib(needed)} of memory and {_gib(there)} are free; reduce the "
+            f"mesh to fewer vertices first; if there is more, say so with --memory-limit "
+            f"({LIMIT_VARIABLE})"
         )
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import dense
 from unbend import Mesh, canonical_form, distance
 from unbend.canonical import _canonical_form
-from unbend.datasets import make_quadruped, make_sphere
+from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 
 METHODS = [
@@ -210,9 +210,6 @@ def test_steps_are_timed_and_announced(blob):
         ({"n_samples": 200, "method": "exact"}, "n_samples is for sampled forms"),
         ({"mu": 1e4, "weighting": "area"}, "mu is for sampled forms"),
         ({"interpolation": "projection"}, "interpolation is for sampled forms"),
-        ({"n_coarse": 9999, "method": "sampled"}, "n_coarse is for exact"),
-        ({"n_coarse": 9999, "weighting": "area"}, "n_coarse is for exact"),
-        ({"n_coarse": 9999, "distance": "diffusion"}, "n_coarse is for exact"),
         ({"n_samples": 0, "method": "sampled"}, "n_samples must be a whole number of at least 2"),
         ({"n_samples": 2.5, "method": "sampled"}, "n_samples must be a whole number"),
         ({"n_samples": 3, "method": "sampled"}, "dimension must be 1 to 2 here, not 3"),
@@ -232,35 +229,6 @@ def test_bad_arguments_are_refused_in_one_sentence(blob, options, message):
 def test_a_form_of_one_point_is_an_error(blob):
     with pytest.raises(SolverError, match="all points of the form coincide"):
         canonical_form(blob, method="sampled", mu=1e-300)
-
-
-@pytest.mark.parametrize("distance", ["biharmonic", "commute-time"])
-def test_a_coarse_mesh_leads_to_the_same_form(distance):
-    mesh = make_quadruped("walking", n_vertices=3000).mesh
-    ball = make_sphere(4)
-    cap = ball.faces[(ball.vertices[ball.faces][:, :, 0] < 0.5).all(axis=1)]
-    used, faces = np.unique(cap, return_inverse=True)
-    sheet = Mesh(ball.vertices[used] * [1.5, 1, 0.7], faces.reshape(-1, 3))
-    for shape in (mesh, sheet):
-        direct = canonical_form(shape, distance=distance)
-        form = canonical_form(shape, distance=distance, n_coarse=300)
-        assert form.residual <= 1e-6
-        assert form.stress == pytest.approx(direct.stress, rel=1e-3)
-        assert np.allclose(form.eigenvalues, direct.eigenvalues, rtol=1e-6)
-        signs = np.sign((form.points * direct.points).sum(axis=0))
-        assert np.abs(form.points * signs - direct.points).max() < 1e-4 * np.ptp(direct.points)
-
-
-def test_n_coarse_that_suffice_change_nothing():
-    mesh = make_quadruped(n_vertices=600).mesh
-    direct, form = canonical_form(mesh), canonical_form(mesh, n_coarse=600)
-    assert np.array_equal(form.points, direct.points)
-    assert form.residual is None
-    for options in ({"method": "sampled"}, {"weighting": "area"}, {"distance": "diffusion"}):
-        with pytest.raises(InputError, match="n_coarse"):
-            canonical_form(mesh, n_coarse=300, **options)
-    with pytest.raises(InputError, match="at least 100, not 5"):
-        canonical_form(mesh, n_coarse=5)
 
 
 @pytest.mark.parametrize("options", METHODS)
@@ -300,13 +268,6 @@ def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, sh
     )
     with pytest.raises(SolverError, match=f"the middle by {1e-5 * (642 / largest) ** 0.5:.1e} of"):
         canonical_form(blob)
-
-
-@pytest.mark.filterwarnings("ignore:.*sampled")
-def test_a_shape_too_long_for_two_levels_is_refused_in_a_sentence():
-    ball = make_sphere(4)
-    with pytest.raises(SolverError):
-        canonical_form((ball.vertices * [1, 1e6, 1], ball.faces), n_coarse=200)
 
 
 def test_no_more_samples_and_eigenpairs_than_vertices_are_used(blob):
@@ -379,10 +340,8 @@ def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, options):
 
 def test_a_form_that_does_not_fit_into_memory_is_refused_with_the_remedy(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
-    with pytest.raises(MeshError, match=r"are free; give n_coarse \(--n-coarse\), or reduce"):
-        canonical_form(blob)
     with pytest.raises(MeshError, match="are free; reduce the mesh to fewer vertices first"):
-        canonical_form(blob, n_coarse=100)
+        canonical_form(blob)
 
 
 @pytest.mark.parametrize("height", [1e9, 1e15, 1e20, 1e29])

@@ -131,7 +131,6 @@ def test_the_form_itself_is_the_same(blob):
     [
         ({"detail": "kept"}, 'must be "preserved"'),
         ({"detail": "preserved", "n_components": 2}, "at least 3 dimensions"),
-        ({"detail": "preserved", "n_coarse": 100}, "n_coarse"),
     ],
 )
 def test_what_does_not_go_together_is_refused(blob, options, message):

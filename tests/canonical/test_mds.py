@@ -4,7 +4,7 @@ import pytest
 import dense
 from unbend import canonical_form, laplacian
 from unbend.canonical import sampled_scaling
-from unbend.canonical._mds import area_scaling, exact_scaling, refined_scaling
+from unbend.canonical._mds import area_scaling, exact_scaling
 from unbend.datasets import make_quadruped, make_sphere
 
 FILTERS = {
@@ -108,8 +108,7 @@ def test_third_moments_are_positive(blob, weighting):
     assert (weights @ points**3 > 0).all()
 
 
-@pytest.mark.parametrize("options", [{}, {"n_coarse": 200}])
-def test_third_moments_are_positive_where_the_farthest_point_is_not(options):
+def test_third_moments_are_positive_where_the_farthest_point_is_not():
     sphere, chance = make_sphere(3), np.random.default_rng(7)
     points = sphere.vertices.copy()
     for _ in range(6):
@@ -117,7 +116,7 @@ def test_third_moments_are_positive_where_the_farthest_point_is_not(options):
         limb /= np.linalg.norm(limb)
         near = np.exp(-chance.uniform(4, 40) * (1 - sphere.vertices @ limb))
         points += chance.uniform(0.2, 2.5) * near[:, None] * limb
-    form = canonical_form((points, sphere.faces), **options).points
+    form = canonical_form((points, sphere.faces)).points
     farthest = form[np.abs(form).argmax(axis=0), range(3)]
     assert (farthest < -0.05).any()
     assert ((form**3).sum(axis=0) > 0.02 * (np.abs(form) ** 3).sum(axis=0)).all()
@@ -157,7 +156,6 @@ def test_what_rounding_leaves_of_an_eigenvalue_is_zero_in_any_unit(unit):
 
     for points, found in (
         exact_scaling(gram, 40, 3),
-        refined_scaling(lambda block, guesses, tol: [gram(block)], frame, 3, tol=1e-6)[:2],
         sampled_scaling(np.diag(-2 * values), frame, np.full(40, 1 / 40), 3, "uniform"),
     ):
         np.testing.assert_allclose(found[:2], values[:2], rtol=1e-6)

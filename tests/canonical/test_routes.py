@@ -19,7 +19,6 @@ ROUTES = [
     ({"weighting": "area"}, 3),
     ({"weighting": "area", "keep_scale": True}, 3),
     ({"method": "sampled"}, 3),
-    ({"n_coarse": 200}, 3),
 ]
 
 

@@ -62,11 +62,12 @@ def test_tall_supernodes_are_worked_on_piece_by_piece(monkeypatch):
 def test_subtrees_leave_what_is_above_them_to_their_sums(width):
     """Otherwise threads would add to the same rows at once."""
     stiffness, areas = laplacian(*scattered(300, 0))
-    nodes, _, places, squares, panels = factor(sp.csc_matrix(stiffness + sp.diags_array(areas)))
+    matrix = sp.csc_matrix(stiffness + sp.diags_array(areas))
+    nodes, most, _, places, squares, panels = factor(matrix)
     forward, _ = sweeps(width)
     *subtrees, top = nodes.parts
     below = int(nodes.starts[top[0]])
-    tree = nodes.starts, nodes.row_starts, nodes.rows, places, squares, panels
+    tree = most, nodes.starts, nodes.row_starts, nodes.rows, places, squares, panels
     for first, last in subtrees:
         values = np.random.default_rng(0).standard_normal((300, width))
         before, sums = values.copy(), np.zeros((300 - below, width))

@@ -10,16 +10,15 @@ from unbend._arrays import is_whole
 from unbend._display import Brief, Drawn
 from unbend._options import refuse_given
 from unbend._types import FloatArray, Progress
-from unbend.canonical._routes import Options, Steps, exact, sampled, two_level
+from unbend.canonical._routes import Options, Steps, exact, sampled
 from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, SolverError, warn
 from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
-# Stress is taken over all pairs of this many random vertices; of a quarter with n_coarse.
+# Stress is taken over all pairs of this many random vertices.
 _STRESS_VERTICES = 32
-_FEWEST_COARSE = 100  # fewer do not know the shape
 # By how much columns may miss their lengths, right angles and the middle, as a share of the largest
 # eigenvalue.
 _SKEW = 1e-6
@@ -44,8 +43,8 @@ class CanonicalForm(Brief, Drawn):
         or by area as the weighting says. A negative one (the distances are not Euclidean)
         belongs to a column of zeros.
     stress : float
-        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices (8
-        with `n_coarse`), d being the exact distance: 0 for a perfect embedding.
+        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices, d
+        being the exact distance: 0 for a perfect embedding.
     distance, method, weighting, laplacian : str
         What was used; never ``"auto"``.
     area : float
@@ -54,9 +53,6 @@ class CanonicalForm(Brief, Drawn):
         What was done to the input, a sentence each.
     seconds : dict of str to float
         Wall time of each step.
-    residual : float or None
-        What `n_coarse` leaves: the largest residual of the form's eigenpairs on all vertices,
-        relative to the largest eigenvalue. None for the direct ways, which leave at most 1e-10.
     surface : (n, 3) ndarray of float64, or None
         With ``detail="preserved"``: the vertices of the surface itself, laid as rigidly as possible
         into the form's pose; NaN where `points` is. At unit area, unless the scale was kept.
@@ -72,7 +68,6 @@ class CanonicalForm(Brief, Drawn):
     area: float
     notes: tuple[str, ...]
     seconds: dict[str, float]
-    residual: float | None = None
     surface: FloatArray | None = None
 
 
@@ -93,7 +88,6 @@ def canonical_form(
     keep_scale: bool = False,
     random_state: int = 0,
     cache: bool = True,
-    n_coarse: int | None = None,
     detail: Detail | None = None,
     progress: Progress | None = None,
 ) -> CanonicalForm:
@@ -136,11 +130,6 @@ def canonical_form(
         Seed of the vertices that the stress is taken over, and of the solver's first vectors.
     cache : bool, default=True
         Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
-    n_coarse : int, optional
-        For meshes too large to factorise: where there are more vertices, one with about so many
-        is factorised in place of the mesh, and its form refined on all vertices to a residual
-        of 1e-6. Slower than the direct way where that fits into memory. For exact biharmonic
-        and commute-time forms with uniform weights.
     detail : "preserved", optional
         Give the `surface` too: the mesh as it looks in the form's pose, its limbs as thick and its
         edges about as long as they are. Needs faces and at least 3 dimensions.
@@ -195,16 +184,8 @@ def canonical_form(
             mu=mu,
             interpolation=interpolation,
         )
-    if chosen != "exact" or distance == "diffusion" or weighting != "uniform":
-        refuse_given(
-            "is for exact biharmonic and commute-time forms with uniform weights; reduce the mesh "
-            "for others",
-            n_coarse=n_coarse,
-        )
-    if n_coarse is not None and n_coarse < _FEWEST_COARSE:
-        raise InputError(f"n_coarse must be at least {_FEWEST_COARSE}, not {n_coarse}")
     if detail is not None:
-        _check_detail(detail, n_components, n_coarse)
+        _check_detail(detail, n_components)
     options = Options(
         distance,
         n_components,
@@ -216,7 +197,6 @@ def canonical_form(
         diffusion_time(distance, time),
         random_state,
         cache,
-        n_coarse,
     )
     steps = Steps(progress)
     with steps("laplacian"):
@@ -224,9 +204,8 @@ def canonical_form(
     _check_dimension(surface, chosen, options)
     if detail is not None and surface.mesh.is_point_cloud:
         raise InputError(f"{surface.mesh.name}: detail needs faces, and this is a point cloud")
-    large = n_coarse is not None and surface.n_vertices > n_coarse
-    route = two_level if large else exact if chosen == "exact" else sampled
-    points, values, metric, residual = route(surface, options, steps)
+    route = exact if chosen == "exact" else sampled
+    points, values, metric = route(surface, options, steps)
     points = points[:, :n_components].copy()
     weights = surface.operator.areas if weighting == "area" else np.ones(len(points))
     _check_axes(points, values[:n_components], weights, surface.mesh.name)
@@ -263,7 +242,6 @@ def canonical_form(
         area=surface.area,
         notes=surface.prepared.notes + found,
         seconds=steps.seconds,
-        residual=residual,
         surface=None if laid is None else surface.prepared.expand(laid),
     )
 
@@ -279,12 +257,11 @@ def _choose_method(method: str, distance: DistanceKind) -> str:
     return method
 
 
-def _check_detail(detail: str, n_components: int, n_coarse: int | None) -> None:
+def _check_detail(detail: str, n_components: int) -> None:
     if detail != "preserved":
         raise InputError(f'detail must be "preserved" or left out, not {detail!r}')
     if n_components < 3:
         raise InputError(f"detail needs a form of at least 3 dimensions, not {n_components}")
-    refuse_given("is for forms without detail; leave it out", n_coarse=n_coarse)
 
 
 def _check_seed(random_state: int) -> None:

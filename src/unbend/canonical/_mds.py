@@ -15,7 +15,6 @@ from unbend._types import FloatArray
 from unbend.choices import Weighting
 from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.linalg.subspace import Solves, subspace_iteration
 
 # Eigenvalues that differ by no more than this share of the largest are equal; what is not more than
 # the second is what rounding leaves of 0.
@@ -65,30 +64,6 @@ def exact_scaling(
     )
     values = _without_rounding(values)
     return _points(vectors, values, np.ones(n)), values
-
-
-def refined_scaling(
-    solves: Solves, start: FloatArray, n_components: int, *, tol: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Scale as :func:`exact_scaling` does, from rough vectors and with solves that are iterative.
-
-    Parameters
-    ----------
-    solves, start, tol
-        As in :func:`unbend.linalg.subspace.subspace_iteration`; the operator is ``J g J``.
-    n_components : int
-
-    Returns
-    -------
-    points : (n, d) ndarray of float64
-    eigenvalues : (d + 1,) ndarray of float64
-        Descending; the last one, of no column, is less accurate.
-    residual : float
-        Largest residual of an eigenpair, relative to the largest eigenvalue.
-    """
-    values, vectors, residual = subspace_iteration(solves, start, n_components, tol=tol)
-    values = _without_rounding(values[: n_components + 1])
-    return _points(vectors, values[:n_components], np.ones(len(vectors))), values, residual
 
 
 def area_scaling(

@@ -27,7 +27,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     Parameters
     ----------
     n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
-    laplacian, component, keep_scale, random_state, cache, n_coarse, detail, progress
+    laplacian, component, keep_scale, random_state, cache, detail, progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -76,7 +76,6 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         keep_scale: bool = False,
         random_state: int = 0,
         cache: bool = True,
-        n_coarse: int | None = None,
         detail: Detail | None = None,
         progress: Progress | None = None,
     ) -> None:
@@ -94,7 +93,6 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.keep_scale = keep_scale
         self.random_state = random_state
         self.cache = cache
-        self.n_coarse = n_coarse
         self.detail = detail
         self.progress = progress
 

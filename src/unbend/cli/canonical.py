@@ -98,15 +98,6 @@ def canonical(
         bool,
         typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
     ] = False,
-    n_coarse: Annotated[
-        int | None,
-        typer.Option(
-            "--n-coarse",
-            metavar="N",
-            help="For meshes too large for the memory: factorise a mesh of about N vertices in "
-            "place of a larger one, and refine its form on all vertices.",
-        ),
-    ] = None,
     detail: Annotated[
         Detail | None,
         typer.Option(
@@ -132,7 +123,6 @@ def canonical(
       unbend canonical cat.off --detail preserved --figure form.pdf --up z
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
-      unbend canonical statue.ply -o statue_canonical.ply --n-coarse 200000
     """  # noqa: D301
     from unbend.canonical import canonical_form
     from unbend.errors import InputError
@@ -168,7 +158,6 @@ def canonical(
             keep_scale=keep_scale,
             random_state=random_state,
             cache=cache,
-            n_coarse=n_coarse,
             detail=detail,
             progress=progress,
         )
@@ -238,7 +227,6 @@ def _print_json(mesh: str, shape: Mesh, form: CanonicalForm, files: dict[str, st
             "area": form.area,
             "eigenvalues": form.eigenvalues,
             "stress": form.stress,
-            "residual": form.residual,
             "seconds": form.seconds,
             "warnings": [*shape.notes, *form.notes],
         }
@@ -256,7 +244,6 @@ def _print_summary(
         f"{form.laplacian} Laplacian",
         "eigenvalues": "  ".join(shown + ["..."] * (len(form.eigenvalues) > len(shown))),
         "stress": f"{form.stress:.3f}",
-        **({} if form.residual is None else {"residual": f"{form.residual:.0e}"}),
         "time": f"{sum(form.seconds.values()):.2f} s",
     }
     if written:

@@ -30,8 +30,8 @@ _NEGLIGIBLE = 1e-16
 # A kernel below this is rounded like numbers too small for float64, or is 0.
 _VANISHING = 1e-290
 # What two ways to one number may differ by, and squared distances may fall below zero, as shares of
-# the largest entry on the kernel's diagonal; where a solver is given that ends sooner, more.
-_ROUNDING, _ROUGH = 1e-8, 1e-3
+# the largest entry on the kernel's diagonal.
+_ROUNDING = 1e-8
 # Columns solved for at once: a chunk for each of a few threads, and little memory.
 _AT_ONCE = 32
 # Eigenpairs beyond which a diffusion time is called too short to be computed.
@@ -74,21 +74,18 @@ def gram_metric(
     kind: DistanceKind,
     surface: Surface,
     time: float,
-    green: _Green | None = None,
     *,
     sources: bool = False,
     cache: bool = True,
 ) -> Metric:
     """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
 
-    `green` is the Green's operator, if there is one already; not for diffusion distances, whose
-    eigenpairs are kept on disk if `cache` says so. `sources` says that distances from sources will
-    be asked for: one factorisation then serves all that the metric offers.
+    `cache` says whether the eigenpairs of diffusion distances are kept on disk. `sources` says that
+    distances from sources will be computed: one factorisation then serves the whole metric.
     """
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
     stiffness, areas = surface.operator.stiffness, surface.operator.areas
-    rounding = _ROUNDING if green is None else _ROUGH
     biharmonic = kind == "biharmonic"
 
     @functools.cache
@@ -97,9 +94,9 @@ def gram_metric(
         with named(surface):
             return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
 
-    if green is None and sources:
+    if sources:
         green = with_diagonal()[0]
-    elif green is None:
+    else:
         check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
         with named(surface):
             green = green_operator(stiffness, areas)
@@ -121,7 +118,7 @@ def gram_metric(
             column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]
         with one_blas_thread():
             kernel = inner(column, column) if biharmonic else column
-        return _distances(kernel, kernel.diagonal(), kernel.diagonal(), rounding)
+        return _distances(kernel, kernel.diagonal(), kernel.diagonal())
 
     def from_sources(sources: IntArray) -> FloatArray:
         green, every = with_diagonal()
@@ -136,19 +133,17 @@ def gram_metric(
                 f"{surface.mesh.name}: two ways to the {kind} kernel differ by {apart:.1e} of its "
                 "largest entry"
             )
-        distances = _distances(kernel, every[sources], every, _ROUNDING)
+        distances = _distances(kernel, every[sources], every)
         distances[own, sources] = 0.0  # but for rounding
         return distances
 
     return Metric(from_sources, between, gram)
 
 
-def _distances(
-    kernel: FloatArray, rows: FloatArray, columns: FloatArray, rounding: float
-) -> FloatArray:
+def _distances(kernel: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
     squared = rows[:, None] + columns[None, :] - 2 * kernel
     least, largest = float(squared.min()), float(columns.max())
-    if not least >= -rounding * largest:
+    if not least >= -_ROUNDING * largest:
         raise SolverError(
             f"a squared distance came out at {least / largest:.1e} of the kernel's largest entry: "
             "the kernel is not positive semi-definite"

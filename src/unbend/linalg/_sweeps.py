@@ -22,16 +22,6 @@ from unbend.linalg._chunks import row_address, row_vector, spread
 PANEL = 4  # columns of the factor that are stored together
 
 
-@kernel(LONGS, LONGS, "int64", "int64")
-def largest(begins, row_starts, first, last):  # type: ignore[no-untyped-def]
-    """Most columns of a range of supernodes, and most rows below one."""
-    widest, tallest = 0, 0
-    for i in range(first, last):
-        widest = max(widest, begins[i + 1] - begins[i])
-        tallest = max(tallest, row_starts[i + 1] - row_starts[i])
-    return widest, tallest
-
-
 def _sums_of_products(  # type: ignore[no-untyped-def]
     entries,
     start,
@@ -160,6 +150,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
     rows_at_once = min(PANEL, 32 // width)  # as many as fit into registers
 
     def forward(
+        most: Any,
         begins: Any,
         row_starts: Any,
         rows: Any,
@@ -172,7 +163,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
         first: Any,
         last: Any,
     ) -> None:
-        widest, tallest = largest(begins, row_starts, first, last)
+        widest, tallest = most
         own = np.zeros((widest + PANEL, width))
         sums = np.empty((tallest + PANEL, width))
         for i in range(first, last):
@@ -228,6 +219,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
                         above[row - below, c] -= sums[k, c]
 
     def backward(
+        most: Any,
         begins: Any,
         row_starts: Any,
         rows: Any,
@@ -239,7 +231,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
         first: Any,
         last: Any,
     ) -> None:
-        widest, tallest = largest(begins, row_starts, first, last)
+        widest, tallest = most
         own = np.empty((widest + PANEL, width))
         sums = np.empty((widest + PANEL, width))
         known = np.empty((tallest, width))
@@ -291,7 +283,7 @@ def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
                 for c in range(width):
                     values[begin + k, c] = sums[k, c]
 
-    tree = (LONGS, LONGS, INTS, PAIRS, FLOATS, FLOATS)
+    tree = ("UniTuple(int64, 2)", LONGS, LONGS, INTS, PAIRS, FLOATS, FLOATS)
     ranges = ("int64", "int64")
     return (
         kernel(*tree, BLOCK, BLOCK, "int64", *ranges)(forward),

@@ -1,27 +1,22 @@
 """Sparse symmetric factorisation behind one small interface.
 
-Backends, chosen in :func:`_backends` and nowhere else:
+:func:`_backend` chooses between three backends:
 
-- ``"multifrontal"``: L D L^T of our own (nested dissection, no pivoting), for large systems.
-- ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), solves of our own.
+- ``"multifrontal"``: our own L D L^T (nested dissection, no pivoting), for large systems.
+- ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), with our own solves.
 - ``"qdldl"``: the same with qdldl's solves, for systems too small to pay for importing Numba.
-- ``"cholmod"``: supernodal Cholesky where scikit-sparse is installed, for the largest positive
-  definite systems.
-- ``"superlu"``: SciPy's, in symmetric mode, where qdldl is missing.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from unbend._parallel import chunk_width, run_all
 from unbend._types import FloatArray, SparseMatrix
@@ -29,8 +24,7 @@ from unbend.errors import InputError, SolverError
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
-_DENSE_BLOCKS_PAY = 100_000  # below, solves are no faster with our own factor
-_CHOLMOD_PAYS = 500_000  # below, our own solves are faster
+_DENSE_BLOCKS_PAY = 100_000  # below, qdldl and its factor are faster
 _SMALLEST_PIVOT = 1e-13  # relative to the diagonal it came from; less is cancellation
 _LARGEST_ERROR = 1e-4  # share of an error that a refinement step may leave
 _SMALL_ERROR = 1e-8  # share that may stay where solves need not be exact
@@ -46,8 +40,7 @@ class Factorization:
     n_negative : int
         Number of negative eigenvalues of the matrix (Sylvester's law of inertia).
     backend : str
-        What did the work: ``"multifrontal"``, ``"qdldl+numba"``, ``"qdldl"``, ``"cholmod"`` or
-        ``"superlu"``.
+        What did the work: ``"multifrontal"``, ``"qdldl+numba"`` or ``"qdldl"``.
     """
 
     n_negative: int
@@ -127,7 +120,6 @@ class Factorization:
 def factorize(
     matrix: SparseMatrix,
     *,
-    indefinite: bool = False,
     refine: bool = True,
     many: bool = False,
     diagonal: bool = False,
@@ -145,8 +137,6 @@ def factorize(
     ----------
     matrix : (n, n) sparse matrix of float64
         Symmetric; may be indefinite.
-    indefinite : bool
-        A hint that the matrix is not positive definite: spares attempts bound to fail.
     refine : bool
         Whether solves are refined to rounding where the factor has grown. Without, a relative
         error of up to 1e-8 stays, which halves the time of such solves.
@@ -181,47 +171,33 @@ def factorize(
     if not _all_finite(matrix.data):
         raise InputError("the matrix holds NaN or infinite values")
     size = abs(matrix).sum(axis=0).max()
+    name, decompose = _backend(n, many, diagonal)
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
-        for name, decompose in _backends(n, indefinite, many, diagonal):
-            try:
-                order, pivots, solve = decompose(shifted)
-            except ArithmeticError:  # a zero pivot, or not definite
-                continue
-            if shift == 0 and _cancelled(matrix, order, pivots):
-                break
-            error, residual = _probe(matrix, solve)
-            limit = _LARGEST_ERROR if shift == 0 else 100 * _LARGEST_ERROR
-            if not error <= limit:  # also when it is not a number
-                break
-            steps = 0
-            if residual > _BACKWARD_ERROR * size and (refine or error > _SMALL_ERROR):
-                steps = math.ceil(math.log(1e-16 * size / residual) / math.log(max(error, 1e-16)))
-            return Factorization(int((pivots < 0).sum()), name, matrix, solve, steps)
+        try:
+            order, pivots, solve = decompose(shifted)
+        except ArithmeticError:  # a zero pivot
+            continue
+        if shift == 0 and _cancelled(matrix, order, pivots):
+            continue
+        error, residual = _probe(matrix, solve)
+        limit = _LARGEST_ERROR if shift == 0 else 100 * _LARGEST_ERROR
+        if not error <= limit:  # also when it is not a number
+            continue
+        steps = 0
+        if residual > _BACKWARD_ERROR * size and (refine or error > _SMALL_ERROR):
+            steps = math.ceil(math.log(1e-16 * size / residual) / math.log(max(error, 1e-16)))
+        return Factorization(int((pivots < 0).sum()), name, matrix, solve, steps)
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
 
 
-def _backends(
-    n: int, indefinite: bool, many: bool, diagonal: bool
-) -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Name the backends to try, best first."""
-    if diagonal:
-        yield "multifrontal", _multifrontal
-        return
-    if n >= _CHOLMOD_PAYS and not indefinite and _installed("sksparse"):
-        yield "cholmod", _cholmod
-    if n >= _DENSE_BLOCKS_PAY and _installed("numba"):
-        yield "multifrontal", _multifrontal
-    elif not _installed("qdldl"):
-        yield "superlu", _superlu
-    elif (many or n >= _NUMBA_PAYS) and _installed("numba"):
-        yield "qdldl+numba", functools.partial(_qdldl, compiled=True)
-    else:
-        yield "qdldl", functools.partial(_qdldl, compiled=False)
-
-
-def _installed(package: str) -> bool:
-    return find_spec(package) is not None
+def _backend(n: int, many: bool, diagonal: bool) -> tuple[str, Callable[..., Any]]:
+    """Choose the backend for a system of this size."""
+    if diagonal or n >= _DENSE_BLOCKS_PAY:
+        return "multifrontal", _multifrontal
+    if many or n >= _NUMBA_PAYS:
+        return "qdldl+numba", functools.partial(_qdldl, compiled=True)
+    return "qdldl", functools.partial(_qdldl, compiled=False)
 
 
 def _multifrontal(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
@@ -268,31 +244,6 @@ def _solve_in_chunks(order: Any, factor: tuple[Any, ...], rhs: FloatArray) -> Fl
 
     run_all(functools.partial(work, first) for first in range(0, count, width))
     return solution
-
-
-def _cholmod(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
-    from sksparse import cholmod
-
-    try:
-        factor = cholmod.cholesky(matrix, ordering_method="amd")
-    except cholmod.CholmodError as error:
-        raise ArithmeticError("not positive definite") from error
-    return factor.P(), factor.D(), factor
-
-
-def _superlu(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
-    try:
-        factor = spla.splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise ArithmeticError("a zero pivot") from error
-    if not np.array_equal(factor.perm_r, factor.perm_c):
-        raise ArithmeticError("a pivot off the diagonal: the inertia would be lost")
-    return np.argsort(factor.perm_c), factor.U.diagonal(), factor.solve
 
 
 def _cancelled(matrix: SparseMatrix, order: Any, pivots: FloatArray) -> bool:

@@ -19,7 +19,7 @@ from unbend._compiled import FLOATS, INTS, LONGS, PAIRS, kernel
 from unbend._parallel import chunk_width, one_blas_thread, run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.linalg._chunks import load, unload
-from unbend.linalg._sweeps import PANEL, largest, sweeps
+from unbend.linalg._sweeps import PANEL, sweeps
 from unbend.linalg.dissection import Supernodes, dissect
 
 _ROWS = 128  # of an update matrix computed at once: half of it is never needed
@@ -31,6 +31,8 @@ class Factor(NamedTuple):
     Attributes
     ----------
     nodes : Supernodes
+    most : tuple of int
+        Most columns of a supernode, and most rows below one.
     pivots : (n,) ndarray of float64
         D.
     places : (m + 1, 2) ndarray of int64
@@ -40,6 +42,7 @@ class Factor(NamedTuple):
     """
 
     nodes: Supernodes
+    most: tuple[int, int]
     pivots: FloatArray
     places: IntArray
     squares: FloatArray
@@ -87,7 +90,9 @@ def factor(matrix: SparseMatrix) -> Factor:
     squares, panels = np.zeros(n_squares), np.zeros(n_panels)
     pivots = np.empty(n)
     offsets, room = place_updates(nodes)
+    most = int(widths.max()), int(heights.max())
     work = (
+        most,
         *graph,
         matrix.data,
         *nodes[:-1],
@@ -103,7 +108,7 @@ def factor(matrix: SparseMatrix) -> Factor:
         good = run_all(functools.partial(_eliminate, *work, *part) for part in subtrees)
     if not (all(good) and _eliminate(*work, *top)):
         raise ArithmeticError("a pivot that is zero or not finite, or a matrix not symmetric")
-    return Factor(nodes, pivots, places, squares, panels)
+    return Factor(nodes, most, pivots, places, squares, panels)
 
 
 def place_updates(nodes: Supernodes) -> tuple[IntArray, int]:
@@ -138,7 +143,10 @@ def _solve_chunk(
     values = np.empty((len(nodes.order), width))
     # A subtree adds to its own rows and, apart from the others, to those above all of them.
     above = np.zeros((len(subtrees), len(values) - below, width))
-    work = nodes.starts, nodes.row_starts, nodes.rows, found.places, found.squares, found.panels
+    work = (
+        *(found.most, nodes.starts, nodes.row_starts, nodes.rows),
+        *(found.places, found.squares, found.panels),
+    )
 
     def down(part: tuple[int, int], sums: FloatArray) -> None:
         load(nodes.order, rhs, first, values, *nodes.starts[list(part)])
@@ -185,12 +193,13 @@ def _stack_updates(children, heights, depths, offsets, first, last, room):  # ty
 
 
 @kernel(
-    *(LONGS, INTS, FLOATS),
+    *("UniTuple(int64, 2)", LONGS, INTS, FLOATS),
     *(INTS, INTS, LONGS, PAIRS, LONGS, INTS),
     *(FLOATS, PAIRS, FLOATS, FLOATS, LONGS, FLOATS),
     *("int64", "int64"),
 )
 def _eliminate(  # type: ignore[no-untyped-def]
+    most,
     starts,
     indices,
     entries,
@@ -210,7 +219,7 @@ def _eliminate(  # type: ignore[no-untyped-def]
     last,
 ):
     """Eliminate a range of supernodes; tell whether every pivot was good."""
-    widest, tallest = largest(begins, row_starts, first, last)
+    widest, tallest = most
     front = np.empty((widest, widest))
     column = np.empty(widest)
     two_rooms = np.empty((2, widest * tallest))

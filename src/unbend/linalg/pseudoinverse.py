@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -128,18 +127,17 @@ def pinned(stiffness: SparseMatrix) -> SparseMatrix:
     return fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
 
 
-def on_zero_means(solve: Callable[..., FloatArray], areas: FloatArray) -> Callable[..., FloatArray]:
-    """Make K of a function that solves ``W x = load`` up to a constant for loads that add up to 0.
-
-    Further arguments are passed on to `solve`.
-    """
+def on_zero_means(
+    solve: Callable[[FloatArray], FloatArray], areas: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """Make K of a function that solves ``W x = load`` up to a constant, for loads of sum 0."""
     total = areas.sum()
     ones = np.ones(len(areas))  # products with it are faster than sums over an axis
 
-    def green(rhs: FloatArray, *options: Any, **more: Any) -> FloatArray:
+    def green(rhs: FloatArray) -> FloatArray:
         load = np.einsum("i,...->i...", areas, ones @ rhs / -total)  # faster than their outer
         load += rhs
-        solution = solve(load, *options, **more)
+        solution = solve(load)
         solution -= areas @ solution / total
         return solution
 

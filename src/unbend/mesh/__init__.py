@@ -1,6 +1,5 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
-from unbend.mesh._coarsening import aggregate_vertices
 from unbend.mesh._corners import measure_corners
 from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, vertex_normals
 from unbend.mesh._topology import (
@@ -24,7 +23,6 @@ __all__ = [
     "Components",
     "Edges",
     "Mesh",
-    "aggregate_vertices",
     "count_non_manifold_vertices",
     "edge_ends",
     "find_components",

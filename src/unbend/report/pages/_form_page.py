@@ -219,8 +219,6 @@ def _form_facts(form: CanonicalForm) -> str:
     values = form.eigenvalues
     rows = [(f"eigenvalue {i + 1}", f"{value:.5g}") for i, value in enumerate(values[:8])]
     rows.append(("stress", f"{form.stress:.4f}"))
-    if form.residual is not None:
-        rows.append(("residual", f"{form.residual:.0e}"))
     return section(
         "Form",
         table(rows),
