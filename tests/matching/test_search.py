@@ -1,17 +1,23 @@
 """Hypotheses: the map that is known is among those found, whatever signs and order come in."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import orthogonal_procrustes
 
 from unbend import Mesh
 from unbend.alignment import Pairs
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.matching import _search
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._search import _distinct, search
+from unbend.matching._search import (
+    _distinct,
+    _extended,
+    grow,
+    orthogonal_maps,
+    search,
+    spectral_weights,
+)
 from unbend.matching._shape import Shape
 
 
@@ -21,13 +27,10 @@ def shape(blob: Mesh) -> Shape:
 
 
 def test_a_generic_shape_is_found_to_be_itself_first(shape: Shape) -> None:
-    shares: list[float] = []
-    maps = search(shape, shape, on_step=shares.append)
+    maps = search(shape, shape)
     assert maps.shape[1:] == (20, 20)
     np.testing.assert_allclose(maps @ maps.transpose(0, 2, 1), [np.eye(20)] * len(maps), atol=1e-9)
     np.testing.assert_allclose(maps[0], np.eye(20), atol=1e-6)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1
 
 
 def test_signs_of_eigenfunctions_are_found_out(shape: Shape) -> None:
@@ -68,33 +71,17 @@ def test_few_functions_give_maps_of_few(shape: Shape) -> None:
     for sides in ((few, shape), (shape, few)):
         maps = search(*sides, beam=3)
         assert maps.shape == (3, 7, 7)
-        np.testing.assert_allclose(maps[0], np.eye(7), atol=0.02)  # other descriptors
+        np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
 
 
-def test_two_meshes_of_one_surface_have_nearly_the_same_functions(
-    shape: Shape, blob: Mesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_meshes_of_one_surface_have_nearly_the_same_functions(shape: Shape, blob: Mesh) -> None:
     few = make_sphere(2).faces  # whose vertices are the first of a finer sphere
     coarse = prepare_shape(Mesh(blob.vertices[:162], few), 40, False)[1]
-    bases = []
-
-    def nearest_pairs(left: Any, right: Any, base: Any) -> Pairs:
-        bases.append(base)
-        return _nearest_pairs(left, right, base)
-
-    _nearest_pairs = _search.nearest_pairs
-    monkeypatch.setattr(_search, "nearest_pairs", nearest_pairs)
     low = slice(0, 6)
     for source, target in ((shape, coarse), (coarse, shape)):
         found = search(source, target, beam=4)[0][low, low]
         np.testing.assert_allclose(abs(found), np.eye(6), atol=0.3)
         np.testing.assert_allclose(abs(found).diagonal(), 1, atol=0.1)
-        # Some samples are compared, by their descriptors too.
-        left, right = (
-            one.signature[one.samples[:count]]
-            for one, count in zip((source, target), bases[-1].shape, strict=True)
-        )
-        np.testing.assert_array_equal(bases[-1], _search._descriptor_distances(left, right))
 
 
 def test_maps_that_hardly_differ_count_once() -> None:
@@ -113,13 +100,6 @@ def test_maps_that_hardly_differ_count_once() -> None:
             assert len(_distinct(pair, np.arange(2), 2)) == count
 
 
-def test_of_equally_close_maps_the_first_is_first() -> None:
-    residuals = np.tile([0.3, 0.2], 200)
-    none = np.zeros((400, 0), dtype=np.int64)
-    order = _search._closest_first(Pairs(none, none, residuals))
-    np.testing.assert_array_equal(order, [*range(1, 400, 2), *range(0, 400, 2)])
-
-
 def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
     ball = make_sphere(2)  # all of its vertices are samples
     box = Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces)  # itself under three half turns
@@ -134,7 +114,7 @@ def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
 
 def test_maps_go_on_with_every_choice_of_signs() -> None:
     maps = np.array([np.linalg.qr(np.random.default_rng(i).normal(size=(2, 2)))[0] for i in (0, 1)])
-    found = _search._extended(maps, 4)
+    found = _extended(maps, 4)
     assert found.shape == (8, 4, 4)
     np.testing.assert_allclose(
         found @ found.transpose(0, 2, 1), np.broadcast_to(np.eye(4), (8, 4, 4)), atol=1e-12
@@ -143,8 +123,50 @@ def test_maps_go_on_with_every_choice_of_signs() -> None:
     assert {tuple(one.diagonal()[2:]) for one in found} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
 
 
-def test_descriptors_are_compared_by_squared_distance() -> None:
+def test_weights_are_of_unit_size_and_of_neither_shape_first() -> None:
     rng = np.random.default_rng(0)
-    source, target = rng.normal(size=(7, 4)), rng.normal(size=(5, 4))
-    squares = ((source[:, None] - target) ** 2).sum(axis=2) * _search._DESCRIPTOR_WEIGHT**2
-    np.testing.assert_allclose(_search._descriptor_distances(source, target), squares, rtol=1e-5)
+    source, target = np.sort(rng.random((2, 12)) + 0.1)
+    weights = spectral_weights(source, target, 8)
+    assert (weights**2).sum() == pytest.approx(1)
+    np.testing.assert_allclose(weights, spectral_weights(target, source, 8))
+    same = spectral_weights(source, source, 8)
+    np.testing.assert_allclose(same / same[0], np.sqrt(source[0] / source[:8]))
+
+
+@pytest.mark.parametrize("determinant", [1, -1])
+def test_the_map_behind_pairs_is_found(determinant: int) -> None:
+    rng = np.random.default_rng(0)
+    source = rng.normal(size=(40, 5))
+    truth = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    truth[0] *= determinant * np.sign(np.linalg.det(truth))
+    order = rng.permutation(40)
+    target = (source @ truth)[order]
+    pairs = Pairs(np.argsort(order)[None], order[None], np.zeros(1))
+    chance = Pairs(*rng.integers(40, size=(2, 1, 40)), np.zeros(1))
+    both = Pairs(*(np.concatenate(one) for one in zip(pairs, chance, strict=True)))
+    maps = orthogonal_maps(source, target, both)
+    np.testing.assert_allclose(maps[0], truth, atol=1e-9)
+    np.testing.assert_allclose(maps[1] @ maps[1].T, np.eye(5), atol=1e-9)
+
+
+def test_pairs_of_both_directions_count_alike() -> None:
+    rng = np.random.default_rng(0)
+    source, target = rng.normal(size=(30, 4)), rng.normal(size=(40, 4))
+    pairs = Pairs(rng.integers(40, size=(1, 30)), rng.integers(30, size=(1, 40)), np.zeros(1))
+    rows = np.concatenate([source, source[pairs.backward[0]]])
+    images = np.concatenate([target[pairs.forward[0]], target])
+    expected = orthogonal_procrustes(rows, images)[0]
+    np.testing.assert_allclose(orthogonal_maps(source, target, pairs)[0], expected, atol=1e-9)
+
+
+def test_a_map_grows_from_its_beginning() -> None:
+    rng = np.random.default_rng(0)
+    values = np.linspace(1, 3, 6)
+    source = np.linalg.qr(rng.normal(size=(60, 6)))[0]
+    signs = rng.choice([-1.0, 1.0], 6)
+    target = (source * signs)[rng.permutation(60)]
+    found = grow((values, source), (values, target), np.diag(signs[:3]), [3, 4, 6])
+    np.testing.assert_allclose(found, np.diag(signs), atol=1e-9)
+    np.testing.assert_array_equal(
+        grow((values, source), (values, target), np.diag(signs), []), np.diag(signs)
+    )

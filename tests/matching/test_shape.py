@@ -19,7 +19,6 @@ from unbend.matching._shape import (
     Shape,
     find_rim,
     make_shape,
-    wave_kernel_signature,
 )
 from unbend.spectral import laplacian
 
@@ -187,14 +186,6 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_array_equal(again.faces, shape.faces)
 
 
-def test_signatures_are_standard_and_know_no_signs(blob: Mesh) -> None:
-    shape = _shape(blob)
-    np.testing.assert_allclose(shape.areas @ shape.signature, 0, atol=1e-9)
-    assert shape.areas @ (shape.signature**2).sum(axis=1) == pytest.approx(1)
-    flipped = Shape(shape.vertices, shape.faces, shape.areas, shape.eigenvalues, -shape.basis)
-    np.testing.assert_allclose(flipped.signature, shape.signature, atol=1e-12)
-
-
 def test_spokes_are_the_cotangents_of_the_laplacian() -> None:
     ball = make_sphere(2)  # no angle is obtuse: no weight needs to be held up
     shape = _shape(ball)
@@ -235,21 +226,6 @@ def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     np.testing.assert_allclose(rim[around], expected, atol=1e-9)
     assert np.abs(np.delete(rim, around, axis=0)).max() == 0
-
-
-def test_waves_are_those_of_aubry_standardised() -> None:
-    chance = np.random.default_rng(0)
-    values, basis = np.array([2.0, 3, 5, 18]), chance.normal(size=(6, 4))
-    areas = np.full(6, 1 / 6)
-    found = wave_kernel_signature(values, basis, areas, 10)
-    step = np.log(9) / 10
-    for i, column in enumerate(found.T):
-        energy = np.log(2) + (i + 2) * step
-        shares = np.exp(-((np.log(values) - energy) ** 2) / (2 * (7 * step) ** 2))
-        expected = basis**2 @ shares / shares.sum()
-        expected = (expected - expected.mean()) / expected.std() / np.sqrt(6)
-        np.testing.assert_allclose(column, expected)
-    assert found.shape == (6, 6)
 
 
 def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -> None:

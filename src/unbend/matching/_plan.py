@@ -98,7 +98,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
 
 
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
-    """Find the distinct ways in which two shapes may correspond, the best first."""
+    """Find the distinct ways in which the finer proxies may correspond, the best first."""
     found: list[Candidate] = []
     level = COARSE
     for i, step in enumerate(PLAN):
@@ -110,7 +110,9 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
             found += best(sides, level, step.stage(sides, ways))[: step.keep]
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
-    return best(sides, level, found)
+    if level != MEDIUM:
+        found = moved(sides, found, MEDIUM)
+    return best(sides, MEDIUM, found)
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:

@@ -1,0 +1,278 @@
+"""The plan of a match: what comes out of it, with all of its steps and without any one of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from unbend import Mesh
+from unbend._types import IntArray
+from unbend.datasets import Shape as Body
+from unbend.datasets import keep, make_biped, make_sphere, rest_map
+from unbend.matching import _plan, match
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._judge import Candidate, judge
+from unbend.matching._plan import (
+    COARSE,
+    MEDIUM,
+    PLAN,
+    Sides,
+    ambiguous_part,
+    best,
+    candidates,
+    clear,
+    from_extremities,
+    from_points,
+    make_sides,
+    moved,
+    part,
+)
+from unbend.matching._proxy import make_proxy
+from unbend.matching._registration import Registered, mapped_start
+from unbend.matching._shape import Shape
+from unbend.matching._tips import find_tips
+
+SOURCE = make_biped("standing", n_vertices=600)
+TARGET = make_biped("walking", n_vertices=500, meshing=1)
+TRUTH = rest_map(SOURCE, TARGET)
+WITHOUT_ARM = keep(SOURCE.mesh, SOURCE.labels != SOURCE.parts.index("left_arm"))
+
+
+def _shape(mesh: Mesh, *, partial: bool = False) -> Shape:
+    return prepare_shape(mesh, 60, True, partial).shape
+
+
+def _error(point_map: IntArray, target: Body, truth: IntArray) -> float:
+    """Mean distance to where vertices belong, in sqrt(area); -1 has no partner."""
+    goal = _shape(target.mesh).vertices
+    some = point_map >= 0
+    return float(np.linalg.norm(goal[point_map[some]] - goal[truth[some]], axis=1).mean())
+
+
+def _candidate(cost: float, orientation: float = 1.0) -> Candidate:
+    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool), 1.0)
+
+
+@pytest.fixture(scope="module")
+def bodies() -> Sides:
+    """Two poses of one body, of fewer vertices than the finer proxies may have."""
+    return make_sides(_shape(SOURCE.mesh), _shape(TARGET.mesh))
+
+
+@pytest.fixture(scope="module")
+def parts() -> Sides:
+    """The same, the source without an arm."""
+    return make_sides(_shape(WITHOUT_ARM.mesh, partial=True), _shape(TARGET.mesh))
+
+
+@pytest.fixture(scope="module")
+def boxes() -> list[Shape]:
+    """A rounded box, which half turns and mirrors leave the same, and as others would round it."""
+    ball = make_sphere(3)
+    box = ball.vertices * [1.6, 1.0, 0.7]
+    found = []
+    for seed in range(4):
+        noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
+        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40, False).shape)
+    return found
+
+
+@pytest.fixture(scope="module")
+def box(boxes: list[Shape]) -> Sides:
+    return make_sides(boxes[0], boxes[0])
+
+
+def _box_turned(box: Sides, level: int, signs: list[int]) -> Registered:
+    """Registration of proxies of a box that changes the signs of coordinates."""
+    shapes = box.at(level)
+    way = cKDTree(shapes[1].vertices).query(shapes[0].vertices * signs)[1]
+    return mapped_start(*shapes, way, way, 1.0)
+
+
+def test_the_first_candidate_is_the_known_map_and_the_others_cost_more(bodies: Sides) -> None:
+    told: list[tuple[str, float]] = []
+    found = candidates(bodies, lambda *step: told.append(step))
+    assert _error(found[0].registered.forward, TARGET, TRUTH) < 0.05
+    assert _error(found[0].registered.backward, SOURCE, rest_map(TARGET, SOURCE)) < 0.05
+    assert found[0].orientation > 0.9
+    costs = [one.cost for one in found]
+    assert costs == sorted(costs)
+    assert {stage for stage, _ in told} == {"search"}
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert shares[0] > 0
+    assert shares[-1] == 1
+
+
+def test_asked_for_several_ways_the_plan_finds_more_and_the_same_first(bodies: Sides) -> None:
+    quick, thorough = candidates(bodies), candidates(bodies._replace(thorough=True))
+    assert len(quick) < len(thorough)
+    assert best(bodies, MEDIUM, [thorough[0], quick[0]]) == [thorough[0]]
+    assert not clear(bodies._replace(thorough=True), [_candidate(0.1), _candidate(0.9)])
+
+
+def test_a_part_is_found_on_the_whole(parts: Sides) -> None:
+    first = candidates(parts)[0].registered
+    assert _error(first.forward, TARGET, TRUTH[WITHOUT_ARM.origin]) < 0.05
+    arm = TARGET.labels == TARGET.parts.index("left_arm")
+    end = arm & (first.target.within == 0)
+    areas = parts.target.shape.areas
+    assert areas[end].sum() > 0.7 * areas[arm].sum()
+    assert parts.source.shape.areas @ first.source.within > 0.95
+
+
+@pytest.mark.parametrize("step", PLAN[1:], ids=lambda step: step.stage.__name__)
+def test_no_step_but_the_first_is_needed_for_easy_poses(
+    monkeypatch: pytest.MonkeyPatch, step: _plan.Step
+) -> None:
+    monkeypatch.setattr(_plan, "PLAN", [one for one in PLAN if one is not step])
+    for_parts = step.when in (part, ambiguous_part)
+    body = WITHOUT_ARM.mesh if for_parts else SOURCE.mesh
+    truth = TRUTH[WITHOUT_ARM.origin] if for_parts else TRUTH
+    found = match(body, TARGET.mesh, n_eigenpairs=60, refine=False)
+    assert _error(found.source_to_target, TARGET, truth) < 0.05
+
+
+def test_landmarks_choose_among_what_a_symmetry_makes_equal(box: Sides) -> None:
+    """Two vertices are said to be led to where a half turn leads them."""
+    points = box.source.shape.vertices
+    every = np.arange(len(points))
+    turn = cKDTree(points).query(points * [-1, 1, -1])[1]
+    ends = points[:, 0].argsort()[[0, -1]]
+    ours, theirs = (replace(box.source.shape, landmarks=way[ends]) for way in (every, turn))
+    first, *others = candidates(make_sides(ours, theirs))
+    assert not first.missed.any()
+    assert all(one.cost > first.cost or not one.missed.any() for one in others)
+    assert np.abs(points[first.registered.forward[ends]] - points[turn[ends]]).max() < 0.1
+
+
+def test_rounding_does_not_choose_what_is_looked_at(boxes: list[Shape]) -> None:
+    first, *others = boxes
+    coarse = make_proxy(first, 200)
+    for shape in others:
+        np.testing.assert_array_equal(shape.samples, first.samples)
+        np.testing.assert_array_equal(find_tips(shape).vertices, find_tips(first).vertices)
+        np.testing.assert_array_equal(make_proxy(shape, 200).kept, coarse.kept)
+
+
+def test_rounding_does_not_choose_among_maps_that_a_symmetry_makes_equal(
+    boxes: list[Shape],
+) -> None:
+    every = np.arange(len(boxes[0].vertices))
+    for shape in boxes[::3]:
+        found = candidates(make_sides(shape, shape))
+        assert max(one.energy for one in found[:4]) < 1e-6  # itself and three half turns
+        np.testing.assert_array_equal(found[0].registered.forward, every)
+
+
+def test_the_mirror_image_of_the_target_gives_the_mirrored_maps(box: Sides) -> None:
+    points = box.source.shape.vertices
+    for one in candidates(box.reflected())[:4]:
+        assert one.reflected
+        assert one.energy < 1e-6
+        assert one.orientation > 0.99  # of the mirror image, so the map turns inside out
+        images = points[one.registered.forward]
+        signs = np.sign((images * points).sum(axis=0))
+        np.testing.assert_allclose(images, points * signs, atol=1e-9)
+        assert signs.prod() == -1
+
+
+def test_the_mirror_image_of_the_target_is_taken_at_every_level(box: Sides) -> None:
+    turned = box.reflected()
+    assert turned.turned
+    assert not turned.reflected().turned
+    for one, other in [
+        (box.target.shape, turned.target.shape),
+        *((box.at(level)[1], turned.at(level)[1]) for level in (COARSE, MEDIUM)),
+    ]:
+        np.testing.assert_array_equal(other.vertices, one.vertices * [-1, 1, 1])
+    for level in (COARSE, MEDIUM):
+        assert turned.at(level)[0] is box.at(level)[0]
+
+
+@pytest.mark.parametrize(
+    ("costs", "expected"),
+    [([0.1], True), ([0.3], False), ([0.1, 0.13], False), ([0.1, 0.15], True), ([0.1, 0.3], True)],
+)
+def test_clear_is_what_is_good_and_far_ahead(
+    box: Sides, costs: list[float], expected: bool
+) -> None:
+    ways = [_candidate(cost, side) for cost, side in zip(costs, (1, -1), strict=False)]
+    assert clear(box, ways) == expected
+    assert not clear(box, [_candidate(0.1, -0.5)])  # inside out
+
+
+@pytest.mark.parametrize("level", [COARSE, MEDIUM])
+def test_the_best_lead_to_different_places_the_cheapest_first(box: Sides, level: int) -> None:
+    signs = [[1, 1, 1], [1, 1, 1], [-1, -1, 1], [-1, 1, -1]]
+    dear, cheap, other, third = (
+        replace(_candidate(cost), registered=_box_turned(box, level, one))
+        for cost, one in zip((0.3, 0.1, 0.2, 0.15), signs, strict=True)
+    )
+    assert best(box, level, [dear, other, third, cheap]) == [cheap, third, other]
+    assert best(box, level, []) == []
+
+
+def test_a_right_map_stays_right_on_its_way_to_the_other_level_and_back(bodies: Sides) -> None:
+    truth = mapped_start(*bodies.at(MEDIUM), TRUTH, rest_map(TARGET, SOURCE), 1.0)
+    begun = judge(*bodies.at(MEDIUM), truth)
+    coarse = moved(bodies, [begun], COARSE)
+    (again,) = moved(bodies, coarse, MEDIUM)
+    kept = [one.proxies[COARSE].kept for one in (bodies.source, bodies.target)]
+    assert [len(coarse[0].registered.forward), len(coarse[0].registered.backward)] == [400, 400]
+    goal = bodies.target.shape.vertices
+    off = goal[kept[1][coarse[0].registered.forward]] - goal[TRUTH[kept[0]]]
+    assert np.linalg.norm(off, axis=1).mean() < 0.05
+    assert _error(again.registered.forward, TARGET, TRUTH) < 0.05
+    assert again.energy < 1.5 * begun.energy
+    assert best(bodies, MEDIUM, [begun, again]) in ([begun], [again])
+
+
+def test_what_is_moved_stays_what_it_is(box: Sides) -> None:
+    signs = [[1, 1, 1], [-1, -1, 1]]
+    begun = [replace(_candidate(0.1), registered=_box_turned(box, COARSE, one)) for one in signs]
+    points = box.source.shape.vertices
+    for one, found in zip(signs, moved(box, begun, MEDIUM), strict=True):
+        np.testing.assert_allclose(points[found.registered.forward], points * one, atol=1e-6)
+
+
+@pytest.mark.parametrize("stage", [from_extremities, from_points])
+def test_either_source_of_guesses_proposes_the_truth(bodies: Sides, stage: _plan.Stage) -> None:
+    """From the shapes alone, of an upper part and a whole."""
+    height = SOURCE.mesh.vertices[:, 1]
+    upper = keep(SOURCE.mesh, height > np.quantile(height, 0.4))
+    sides = make_sides(_shape(upper.mesh, partial=True), bodies.target.shape)
+    ours, theirs = (one.proxies[COARSE] for one in sides[:2])
+    goal = sides.target.shape.vertices
+    right = goal[TRUTH[upper.origin][ours.kept]]
+    off = [
+        np.linalg.norm(goal[theirs.kept[one.registered.forward]] - right, axis=1).mean()
+        for one in stage(sides, [])
+    ]
+    assert min(off) < 0.1
+
+
+def test_a_pair_is_partial_if_either_shape_is(bodies: Sides, parts: Sides) -> None:
+    assert not bodies.partial
+    assert parts.partial
+    assert Sides(parts.target, parts.source).partial
+
+
+def test_what_leads_to_the_same_place_is_left_out_whatever_the_vertices(
+    boxes: list[Shape],
+) -> None:
+    ball = make_sphere(2)
+    ours = prepare_shape(Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces), 20, True).shape
+    sides = make_sides(ours, boxes[0])
+    for level in (COARSE, MEDIUM):
+        shapes = sides.at(level)
+        trees = [cKDTree(one.vertices) for one in shapes[::-1]]
+        ways = []
+        for signs in ([1, 1, 1], [1, 1, 1], [-1, -1, 1]):
+            there, back = (
+                tree.query(one.vertices * signs)[1] for tree, one in zip(trees, shapes, strict=True)
+            )
+            start = mapped_start(*shapes, there, back, 1.0)
+            ways.append(replace(_candidate(0.1), registered=start))
+        assert best(sides, level, ways) == ways[::2]
