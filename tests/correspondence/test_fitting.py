@@ -7,7 +7,7 @@ from unbend import Mesh
 from unbend.correspondence._fitting import Fit, _spread
 from unbend.correspondence._landing import make_ground
 from unbend.datasets import make_sphere
-from unbend.matching import Shape
+from unbend.deformation import ElasticSurface
 from unbend.mesh import vertex_areas
 
 ROD = make_sphere(3)
@@ -20,10 +20,9 @@ LEFT, RIGHT = START[:, 0] < -0.2, START[:, 0] > 0.2
 def _fitted(goal: np.ndarray, seen: np.ndarray) -> Fit:
     """Fit a rod to what is seen of another."""
     n = len(START)
-    areas, nothing = AREAS / AREAS.sum(), np.empty((n, 0))
-    shape = Shape(START, ROD.faces, areas, np.empty(0), nothing)
+    surface = ElasticSurface(START, ROD.faces, AREAS / AREAS.sum())
     ground = make_ground(goal, ROD.faces[seen[ROD.faces].all(axis=1)])
-    fit = Fit(shape, ground, np.arange(n), goal, np.isin(np.arange(n), ground.faces))
+    fit = Fit(surface, ground, np.arange(n), goal, np.isin(np.arange(n), ground.faces))
     fit.run(None)
     return fit
 

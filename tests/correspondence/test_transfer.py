@@ -14,6 +14,7 @@ from unbend.datasets import make_quadruped, rest_map
 from unbend.errors import InputError
 from unbend.matching import Match, match
 from unbend.matching._projection import closest_faces
+from unbend.mesh import faces_around
 
 PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))
 
@@ -64,10 +65,13 @@ def test_positions_carried_through_faces_are_finer_than_through_vertices() -> No
     source = make_quadruped("standing", n_vertices=800)
     target = make_quadruped("standing", n_vertices=700, meshing=1)
     forward, backward = rest_map(source, target), rest_map(target, source)
+    fans = faces_around(target.mesh.faces, target.mesh.n_vertices)
     found = _match(
         forward,
         backward,
-        *closest_faces(source.mesh.vertices, target.mesh.vertices, target.mesh.faces, forward),
+        *closest_faces(
+            source.mesh.vertices, target.mesh.vertices, target.mesh.faces, fans, forward
+        ),
     )
     fine = transfer(source.mesh.vertices, found, source=source.mesh, target=target.mesh)
     coarse = transfer(source.mesh.vertices, found)

@@ -13,10 +13,10 @@ from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
 from unbend.matching import _continuation
 from unbend.matching._continuation import _best_explained, continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import _fine_energy, settled
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._shape import Shape
-from unbend.matching._solve import candidates, make_sides
 
 SOURCE = make_quadruped("standing", n_vertices=500)
 TARGET = make_quadruped("standing", n_vertices=500, meshing=1)
@@ -127,8 +127,8 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     monkeypatch.setattr("unbend.matching._polish._NEARLY", np.inf)
     half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
     part = prepare_shape(half, 60, True, partial=True).shape
-    sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape)
-    best, other, *rest = candidates(sides, thorough=True)
+    sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape, thorough=True)
+    best, other, *rest = candidates(sides)
     found, fine = settled(sides, [other, best, *rest])
     assert found[0].registered is best.registered
     known = [one for one in found if one in fine]
@@ -182,7 +182,7 @@ def test_all_and_the_largest_pieces_are_held(
 def test_the_rest_begins_turned_as_what_is_held_nearest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_continuation, "turn_rotations", lambda *given: None)
+    monkeypatch.setattr("unbend.deformation._surface.turn_rotations", lambda *given: None)
     sheet = prepare_shape(make_sheet(8), 20, False).shape
     every, x = np.arange(64), sheet.vertices[:, 0]
     turns = np.zeros((64, 3, 3)) + every[:, None, None]

@@ -7,8 +7,15 @@ import pytest
 
 from unbend.datasets import make_sphere
 from unbend.matching._projection import closest_faces
+from unbend.mesh import faces_around
 
 pytestmark = pytest.mark.kernels
+
+
+def _closest(
+    points: np.ndarray, places: np.ndarray, faces: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    return closest_faces(points, places, faces, faces_around(faces, len(places)), vertices)
 
 
 def _nearest_distance(point: np.ndarray, corners: np.ndarray) -> float:
@@ -30,7 +37,7 @@ def test_the_nearest_point_of_the_faces_around_a_vertex(d: int) -> None:
     places = rng.normal(size=(faces.max() + 1, d))
     points = 1.5 * rng.normal(size=(50, d))
     vertices = rng.integers(len(places), size=50)
-    found, weights = closest_faces(points, places, faces, vertices)
+    found, weights = _closest(points, places, faces, vertices)
     assert (faces[found] == vertices[:, None]).any(axis=1).all()
     assert (weights >= 0).all()
     np.testing.assert_allclose(weights.sum(axis=1), 1)
@@ -46,11 +53,11 @@ def test_what_lies_on_the_surface_stays_there() -> None:
     rng = np.random.default_rng(0)
     shares = rng.dirichlet(np.ones(3), size=len(ball.faces))
     points = np.einsum("ij,ijk->ik", shares, ball.vertices[ball.faces])
-    found, weights = closest_faces(points, ball.vertices, ball.faces, ball.faces[:, 1])
+    found, weights = _closest(points, ball.vertices, ball.faces, ball.faces[:, 1])
     np.testing.assert_array_equal(found, np.arange(len(ball.faces)))
     np.testing.assert_allclose(weights, shares, atol=1e-9)
     every = np.arange(ball.n_vertices)
-    found, weights = closest_faces(ball.vertices, ball.vertices, ball.faces, every)
+    found, weights = _closest(ball.vertices, ball.vertices, ball.faces, every)
     landed = np.einsum("ij,ijk->ik", weights, ball.vertices[ball.faces[found]])
     np.testing.assert_allclose(landed, ball.vertices, atol=1e-12)
 
@@ -60,8 +67,8 @@ def test_of_any_size(size: float) -> None:
     ball = make_sphere(1)
     points = 1.1 * np.random.default_rng(0).normal(size=(50, 3))
     vertices = np.arange(50) % ball.n_vertices
-    at_one = closest_faces(points, ball.vertices, ball.faces, vertices)
-    found = closest_faces(points * size, ball.vertices * size, ball.faces, vertices)
+    at_one = _closest(points, ball.vertices, ball.faces, vertices)
+    found = _closest(points * size, ball.vertices * size, ball.faces, vertices)
     for one, other in zip(found, at_one, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -74,5 +81,5 @@ def test_a_face_without_area_is_a_line_or_a_point() -> None:
         (places, [3.0, 1, 0], [2, 0, 0]),
         (0 * places + 1, [3.0, 1, 0], [1, 1, 1]),
     ):
-        _, weights = closest_faces(np.array([point]), np.asarray(corners, float), face, first)
+        _, weights = _closest(np.array([point]), np.asarray(corners, float), face, first)
         np.testing.assert_allclose(weights[0] @ corners, nearest, atol=1e-12)

@@ -24,7 +24,6 @@ from unbend.matching._registration import (
     bearable,
     landing_places,
     lift,
-    local_covariances,
     lower,
     mapped_start,
     register,
@@ -32,8 +31,8 @@ from unbend.matching._registration import (
     smooth_start,
     spectral_residual,
 )
-from unbend.matching._shape import Shape
-from unbend.matching._zoomout import orthogonal_maps
+from unbend.matching._search import orthogonal_maps
+from unbend.matching._shape import PATCH, Shape
 
 
 def _shape(mesh: Mesh) -> Shape:
@@ -280,7 +279,7 @@ def test_maps_begin_with_poses_that_are_turned_and_for_parts_larger(
     for pose, shape, motion in ((found.source, turned, turn), (found.target, ours, turn.T)):
         assert pose.within.all()
         np.testing.assert_allclose(pose.rotations, np.tile(motion, (700, 1, 1)), atol=1e-6)
-        smooth = shape.patches.solve(shape.areas[:, None] * shape.vertices)
+        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
 
 
@@ -292,7 +291,7 @@ def test_how_much_longer_things_are_is_the_median_of_what_has_partners(standing:
     grown = standing.vertices * np.where(upper, 2, 1.5)[:, None] @ _turn(1).T
     poses = [Pose(grown, turns, within) for within in (upper, ~upper, every)]
     moving = _Moving(standing, standing, poses)
-    moving.covariances = local_covariances(standing, standing.vertices, moving.places)
+    moving.covariances = standing.averaged(standing.covariances(moving.places))
     larger, smaller, both = moving.stretch()
     assert larger == pytest.approx(2, rel=0.02)
     assert smaller == pytest.approx(1.5, rel=0.02)
@@ -382,7 +381,7 @@ def test_maps_begin_as_they_are_and_of_their_size_if_either_is_a_part(
     assert found.source.size == 1.3
     for pose, shape in ((found.source, source), (found.target, target)):
         assert pose.within.dtype == bool
-        smooth = shape.patches.solve(shape.areas[:, None] * shape.vertices)
+        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
 
 
@@ -523,7 +522,7 @@ def test_half_of_the_area_is_larger_than_the_median(
     still = np.tile(np.eye(3), (700, 1, 1))
     grown = standing.vertices * np.where(lower, 1.5, 2)[:, None]
     moving = _Moving(standing, standing, [Pose(grown, still, height < np.inf)])
-    moving.covariances = local_covariances(standing, standing.vertices, moving.places)
+    moving.covariances = standing.averaged(standing.covariances(moving.places))
     assert moving.stretch() == pytest.approx([median], rel=0.03)
 
 

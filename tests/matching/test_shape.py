@@ -10,21 +10,19 @@ from unbend.matching import _inputs
 from unbend.matching._inputs import prepare_shape, prepare_shapes
 from unbend.matching._proxy import make_proxy
 from unbend.matching._shape import (
-    _DETAIL,
-    _DETAIL_EDGES,
-    _PATCH,
     _SHORTEST_RIM,
     _SMALLEST_EIGENVALUE,
-    _TURNING,
     Shape,
-    find_rim,
     make_shape,
 )
-from unbend.spectral import laplacian
 
 
 def _shape(mesh: Mesh, n_eigenpairs: int = 40) -> Shape:
     return prepare_shape(mesh, n_eigenpairs, True)[1]
+
+
+def _square(side: int) -> Shape:
+    return prepare_shape(make_sheet(side), 10, False, partial=True).shape
 
 
 def _area(shape: Shape) -> float:
@@ -97,12 +95,11 @@ def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
     inside = (np.arange(side) % (side - 1) > 0).astype(int)
     outline = (np.outer(inside, inside) == 0).ravel()
     np.testing.assert_array_equal(part.on_rim, outline)
-    np.testing.assert_array_equal(part.rim, find_rim(part.vertices, part.faces))
+    np.testing.assert_array_equal(part.rim, part.conormals(part.vertices))
     assert not whole.on_rim.any()
     assert whole.rim.shape == part.rim.shape
     assert not whole.rim.any()
-    for shape in (part, whole):
-        assert shape.rim_length == pytest.approx(4)
+    assert part.rim_length == pytest.approx(4)
 
 
 def test_the_tip_of_a_slit_is_on_the_rim() -> None:
@@ -135,15 +132,6 @@ def test_lengths_and_ways_along_edges_of_a_square() -> None:
     slanted = np.where(down * right < 0, np.minimum(abs(down), abs(right)), 0)
     expected = abs(down) + abs(right) - (2 - np.sqrt(2)) * slanted
     np.testing.assert_allclose(shape.ways, expected / (side - 1), atol=1e-12)
-
-
-def test_every_vertex_has_the_faces_around_it() -> None:
-    ball = make_sphere(1)
-    start, faces = _shape(ball, 10).fans
-    assert start[-1] == len(faces) == 3 * ball.n_faces
-    for vertex in range(ball.n_vertices):
-        mine = np.flatnonzero((ball.faces == vertex).any(axis=1))
-        np.testing.assert_array_equal(np.sort(faces[start[vertex] : start[vertex + 1]]), mine)
 
 
 def test_side_by_side_shapes_are_prepared_as_one_by_one(
@@ -186,23 +174,9 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_array_equal(again.faces, shape.faces)
 
 
-def test_spokes_are_the_cotangents_of_the_laplacian() -> None:
-    ball = make_sphere(2)  # no angle is obtuse: no weight needs to be held up
-    shape = _shape(ball)
-    expected = laplacian(ball).stiffness.toarray()
-    np.testing.assert_allclose(shape.stiffness.toarray(), expected, atol=1e-4)
-    rows = np.ones(ball.n_vertices)
-    np.testing.assert_allclose(shape.stiffness @ rows, 0, atol=1e-9)
-
-
-def test_weights_of_thin_and_obtuse_triangles_are_held_within_bounds(blob: Mesh) -> None:
-    flat = _shape(Mesh(blob.vertices * [1, 1, 0.001], blob.faces))
-    assert (flat.spokes.data.min(), flat.spokes.data.max()) == (1e-3, 1e3)
-
-
 def test_the_rim_of_a_square_leads_off_its_sides() -> None:
     sheet = make_sheet(5)
-    rim = find_rim(sheet.vertices, sheet.faces)
+    rim = _square(5).conormals(sheet.vertices)
     low, high = sheet.vertices.min(axis=0), sheet.vertices.max(axis=0)
     off = (sheet.vertices == high).astype(float) - (sheet.vertices == low)
     off[:, high == low] = 0
@@ -218,7 +192,7 @@ def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
     x, y, _ = sheet.vertices.T
     flat = np.stack([x + 0.3 * x * y + 0.1 * y**2, y + 0.2 * x**2, 0 * x], axis=1)
     turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    rim = find_rim(flat @ turn.T + 5, sheet.faces) @ turn
+    rim = _square(side).conormals(flat @ turn.T + 5) @ turn
     grid = np.arange(side**2).reshape(side, side)
     around = np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
     chords = flat[np.roll(around, -1)] - flat[np.roll(around, 1)]
@@ -226,40 +200,6 @@ def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     np.testing.assert_allclose(rim[around], expected, atol=1e-9)
     assert np.abs(np.delete(rim, around, axis=0)).max() == 0
-
-
-def test_what_is_constant_is_its_own_average_and_the_whole_is_kept(blob: Mesh) -> None:
-    shape = _shape(blob)
-    values = np.random.default_rng(0).normal(size=blob.n_vertices)
-    for solver in (shape.averaging, shape.patches, shape.details):
-        np.testing.assert_allclose(solver.solve(shape.areas), 1, atol=1e-8)
-        averaged = solver.solve(shape.areas * values)
-        assert shape.areas @ averaged == pytest.approx(shape.areas @ values)
-        assert np.ptp(averaged) < np.ptp(values)
-    pulled = shape.pulled(100.0)
-    np.testing.assert_allclose(pulled.solve(200 * shape.areas), 1, atol=1e-8)
-    assert shape.pulled(100.0) is pulled
-
-
-@pytest.mark.parametrize("level", [2, 4])
-def test_waves_are_averaged_by_their_length(level: int) -> None:
-    """Of a ball: no weight is held up, and its eigenfunctions are those of the averages."""
-    shape = _shape(make_sphere(level), 12)
-    fine = level == 4
-    assert (_DETAIL_EDGES * shape.edge < _DETAIL) == fine
-    detail = _DETAIL if fine else _DETAIL_EDGES * shape.edge
-    solvers = shape.averaging, shape.patches, shape.details
-    for solver, length in zip(solvers, (_TURNING, _PATCH, detail), strict=True):
-        averaged = solver.solve(shape.areas[:, None] * shape.basis)
-        expected = shape.basis / (1 + length**2 * shape.eigenvalues)
-        np.testing.assert_allclose(averaged, expected, atol=1e-4)
-
-
-def test_edges_around_all_vertices_tell_the_area_twice_over_each_way() -> None:
-    """The energy of the identity of a surface is its area."""
-    shape = _shape(make_sphere(2))
-    assert shape.edge_squares.sum() == pytest.approx(4)
-    assert shape.areas @ shape.patch_sizes == pytest.approx(4)
 
 
 def test_samples_spread_from_the_remotest_vertex() -> None:

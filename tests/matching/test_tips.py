@@ -70,7 +70,7 @@ def test_every_most_remote_place_is_a_tip_the_most_remote_first() -> None:
     apart = tips.ways[np.triu_indices(len(tips.vertices), 1)]
     assert 0.22 < apart.min() < 0.4
     highest = np.ones(len(remote), dtype=bool)
-    i, j = shape.spokes.nonzero()
+    i, j = shape.edge_weights.nonzero()
     highest[i[remote[i] < remote[j]]] = False
     np.testing.assert_array_equal(np.sort(tips.vertices), np.flatnonzero(highest))
 
@@ -351,7 +351,7 @@ def test_ways_place_a_body_on_itself(blob) -> None:
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
     # Ways to a tip are shortest ways: 0 there, no longer than straight on to a neighbour.
     np.testing.assert_allclose(ends.fields[ends.vertices].diagonal(), 0)
-    i, j = shape.spokes.nonzero()
+    i, j = shape.edge_weights.nonzero()
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
     smooth = find_tips(prepare_shape(blob, 60, True)[1])

@@ -8,7 +8,7 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.mesh import _topology as topology
-from unbend.mesh import edge_ends
+from unbend.mesh import edge_ends, faces_around
 
 NOTHING = np.empty((0, 3), dtype=np.int64)
 
@@ -160,3 +160,13 @@ def test_twins_have_the_same_vertices_in_any_order():
     assert topology.has_earlier_twin(faces).tolist() == [False, False, True, True, True, False]
     assert topology.has_repeated_index(faces[:, [0, 1, 1]]).all()
     assert topology.proper_faces(faces) is faces
+
+
+def test_every_vertex_has_the_faces_around_it():
+    faces = make_sphere(0).faces
+    n = faces.max() + 2  # the last vertex has no face
+    start, around = faces_around(faces, n)
+    assert start[-1] == len(around) == faces.size
+    for i in range(n):
+        mine = np.flatnonzero((faces == i).any(axis=1))
+        np.testing.assert_array_equal(around[start[i] : start[i + 1]], mine)

@@ -10,12 +10,9 @@ surface modeling", SGP 2007).
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from unbend._types import FloatArray, IntArray, Progress
-from unbend.alignment import nearest_rotation
-from unbend.linalg.factorization import Factorization, factorize
-from unbend.matching import Shape, edge_covariances, rotated_divergence, turn_rotations
+from unbend.deformation import ElasticSurface
 from unbend.mesh import wind_alike
 
 # Pull towards the form, in units of 1 / area, first so strong that every joint gives way; steps
@@ -52,27 +49,15 @@ def lay_into_pose(
     goal = form - areas @ form
     if wound is not None and _volume(rest, wound) * _volume(goal, wound) < 0:
         goal = goal * np.array([-1.0, 1.0, 1.0])
-    shape = Shape(rest, faces, areas, np.empty(0), np.empty((len(rest), 0)))
-    spokes, mass = shape.spokes, areas[:, None]
-    edges = spokes.indptr, spokes.indices, spokes.data
-    patches = factorize(sp.diags(areas) + _PATCH**2 * shape.stiffness)
-    averaging = factorize(sp.diags(areas) + _TURNING**2 * shape.stiffness)
-
-    def covariances(places: FloatArray, over: Factorization = averaging) -> FloatArray:
-        cross = edge_covariances(*edges, rest, places)
-        return np.asarray(over.solve(cross.reshape(-1, 9)).reshape(-1, 3, 3))
-
-    rotations = nearest_rotation(covariances(goal, patches).transpose(0, 2, 1))
-    rotations = np.ascontiguousarray(rotations)
+    surface, mass = ElasticSurface(rest, faces, areas), areas[:, None]
+    rotations = surface.fit_rotations(goal, length=_PATCH)
     places = goal * np.sqrt((mass * rest**2).sum() / (mass * goal**2).sum())
     for i, pull in enumerate(_PULLS):
-        system = factorize(shape.stiffness + sp.diags(pull * areas))
+        system = surface.system(pull)
         for step in range(_STEPS):
             size = (mass * places * goal).sum() / (mass * goal**2).sum()
-            wanted = places + patches.solve(mass * (size * goal - places))
-            turned = rotated_divergence(*edges, rest, rotations)
-            places = system.solve(turned + pull * mass * wanted)
-            turn_rotations(covariances(places), rotations)
+            wanted = places + surface.averaged(mass * (size * goal - places), _PATCH)
+            places, *_ = surface.step(system, pull * mass * wanted, rotations, length=_TURNING)
             progress("detail", (i + (step + 1) / _STEPS) / len(_PULLS))
     return np.asarray(places)
 

@@ -9,23 +9,22 @@ surface from where the match leads, so a leg is never caught by the leg beside i
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
-from unbend.alignment import nearest_rotation, procrustes
+from unbend.alignment import procrustes
 from unbend.correspondence._landing import Ground, Landing, land, make_ground
-from unbend.linalg.factorization import factorize
-from unbend.matching import Shape, edge_covariances, rotated_divergence, scatter, turn_rotations
+from unbend.deformation import ElasticSurface, scatter
+from unbend.linalg.factorization import Factorization
 from unbend.mesh import Mesh, edge_ends, find_components, vertex_areas, vertex_normals
 
 # Stiffness and pull balance over a length. The match is followed from the first of these to the
 # second, in sqrt(area); closest points from there to a share of an edge, in so many steps.
 _RIGID, _FIRM, _SOFT = 0.06, 0.03, 0.02
+_PATCH = 0.15  # length in sqrt(area) over which sizes are averaged
 _FOLLOWING, _SINKING = 12, 30
 _BOTH_WAYS = 0.3  # edges of balance down to which the ground pulls too, which fills tips of limbs
 _JOINT = 1.0  # weight of an edge that joins a part without a partner, an eyeball, to the next part
@@ -43,7 +42,7 @@ class Fit:
 
     Parameters
     ----------
-    shape : Shape
+    surface : ElasticSurface
     ground : Ground
     partners : (n,) ndarray of int64
         Vertices of the ground that the match leads to; anything where there is none.
@@ -61,34 +60,32 @@ class Fit:
 
     def __init__(
         self,
-        shape: Shape,
+        surface: ElasticSurface,
         ground: Ground,
         partners: IntArray,
         goal: FloatArray,
         matched: BoolArray,
     ) -> None:
-        parts = find_components(shape.faces, len(goal)).of_vertex
+        parts = find_components(surface.faces, len(goal)).of_vertex
         self.carried = ~np.isin(parts, parts[matched])
-        shape = self.shape = _joined(shape, self.carried)
+        surface = self.surface = _joined(surface, self.carried)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
-        self.own = make_ground(shape.vertices, shape.faces)
-        self.ends = edge_ends(shape.faces, len(goal)).T
-        self.partners = _spread(partners, matched, shape.vertices, shape.spokes)
+        self.own = make_ground(surface.vertices, surface.faces)
+        self.ends = edge_ends(surface.faces, len(goal)).T
+        self.partners = _spread(partners, matched, surface.vertices, surface.edge_weights)
         back = np.full(len(ground.vertices), -1)
         back[partners[matched]] = np.flatnonzero(matched)
         self.partners_back = _spread(back, back >= 0, ground.vertices, ground.neighbors)
         self.weights = vertex_areas(Mesh(ground.vertices, ground.faces))
-        self.rest_squares = np.einsum("iaa->i", self._covariances(shape.vertices))
         self.sizes = np.ones(len(goal))
         # Displacements as smooth as can be say how neighbourhoods are turned.
-        turn, shift = procrustes(shape.vertices[matched], goal[matched], reflect=False)
-        self.places = self.ahead = shape.vertices @ turn.T + shift
-        pull = shape.areas * matched
-        self._settle(_RIGID, shape.stiffness @ self.places, pull[:, None] * self.goal, pull)
-        averaged = shape.averaging.solve(self._covariances(self.places).reshape(-1, 9))
-        rotations = nearest_rotation(averaged.reshape(-1, 3, 3).transpose(0, 2, 1))
-        self.rotations = np.ascontiguousarray(rotations)
+        turn, shift = procrustes(surface.vertices[matched], goal[matched], reflect=False)
+        places = surface.vertices @ turn.T + shift
+        pull = surface.areas * matched
+        system, force = self._held(_RIGID, pull[:, None] * self.goal, pull, places)
+        self.places = self.ahead = system.solve(surface.stiffness @ places + force)
+        self.rotations = surface.fit_rotations(self.places)
         facing = (self._normals(self.places) * ground.normals[self.partners]).sum(axis=1)
         self.ground = ground if pull @ facing >= 0 else ground.turned()
 
@@ -100,14 +97,14 @@ class Fit:
 
     def run(self, progress: Progress | None) -> None:
         """Follow the match, then sink into the ground."""
-        pull = self.shape.areas * self.matched
+        pull = self.surface.areas * self.matched
         for length in np.geomspace(_RIGID, _FIRM, _FOLLOWING):
             self._step(length, pull[:, None] * self.goal, pull)
         for i, length in enumerate(np.geomspace(_FIRM, _SOFT * self.edge, _SINKING)):
             found = self.land(length)
             self.partners = found.partners
             free = self.carried | self._turned_over(found)
-            pull = self.shape.areas * (self._trusted(found) & ~free)
+            pull = self.surface.areas * (self._trusted(found) & ~free)
             force = pull[:, None] * found.places
             if length > _BOTH_WAYS * self.edge:
                 more, back = self._pulled_back(length)
@@ -123,7 +120,7 @@ class Fit:
             self.ground,
             self.ahead,
             self._normals(self.ahead),
-            self.shape.spokes,
+            self.surface.edge_weights,
             self.partners,
             normal_weight=_NORMAL_WEIGHT * length,
             slack=_SLACK * self.edge,
@@ -140,7 +137,7 @@ class Fit:
 
     def _turned_over(self, found: Landing) -> BoolArray:
         """Vertices of faces that are turned over: let go of, their stiffness turns them back."""
-        faces = self.shape.faces
+        faces = self.surface.faces
         a, b, c = self.ahead[faces].transpose(1, 0, 2)
         facing = found.facing[faces].sum(axis=1)
         over = np.zeros(len(self.ahead), dtype=bool)
@@ -166,39 +163,31 @@ class Fit:
         return force, total
 
     def _step(self, length: float, force: FloatArray, pull: FloatArray) -> None:
-        shape, spokes, before = self.shape, self.shape.spokes, self.places
-        turned = rotated_divergence(
-            spokes.indptr,
-            spokes.indices,
-            spokes.data,
-            shape.vertices,
-            self.sizes[:, None, None] * self.rotations,
-        )
-        self._settle(length, turned, force, pull)
-        covariances = self._covariances(self.places)
-        averaged = shape.averaging.solve(covariances.reshape(-1, 9)).reshape(-1, 3, 3)
-        turn_rotations(averaged, self.rotations)
+        before = self.places
+        held = self._held(length, force, pull, before)
+        self.places, covariances, _ = self.surface.step(*held, self.rotations, self.sizes)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
         self._resize(covariances, pull > 0)
 
-    def _settle(
-        self, length: float, turned: FloatArray, force: FloatArray, pull: FloatArray
-    ) -> None:
-        """Balance the stiffness with the pull."""
-        hold = _HOLD * self.shape.areas
-        system = factorize(self.shape.stiffness + sp.diags(pull / length**2 + hold))
-        self.places = system.solve(turned + force / length**2 + hold[:, None] * self.places)
+    def _held(
+        self, length: float, force: FloatArray, pull: FloatArray, places: FloatArray
+    ) -> tuple[Factorization, FloatArray]:
+        """System and force of a pull that balances with stiffness over a length."""
+        hold = _HOLD * self.surface.areas
+        system = self.surface.system_of(pull / length**2 + hold)
+        return system, force / length**2 + hold[:, None] * places
 
     def _resize(self, covariances: FloatArray, pulled: BoolArray) -> None:
         """Fit the sizes of patches to what is pulled; the rest takes after it."""
         stretched = np.einsum("iba,iab->i", self.rotations, covariances)
-        both = np.stack([stretched, self.rest_squares], axis=1)
+        squares = self.surface.edge_squares
+        both = np.stack([stretched, squares], axis=1)
         total = both[pulled].sum(axis=0)
         if not (total > 0).all():
             return
         whole = np.array([total[0] / total[1], 1.0])
-        both = both * pulled[:, None] + _PRIOR * self.rest_squares[:, None] * whole
-        above, below = self.shape.patches.solve(both).T
+        both = both * pulled[:, None] + _PRIOR * squares[:, None] * whole
+        above, below = self.surface.averaged(both, _PATCH).T
         self.sizes = above / below
 
     def _trusted(self, found: Landing) -> BoolArray:
@@ -209,26 +198,18 @@ class Fit:
         return np.asarray(found.there & (found.distances <= _OUTLIER * usual + self.edge))
 
     def _normals(self, places: FloatArray) -> FloatArray:
-        return vertex_normals(places, self.shape.faces)
-
-    def _covariances(self, places: FloatArray) -> FloatArray:
-        spokes = self.shape.spokes
-        return edge_covariances(
-            spokes.indptr, spokes.indices, spokes.data, self.shape.vertices, places
-        )
+        return vertex_normals(places, self.surface.faces)
 
 
-def _joined(shape: Shape, carried: BoolArray) -> Shape:
+def _joined(surface: ElasticSurface, carried: BoolArray) -> ElasticSurface:
     """Join parts that the match says nothing of to the nearest of the others, to go along."""
     if not carried.any():
-        return shape
+        return surface
     loose, others = np.flatnonzero(carried), np.flatnonzero(~carried)
-    nearest = others[cKDTree(shape.vertices[others]).query(shape.vertices[loose])[1]]
-    size = shape.spokes.shape
-    links = sp.csr_matrix((np.full(len(loose), _JOINT), (loose, nearest)), shape=size)
-    joined = replace(shape)
-    joined.__dict__["spokes"] = sp.csr_matrix(shape.spokes + links + links.T)
-    return joined
+    nearest = others[cKDTree(surface.vertices[others]).query(surface.vertices[loose])[1]]
+    weights = surface.edge_weights
+    links = sp.csr_matrix((np.full(len(loose), _JOINT), (loose, nearest)), shape=weights.shape)
+    return surface.with_edge_weights(sp.csr_matrix(weights + links + links.T))
 
 
 def _spread(

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.matching import closest_faces, walk
-from unbend.mesh import edge_ends, find_edges, vertex_normals
+from unbend.mesh import faces_around, find_edges, vertex_normals
 
 _TURNED = 0.3  # cosine between normals below which two points are of different sides
 _FANS = 3  # faces around the closest vertex, then around the heaviest corner of the closest one
@@ -22,6 +22,8 @@ class Ground(NamedTuple):
     ----------
     vertices, normals : (n, 3) ndarray of float64
     faces : (m, 3) ndarray of int64
+    fans : two ndarrays of int64
+        The faces around each vertex, in compressed rows.
     neighbors : (n, n) sparse matrix in compressed rows
     rim_sides : (m, 3) ndarray of bool
         Whether the surface ends at side k of a face, opposite its corner k.
@@ -32,6 +34,7 @@ class Ground(NamedTuple):
     vertices: FloatArray
     normals: FloatArray
     faces: IntArray
+    fans: tuple[IntArray, IntArray]
     neighbors: SparseMatrix
     rim_sides: BoolArray
     rim: BoolArray
@@ -71,19 +74,17 @@ def make_ground(vertices: FloatArray, faces: IntArray) -> Ground:
     rim_sides = (edges.n_faces == 1)[edges.of_side].reshape(-1, 3)[:, [1, 2, 0]]
     rim = np.zeros(n, dtype=bool)
     rim[edges.ends[edges.n_faces == 1]] = True
-    i, j = edge_ends(faces, n).T
-    ones = np.ones(2 * len(i))
-    neighbors = sp.csr_matrix(
-        (ones, (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n)
-    )
-    return Ground(vertices, vertex_normals(vertices, faces), faces, neighbors, rim_sides, rim)
+    links = sp.csr_matrix((np.ones(len(edges.ends)), tuple(edges.ends.T)), shape=(n, n))
+    neighbors = sp.csr_matrix(links + links.T)
+    normals, fans = vertex_normals(vertices, faces), faces_around(faces, n)
+    return Ground(vertices, normals, faces, fans, neighbors, rim_sides, rim)
 
 
 def land(
     ground: Ground,
     points: FloatArray,
     normals: FloatArray,
-    spokes: SparseMatrix,
+    edges: SparseMatrix,
     partners: IntArray,
     *,
     normal_weight: float,
@@ -95,7 +96,7 @@ def land(
     ----------
     ground : Ground
     points, normals : (n, 3) ndarray of float64
-    spokes : (n, n) sparse matrix in compressed rows
+    edges : (n, n) sparse matrix in compressed rows
         Which points are neighbours: their partners are tried too.
     partners : (n,) ndarray of int64
         A vertex of the ground that some face uses.
@@ -106,11 +107,10 @@ def land(
     """
     left = np.hstack([points, normal_weight * normals])
     right = np.hstack([ground.vertices, normal_weight * ground.normals])
-    grid = ground.neighbors
-    partners = walk(left, right, partners, spokes.indptr, spokes.indices, grid.indptr, grid.indices)
+    partners = walk(left, right, partners, edges, ground.neighbors)
     every = np.arange(len(points))
     for _ in range(_FANS):
-        faces, weights = closest_faces(left, right, ground.faces, partners)
+        faces, weights = closest_faces(left, right, ground.faces, ground.fans, partners)
         corners = ground.faces[faces]
         partners = corners[every, weights.argmax(axis=1)]
     places = np.einsum("ij,ijk->ik", weights, ground.vertices[corners])

@@ -8,12 +8,12 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from unbend._arrays import is_number
-from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
+from unbend.deformation import ElasticSurface
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
-from unbend.linalg.factorization import factorize
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
 
@@ -110,24 +110,25 @@ def _carried_along(
     start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray, rotation: FloatArray
 ) -> FloatArray:
     """Move parts without an image as what is next to them turns, or the whole, their shape kept."""
-    n = len(start)
-    i, j, neighbours, used = _links(faces, n)
-    before, after = (np.where(used[:, None], points, 0) for points in (start, goal))
+    surface, used = _evenly_weighted(start, faces)
+    before, after = surface.vertices, np.where(used[:, None], goal, 0)
+    i, j = surface.edge_weights.nonzero()
     edges, images = before[j] - before[i], after[j] - after[i]
     # How neighbourhoods turn is known where they have images, and spreads from there. Where too few
     # have any, the whole's rotation decides.
-    known = moving[i] & moving[j]
-    products = (edges[:, :, None] * images[:, None, :] * known[:, None, None]).reshape(-1, 9)
-    cross = _summed(i, products, n) + _FAINT * (edges**2).mean() * rotation.T.ravel()
-    spread = _fitted(i, j, neighbours, np.zeros((len(i), 9)), cross, np.where(moving, 1.0, _TIE))
-    turns = Rotation.from_matrix(nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1)))
+    known, mask = moving[i] & moving[j], sp.diags(moving.astype(np.float64))
+    both_known = surface.with_edge_weights(sp.csr_matrix(mask @ surface.edge_weights @ mask))
+    cross = both_known.covariances(after) + _FAINT * (edges**2).mean() * rotation.T
+    ties = np.where(moving, 1.0, _TIE) / 2
+    spread = surface.system_of(ties).solve(ties[:, None] * cross.reshape(-1, 9))
+    turns = nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1))
     spans = [edges[known], images[known]]
     if not known.any():  # images are scattered
         spans = [points[moving] - points[moving].mean(axis=0) for points in (start, goal)]
     lengths = [np.linalg.norm(one, axis=1).sum() for one in spans]
     size = lengths[1] / lengths[0] if lengths[0] > 0 else 1.0
-    wanted = size * (turns[i].apply(edges) + turns[j].apply(edges)) / 2
-    moved = _fitted(i, j, neighbours, wanted, after, np.where(moving, _HELD, _TIE))
+    ties = np.where(moving, _HELD, _TIE) / 2
+    moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
     return np.where((used & ~moving)[:, None], moved, goal)
 
 
@@ -135,29 +136,31 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     straight = start + t * (goal - start)
     if not len(faces):
         return straight
-    n = len(start)
-    i, j, neighbours, used = _links(faces, n)
-    # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
-    before = np.where(used[:, None], start, 0)
-    after = np.where(used[:, None], goal, 0)
-    turns = _rotation_vectors(before, after, i, j, neighbours)
+    surface, used = _evenly_weighted(start, faces)
+    before, after = surface.vertices, np.where(used[:, None], goal, 0)
+    i, j = surface.edge_weights.nonzero()
+    turns = _rotation_vectors(surface, after)[i]
     edges, images = before[j] - before[i], after[j] - after[i]
     # Turned back by its end's rotation, an edge's image differs from the edge by stretch alone.
-    still = Rotation.from_rotvec(turns[i]).apply(images, inverse=True)
-    wanted = Rotation.from_rotvec(t * turns[i]).apply(edges + t * (still - edges))
+    still = Rotation.from_rotvec(turns).apply(images, inverse=True)
+    wanted = Rotation.from_rotvec(t * turns).apply(edges + t * (still - edges))
+    pull = _summed(j, wanted, len(start)) - _summed(i, wanted, len(start))
     line = np.where(used[:, None], straight, 0)
-    tie = _TIE * max(len(i) / n, 1.0)
-    fitted = _fitted(i, j, neighbours, wanted, line, np.full(n, tie))
+    tie = _TIE * max(len(i) / len(start), 1.0)
+    fitted = surface.system_of(np.full(len(start), tie / 2)).solve((pull + tie * line) / 2)
     return np.where(used[:, None], fitted, straight)
 
 
-def _links(faces: IntArray, n: int) -> tuple[IntArray, IntArray, SparseMatrix, BoolArray]:
-    """Both ends of every edge, in both directions, also as a matrix, and the vertices in use."""
+def _evenly_weighted(points: FloatArray, faces: IntArray) -> tuple[ElasticSurface, BoolArray]:
+    """Surface all of whose edges count the same, and the vertices in use; the others are at 0."""
+    n = len(points)
     used = np.zeros(n, dtype=bool)
     used[faces] = True
-    links = edge_ends(faces, n)
-    i, j = np.concatenate([links, links[:, ::-1]]).T
-    return i, j, sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n)), used
+    # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
+    surface = ElasticSurface(np.where(used[:, None], points, 0), faces, used / used.sum())
+    i, j = edge_ends(faces, n).T
+    links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    return surface.with_edge_weights(sp.csr_matrix(links + links.T)), used
 
 
 def _summed(at: IntArray, rows: FloatArray, n: int) -> FloatArray:
@@ -165,31 +168,11 @@ def _summed(at: IntArray, rows: FloatArray, n: int) -> FloatArray:
     return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
 
 
-def _fitted(
-    i: IntArray,
-    j: IntArray,
-    neighbours: SparseMatrix,
-    wanted: FloatArray,
-    places: FloatArray,
-    ties: FloatArray,
-) -> FloatArray:
-    """Vertices whose edges, from i to j, are nearest to those wanted, tied to places."""
-    n = len(places)
-    pull = _summed(j, wanted, n) - _summed(i, wanted, n)
-    stiffness = 2 * (sp.diags(np.asarray(neighbours.sum(axis=1)).ravel()) - neighbours)
-    solved = factorize(stiffness + sp.diags(ties)).solve(pull + ties[:, None] * places)
-    return np.asarray(solved)
-
-
-def _rotation_vectors(
-    start: FloatArray, goal: FloatArray, i: IntArray, j: IntArray, neighbours: SparseMatrix
-) -> FloatArray:
-    """Rotation of each vertex's neighbourhood from start to goal, (n, 3), in radians."""
-    n = len(start)
-    products = (start[j] - start[i])[:, :, None] * (goal[j] - goal[i])[:, None, :]
-    cross = _summed(i, products.reshape(-1, 9), n)
+def _rotation_vectors(surface: ElasticSurface, places: FloatArray) -> FloatArray:
+    """Rotation of each vertex's neighbourhood to a pose, (n, 3), in radians."""
+    cross = surface.covariances(places).reshape(-1, 9)
     for _ in range(_AVERAGED_RINGS):
-        cross = cross + neighbours @ cross
+        cross = cross + surface.edge_weights @ cross
         cross /= np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
     rotations = nearest_rotation(cross.reshape(-1, 3, 3).transpose(0, 2, 1))
     return np.asarray(Rotation.from_matrix(rotations).as_rotvec())

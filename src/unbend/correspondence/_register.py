@@ -19,9 +19,10 @@ from unbend.alignment import procrustes
 from unbend.correspondence._fitting import Fit
 from unbend.correspondence._landing import make_ground
 from unbend.correspondence._transfer import as_point_map, positions_on_target
+from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
-from unbend.matching import Match, Shape, warn_of_disorder
+from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, vertex_areas, wind_alike
 
@@ -157,12 +158,10 @@ def register(
     # Both at the unit in which the template has unit area, as large as it is on the scan.
     size = np.sqrt(area) * _stretch(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
-    nothing = np.empty((len(rest), 0))
-    shape = Shape(
-        (rest - rest.mean(axis=0)) / np.sqrt(area), faces, areas / area, np.empty(0), nothing
-    )
+    surface = ElasticSurface((rest - rest.mean(axis=0)) / np.sqrt(area), faces, areas / area)
     seen = np.where(on_surface[:, None], scan.vertices - middle, 0) / size
-    fit = Fit(shape, make_ground(seen, _wound(scan)), images[used], (goal - middle) / size, matched)
+    ground = make_ground(seen, _wound(scan))
+    fit = Fit(surface, ground, images[used], (goal - middle) / size, matched)
     fit.run(progress)
 
     vertices = _carried_along(template.vertices, rest, fit.places * size + middle)

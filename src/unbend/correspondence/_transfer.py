@@ -13,7 +13,7 @@ from unbend.choices import ValueKind
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, invert_map
 from unbend.matching import Match, closest_faces, warn_of_disorder
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, faces_around
 
 _GREY = 128
 _ROUNDING = 1e-6  # by which barycentric coordinates may miss a sum of one
@@ -198,7 +198,10 @@ def _preimages(
         return vertices[:, None], np.ones((len(vertices), 1))
     laid = positions_on_target(match, target)
     there = np.flatnonzero(vertices >= 0)
-    faces, weights = closest_faces(target.vertices[there], laid, source.faces, vertices[there])
+    fans = faces_around(source.faces, source.n_vertices)
+    faces, weights = closest_faces(
+        target.vertices[there], laid, source.faces, fans, vertices[there]
+    )
     corners = np.full((len(vertices), 3), -1, dtype=np.int64)
     shares = np.zeros((len(vertices), 3))
     corners[there], shares[there] = source.faces[faces], weights

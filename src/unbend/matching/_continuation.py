@@ -9,16 +9,13 @@ it belongs.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.linalg.factorization import factorize
 from unbend.matching._judge import unexplained
-from unbend.matching._kernels import rotated_divergence, turn_rotations
-from unbend.matching._registration import NORMAL_WEIGHT, Pose, Registered, local_covariances
+from unbend.matching._registration import NORMAL_WEIGHT, Pose, Registered
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
@@ -45,7 +42,7 @@ def patches_to_hold(
     if not (ours.any() and theirs.any()):
         return []
     rows = np.flatnonzero(ours)
-    _, pieces = connected_components(source.spokes[rows][:, rows], directed=False)
+    _, pieces = connected_components(source.edge_weights[rows][:, rows], directed=False)
     areas = snap(np.asarray(np.bincount(pieces, source.areas[rows]), dtype=np.float64))
     largest = np.argsort(-areas, kind="stable")[:_PIECES]
     held = [(ours, theirs)]
@@ -93,23 +90,18 @@ def _carried(
 
     What is nearest there faces as they do. They begin turned as what is held nearest to them.
     """
-    spokes = shape.spokes
     pulls = _HOLD * shape.areas * held
-    pulled = factorize(shape.stiffness + sp.diags(pulls), many=True)
+    system = shape.system_of(pulls)
     force = pulls[:, None] * goal.vertices[point_map]
     nearest = np.flatnonzero(held)[snap(shape.ways[:, held]).argmin(axis=1)]
-    rotations = pose.rotations[nearest][:, None]
+    rotations = pose.rotations[nearest]
     for _ in range(_CARRYING):
-        turned = rotated_divergence(
-            spokes.indptr, spokes.indices, spokes.data, shape.vertices, rotations
-        )
-        places = pulled.solve(pose.size * turned[:, 0] + force)
-        turn_rotations(local_covariances(shape, shape.vertices, places[:, None]), rotations)
+        places, *_ = shape.step(system, force, rotations, pose.size)
     normals = vertex_normals(places, shape.faces), goal.normals
     there, here = (
         np.hstack([points, NORMAL_WEIGHT * directions])
         for points, directions in zip((places, goal.vertices), normals, strict=True)
     )
     within = np.ones(len(places), dtype=bool)
-    moved = Pose(places, np.ascontiguousarray(rotations[:, 0]), within, pose.size)
+    moved = Pose(places, rotations, within, pose.size)
     return moved, np.where(held, point_map, cKDTree(here).query(there)[1])

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.deformation import edge_squares, scatter
 from unbend.matching import _constants as constants
-from unbend.matching._kernels import edge_covariances, edge_squares, largest_traces, scatter
+from unbend.matching._kernels import largest_traces
 from unbend.matching._projection import closest_faces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
@@ -191,7 +192,7 @@ def probabilities(
 
 def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArray) -> FloatArray:
     """Where on the goal's faces each vertex lands, (n, 3), not rounded to vertices."""
-    faces, weights = closest_faces(left, right, goal.faces, point_map)
+    faces, weights = closest_faces(left, right, goal.faces, goal.fans, point_map)
     return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
 
 
@@ -209,13 +210,12 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     1976), weighted by area; a patch that collapses is not explained at all. What has no partner
     counts as explained in part.
     """
-    n, spokes = len(images), shape.spokes
-    graph = spokes.indptr, spokes.indices, spokes.data
-    common = edge_covariances(*graph, shape.vertices, images).reshape(n, -1, 9)
-    theirs = edge_squares(*graph, images).reshape(n, -1, 1)
+    n = len(images)
+    common = shape.covariances(images).reshape(n, -1, 9)
+    theirs = edge_squares(shape.edge_weights, images).reshape(n, -1, 1)
     own = np.broadcast_to(shape.edge_squares[:, None, None], theirs.shape)
     terms = np.concatenate([common, own, theirs], axis=2) * within.reshape(n, -1, 1)
-    averaged = shape.details.solve(terms.reshape(n, -1)).reshape(terms.shape)
+    averaged = shape.averaged(terms, shape.detail)
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
@@ -227,7 +227,7 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
 
     One less the ratio of the geometric to the arithmetic mean of both eigenvalues of the metric
     that is pulled back: 0 where a map is conformal. The metric of the faces that have partners is
-    averaged over `shape.averaging`.
+    averaged over `TURNING`.
     """
     own, theirs = (
         points[shape.faces[:, 1:]] - points[shape.faces[:, :1]]
@@ -239,7 +239,7 @@ def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
     metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
     weights = np.sqrt(np.linalg.det(gram)) * within[shape.faces].all(axis=1)
     sums, _ = scatter(shape.faces, weights.repeat(3), metric, len(images))  # by corner
-    averaged = shape.averaging.solve(sums.sum(axis=1)).reshape(-1, 3, 3)
+    averaged = shape.averaged(sums.sum(axis=1)).reshape(-1, 3, 3)
     stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
     ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
     return np.asarray(np.maximum(1 - ratio, 0))

@@ -338,7 +338,7 @@ def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate
     target = theirs.shape.reflected() if chosen.reflected else theirs.shape
     landing = landing_places(ours.shape, target, registered)
     faces, weights = theirs.on_own_faces(
-        *closest_faces(*landing, theirs.shape.faces, registered.forward)
+        *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
     )
     faces = np.where(registered.source.within, faces, -1)
     weights = np.where(registered.source.within[:, None], weights, np.nan)

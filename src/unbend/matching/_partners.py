@@ -53,7 +53,7 @@ def keep_matched(
     (n, p) ndarray of bool
     """
     kept = within.copy()
-    graph = shape.spokes.indptr, shape.spokes.indices
+    graph = shape.edge_weights.indptr, shape.edge_weights.indices
     longest, off = _OUTLINE * goal.rim_length / size, goal.off_rim[point_maps]
     _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near)
     return kept

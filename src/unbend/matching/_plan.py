@@ -15,6 +15,7 @@ import numpy as np
 
 from unbend._parallel import run_all
 from unbend._types import IntArray, Progress
+from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._continuation import continued, patches_to_hold
 from unbend.matching._judge import Candidate, distinct, judge, ranked, rough_costs
@@ -33,7 +34,7 @@ from unbend.matching._registration import (
     rough_start,
 )
 from unbend.matching._search import search
-from unbend.matching._shape import Shape
+from unbend.matching._shape import PATCH, Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
 
 COARSE, MEDIUM = 0, 1  # levels of detail
@@ -93,7 +94,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
         pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
         run_all(functools.partial(make_ready, one, pulls) for one in pair)
     for one in sides.at(COARSE):  # once, before several threads do
-        _ = one.patches, one.ways, one.landmark_ways
+        _ = one.averaging(PATCH), one.ways, one.landmark_ways
     return sides
 
 
@@ -273,8 +274,9 @@ def _make_levels(shape: Shape) -> Levels:
 
 def make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
     """Make what several threads would make several times."""
-    _ = shape.averaging, shape.normals, shape.position_coefficients, shape.fans, shape.details
-    _ = [shape.pulled(pull) for pull in pulls]
+    _ = shape.normals, shape.position_coefficients, shape.fans
+    _ = [shape.averaging(length) for length in (TURNING, shape.detail)]
+    _ = [shape.system(2 * pull) for pull in pulls]  # both directions pull
 
 
 Stage = Callable[[Sides, list[Candidate]], list[Candidate]]

@@ -134,7 +134,7 @@ def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
 
 
 def _as_most_around(shape: Shape, within: BoolArray) -> BoolArray:
-    neighbors, share = shape.spokes != 0, within.astype(np.float64)
+    neighbors, share = shape.edge_weights != 0, within.astype(np.float64)
     for _ in range(_SMOOTHED):
         share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
     return np.asarray(snap(share) > 0.5)

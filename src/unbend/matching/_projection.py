@@ -6,11 +6,14 @@ import numpy as np
 
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
-from unbend.matching._kernels import faces_around
 
 
 def closest_faces(
-    points: FloatArray, positions: FloatArray, triangles: IntArray, vertices: IntArray
+    points: FloatArray,
+    positions: FloatArray,
+    triangles: IntArray,
+    fans: tuple[IntArray, IntArray],
+    vertices: IntArray,
 ) -> tuple[IntArray, FloatArray]:
     """Nearest point to each given point on the faces around a given vertex.
 
@@ -20,6 +23,8 @@ def closest_faces(
     positions : (m, d) ndarray of float64
         Vertices of the surface to land on.
     triangles : (f, 3) ndarray of int64
+    fans : two ndarrays of int64
+        The faces around each vertex, in compressed rows.
     vertices : (n,) ndarray of int64
         The vertex of that surface around which to look.
 
@@ -29,7 +34,6 @@ def closest_faces(
     weights : (n, 3) ndarray of float64
         Barycentric coordinates: non-negative, each row sums to one.
     """
-    fans = faces_around(triangles, len(positions))
     return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
 
 

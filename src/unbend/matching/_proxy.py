@@ -9,8 +9,8 @@ import numpy as np
 
 from unbend._arrays import snap
 from unbend._types import IntArray
-from unbend.matching._decimation import decimate
 from unbend.matching._shape import Shape
+from unbend.mesh.decimation import decimate
 
 
 class Proxy(NamedTuple):

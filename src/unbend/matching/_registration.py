@@ -15,19 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.alignment import nearest_pairs, nearest_rotation
-from unbend.matching._kernels import (
-    edge_covariances,
-    normals_into,
-    rotated_divergence,
-    scatter,
-    turn_rotations,
-    walk,
-)
+from unbend.alignment import nearest_pairs
+from unbend.deformation import normals_into, scatter
+from unbend.matching._kernels import walk
 from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._proxy import Proxy
 from unbend.matching._search import spectral_weights
-from unbend.matching._shape import Shape, find_rim
+from unbend.matching._shape import PATCH, Shape
 
 # Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
 # is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
@@ -96,9 +90,8 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
     left = source.basis[:, :k] @ functional_map * weights
     pairs = nearest_pairs(left[None], target.basis[:, :k] * weights)
-    return Registered(
-        pairs.forward[0], pairs.backward[0], *smooth_poses(source, target, functional_map)
-    )
+    poses = smooth_poses(source, target, functional_map)
+    return Registered(pairs.forward[0], pairs.backward[0], *poses)
 
 
 def mapped_start(
@@ -107,25 +100,17 @@ def mapped_start(
     """Poses that maps between vertices lead to; parts are taken to be so much longer on target."""
     if not (source.partial or target.partial):
         size = 1.0
-    return Registered(
-        forward,
-        backward,
-        _placed(source, target, forward, size),
-        _placed(target, source, backward, 1 / size),
-    )
+    ours = _placed(source, target, forward, size)
+    return Registered(forward, backward, ours, _placed(target, source, backward, 1 / size))
 
 
 def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose:
     """Pose of vertices at the images that a map gives, averaged over patches."""
     both = np.hstack([shape.vertices, goal.vertices[point_map]])
-    places = shape.patches.solve(shape.areas[:, None] * both)
-    covariances = local_covariances(
-        shape, np.ascontiguousarray(places[:, :3]), np.ascontiguousarray(places[:, 3:])
-    )
-    rotations = np.ascontiguousarray(nearest_rotation(covariances.transpose(0, 2, 1)))
-    return Pose(
-        np.ascontiguousarray(places[:, 3:]), rotations, np.ones(len(places), dtype=bool), size
-    )
+    averaged = shape.averaged(shape.areas[:, None] * both, PATCH)
+    rest, places = (np.ascontiguousarray(one) for one in np.hsplit(averaged, 2))
+    rotations = shape.fit_rotations(places, rest)
+    return Pose(places, rotations, np.ones(len(places), dtype=bool), size)
 
 
 def smooth_start(
@@ -136,12 +121,11 @@ def smooth_start(
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
     left = np.ascontiguousarray(source.basis[:, :k] @ functional_map * weights)
     right = np.ascontiguousarray(target.basis[:, :k] * weights)
-    ours = source.spokes.indptr, source.spokes.indices
-    theirs = target.spokes.indptr, target.spokes.indices
+    ours, theirs = source.edge_weights, target.edge_weights
     forward, backward = near[:2]
     for _ in range(2):
-        forward = walk(left, right, forward, *ours, *theirs)
-        backward = walk(right, left, backward, *theirs, *ours)
+        forward = walk(left, right, forward, ours, theirs)
+        backward = walk(right, left, backward, theirs, ours)
     return Registered(forward, backward, *smooth_poses(source, target, functional_map))
 
 
@@ -241,10 +225,8 @@ def landing_places(
 
     Those of the target's pose and of the source's side by side.
     """
-    return (
-        np.hstack([found.source.places, source.vertices]),
-        np.hstack([target.vertices, found.target.places]),
-    )
+    ours = np.hstack([found.source.places, source.vertices])
+    return ours, np.hstack([target.vertices, found.target.places])
 
 
 class _Moving:
@@ -266,7 +248,7 @@ class _Moving:
         self, pull: float, forward: IntArray, backward: IntArray, partners_within: BoolArray
     ) -> None:
         """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
-        shape, goal, spokes = self.shape, self.goal, self.shape.spokes
+        shape, goal = self.shape, self.goal
         # Both directions pull, each with the whole area: on average twice a vertex's own. What
         # pulls more or less than that is made up for by a pull to where the vertex is.
         own = shape.areas[:, None] * self.within
@@ -275,14 +257,10 @@ class _Moving:
             backward, goal.areas[:, None] * partners_within, goal.vertices, len(shape.vertices)
         )
         force += pulls + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
-        turned = rotated_divergence(
-            spokes.indptr, spokes.indices, spokes.data, shape.vertices, self.rotations
+        before = self.places
+        self.places, _, self.covariances = shape.step(
+            shape.system(2 * pull), pull * force, self.rotations, self.size
         )
-        load = self.size[:, None] * turned + pull * force
-        solved = shape.pulled(pull).solve(load.reshape(len(load), -1)).reshape(load.shape)
-        before, self.places = self.places, solved
-        self.covariances = local_covariances(shape, shape.vertices, self.places)
-        turn_rotations(self.covariances, self.rotations)
         self.ahead = self.places + _MOMENTUM * (self.places - before)
 
     def stretch(self) -> FloatArray:
@@ -299,7 +277,7 @@ class _Moving:
     def beyond(self, other: _Moving, forward: IntArray) -> FloatArray:
         """How far vertices lie off the goal beyond its rim, the mean of both poses."""
         goal, every = self.goal, np.arange(len(self.size))
-        rims = [find_rim(other.places[:, i], goal.faces) / other.size[i] for i in every]
+        rims = [goal.conormals(other.places[:, i]) / other.size[i] for i in every]
         back = self.shape.vertices[:, None] - other.places[forward, every]
         there = ((self.places - goal.vertices[forward]) * goal.rim[forward]).sum(axis=-1)
         off = (back * np.stack(rims, axis=1)[forward, every]).sum(axis=-1)
@@ -330,36 +308,27 @@ def _closest(
 ) -> tuple[IntArray, IntArray]:
     """Points of either shape that are close to the other's in both poses."""
     left, right = ours.rows(0, 6), theirs.rows(6, 0)
-    mine = ours.shape.spokes.indptr, ours.shape.spokes.indices
-    other = theirs.shape.spokes.indptr, theirs.shape.spokes.indices
-    forward = walk(left, right, forward, *mine, *other)
-    backward = walk(right, left, backward, *other, *mine)
+    mine, other = ours.shape.edge_weights, theirs.shape.edge_weights
+    forward = walk(left, right, forward, mine, other)
+    backward = walk(right, left, backward, other, mine)
     # By position alone: where a surface ends, normals lead to what is not at its end.
     if ours.shape.partial or theirs.shape.partial:
         left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
-        nearest = walk(left, right, forward, *mine, *other)
+        nearest = walk(left, right, forward, mine, other)
         ours.keep_matched(theirs.shape.on_rim[nearest], forward, backward)
     if ours.shape.partial:
-        nearest = walk(right, left, backward, *other, *mine)
+        nearest = walk(right, left, backward, other, mine)
         theirs.keep_matched(ours.shape.on_rim[nearest], backward, forward)
     return forward, backward
-
-
-def local_covariances(shape: Shape, rest: FloatArray, places: FloatArray) -> FloatArray:
-    """Covariance of edges at rest and posed, averaged over neighbourhoods, (n, ..., 3, 3)."""
-    spokes = shape.spokes
-    cross = edge_covariances(spokes.indptr, spokes.indices, spokes.data, rest, places)
-    return shape.averaging.solve(cross.reshape(len(cross), -1)).reshape(cross.shape)
 
 
 def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
     k = len(functional_map)
     basis = shape.basis[:, :k]
     places = basis @ (functional_map @ goal.position_coefficients[:k])
-    covariances = local_covariances(shape, basis @ shape.position_coefficients[:k], places)
-    rotations = nearest_rotation(covariances.transpose(0, 2, 1))
-    return Pose(places, np.ascontiguousarray(rotations), np.ones(len(places), dtype=bool))
+    rotations = shape.fit_rotations(places, basis @ shape.position_coefficients[:k])
+    return Pose(places, rotations, np.ones(len(places), dtype=bool))
 
 
 def _taken(pose: Pose, kept: IntArray) -> Pose:

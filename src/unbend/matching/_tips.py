@@ -73,8 +73,8 @@ def find_tips(shape: Shape) -> Tips:
     """Find landmarks, and far apart local maxima of the mean squared biharmonic distance."""
     # Of equally remote vertices the first is taken, on every processor.
     remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
-    spokes = shape.spokes
-    highest = np.maximum.reduceat(remoteness[spokes.indices], spokes.indptr[:-1])
+    edges = shape.edge_weights
+    highest = np.maximum.reduceat(remoteness[edges.indices], edges.indptr[:-1])
     tips = np.flatnonzero(remoteness >= highest)
     kept: list[int] = []
     ways = np.empty((0, len(remoteness)))

@@ -74,6 +74,13 @@ def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:
     return np.asarray(ends[ends[:, 0] != ends[:, 1]])
 
 
+def faces_around(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
+    """List the faces around each vertex, ascending, in compressed rows (starts, faces)."""
+    corner = np.arange(faces.size)
+    fans = csr_matrix((corner, (faces.ravel(), corner // 3)), shape=(n_vertices, len(faces)))
+    return fans.indptr.astype(np.int64), fans.indices.astype(np.int64)
+
+
 def other_sides(edges: Edges) -> IntArray:
     """For each side the other one at its edge, -1 where the edge has not exactly two."""
     side = np.arange(len(edges.of_side))

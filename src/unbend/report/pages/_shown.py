@@ -9,8 +9,8 @@ import numpy as np
 from unbend._arrays import snap
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.matching import decimate
 from unbend.mesh import Mesh
+from unbend.mesh.decimation import decimate
 from unbend.report.pages._packing import pack_places, pack_whole
 
 MOST_VERTICES = 60_000

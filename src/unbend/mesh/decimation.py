@@ -19,8 +19,7 @@ import numpy as np
 
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
-from unbend.matching._kernels import faces_around
-from unbend.mesh import Edges, find_edges
+from unbend.mesh._topology import Edges, faces_around, find_edges
 
 # Beside the squared distance from the planes around it, a vertex pays this share of the squared
 # length of its way: where the surface is flat, that alone keeps the coarse vertices even.
@@ -64,7 +63,7 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     Examples
     --------
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.matching._decimation import decimate
+    >>> from unbend.mesh.decimation import decimate
     >>> ball = make_sphere(3)
     >>> coarse = decimate(ball.vertices, ball.faces, 100)
     >>> len(coarse.kept), len(coarse.faces)

@@ -5,8 +5,8 @@ import pytest
 
 from sheets import make_sheet
 from unbend.datasets import make_biped, make_sphere
-from unbend.matching._decimation import _cost, _quadrics, _turns_over, decimate
 from unbend.mesh import Mesh, find_components, find_edges, vertex_areas
+from unbend.mesh.decimation import _cost, _quadrics, _turns_over, decimate
 
 
 def _euler(faces: np.ndarray, n: int) -> int:
