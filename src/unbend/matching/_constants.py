@@ -9,7 +9,6 @@ from __future__ import annotations
 # How the matcher sees a body.
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
 PATCH = 0.08  # The size of details by which maps are judged; rough maps are averaged over twice it.
-TURNING = 0.03  # Rotations are averaged over this: limbs turn as wholes, and yet joints bend.
 THIN = 0.05  # No limb is shorter than this, and along a shorter boundary nothing was cut off.
 
 # How hypotheses are made.
@@ -22,11 +21,14 @@ LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviati
 LIMB_LENGTH = 64.0  # Variance of a limb's length, of its trunk's, where only trunks are compared.
 
 # How shapes are registered.
-PULLS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)  # A ladder in steps of about sqrt(10).
+# A ladder in steps of sqrt(10). Stiffness and pull balance over a length that is the inverse of the
+# pull's square root: from over half of sqrt(area), where parts slide as wholes, to a 55th.
+LOOSEST, LOOSE, PULLS = (3.0, 10.0), (30.0, 100.0, 300.0), (300.0, 1000.0, 3000.0)
 STEPS = 8  # At each pull.
 MOMENTUM = 0.7  # Closest points are sought ahead of a slow slide, by this share of its last step.
 NORMAL_WEIGHT = 0.1  # Length that a difference of normals of one counts as.
 EDGES = 2.0  # What is less than so many mean edges away cannot be told apart.
+SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
 # How maps are judged.

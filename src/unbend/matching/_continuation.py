@@ -14,16 +14,14 @@ from scipy.spatial import cKDTree
 
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.matching import _constants as constants
 from unbend.matching._judge import unexplained
-from unbend.matching._registration import NORMAL_WEIGHT, Pose, Registered
+from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
-# The share of what has partners that is held, the best explained: all of it, and its largest
-# pieces, so many, that have at least so much of it.
+# The better explained half is held: all of it, and each of its two largest pieces, unless small.
 _HELD, _PIECES, _LEAST_PIECE = 0.5, 2, 0.1
-# The pull on what is held, in units of 1 / area, and how often the rest is turned.
-_HOLD, _CARRYING = 100.0, 12
 
 
 def patches_to_hold(
@@ -90,16 +88,16 @@ def _carried(
 
     What is nearest there faces as they do. They begin turned as what is held nearest to them.
     """
-    pulls = _HOLD * shape.areas * held
+    pulls = constants.LOOSE[1] * shape.areas * held
     system = shape.system_of(pulls)
     force = pulls[:, None] * goal.vertices[point_map]
     nearest = np.flatnonzero(held)[snap(shape.ways[:, held]).argmin(axis=1)]
     rotations = pose.rotations[nearest]
-    for _ in range(_CARRYING):
+    for _ in range(constants.STEPS):
         places, *_ = shape.step(system, force, rotations, pose.size)
     normals = vertex_normals(places, shape.faces), goal.normals
     there, here = (
-        np.hstack([points, NORMAL_WEIGHT * directions])
+        np.hstack([points, constants.NORMAL_WEIGHT * directions])
         for points, directions in zip((places, goal.vertices), normals, strict=True)
     )
     within = np.ones(len(places), dtype=bool)

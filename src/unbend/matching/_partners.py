@@ -11,19 +11,15 @@ import numpy as np
 
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
-
-# How far from its beginning a way there and back may end, in mean edges, where a pair draws.
-_WAY_BACK = 2.0
-# An outline may be so many times as long as the rim.
-_OUTLINE = 3.0
 
 
 def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     """Whether there and back again, (n, p) by so many maps, is near where it began."""
     returned = np.take_along_axis(backward, forward, axis=0)
     off = np.linalg.norm(shape.vertices[:, None] - shape.vertices[returned], axis=-1)
-    return np.asarray(off < _WAY_BACK * shape.edge)
+    return np.asarray(off < constants.EDGES * shape.edge)
 
 
 def keep_matched(
@@ -54,7 +50,7 @@ def keep_matched(
     """
     kept = within.copy()
     graph = shape.edge_weights.indptr, shape.edge_weights.indices
-    longest, off = _OUTLINE * goal.rim_length / size, goal.off_rim[point_maps]
+    longest, off = constants.OUTLINE * goal.rim_length / size, goal.off_rim[point_maps]
     _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near)
     return kept
 

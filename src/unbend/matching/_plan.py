@@ -22,9 +22,6 @@ from unbend.matching._judge import Candidate, distinct, judge, ranked, rough_cos
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
-    LOOSE,
-    LOOSEST,
-    PULLS,
     Registered,
     bearable,
     lift,
@@ -34,7 +31,7 @@ from unbend.matching._registration import (
     rough_start,
 )
 from unbend.matching._search import search
-from unbend.matching._shape import PATCH, Shape
+from unbend.matching._shape import Shape
 from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
 
 COARSE, MEDIUM = 0, 1  # levels of detail
@@ -90,11 +87,11 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     sides = Sides(mine, other, thorough=thorough)
     for level in (COARSE, MEDIUM):
         pair = sides.at(level)
-        loosest = LOOSEST if sides.partial else ()
-        pulls = bearable(*pair, (*loosest, *LOOSE, *PULLS[1:]))
+        loosest = constants.LOOSEST if sides.partial else ()
+        pulls = bearable(*pair, (*loosest, *constants.LOOSE, *constants.PULLS[1:]))
         run_all(functools.partial(make_ready, one, pulls) for one in pair)
     for one in sides.at(COARSE):  # once, before several threads do
-        _ = one.averaging(PATCH), one.ways, one.landmark_ways
+        _ = one.averaging(2 * constants.PATCH), one.ways, one.landmark_ways
     return sides
 
 
@@ -130,7 +127,7 @@ def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidat
         lowered = [lower(one.registered, *coarse) for one in found]
         return [judge(*sides.at(COARSE), one, sides.turned) for one in lowered]
     starts = [lift(one.registered, *coarse, *sides.at(MEDIUM)) for one in found]
-    return registered(sides, MEDIUM, starts, PULLS[1:])
+    return registered(sides, MEDIUM, starts, constants.PULLS[1:])
 
 
 def registered(
@@ -182,7 +179,7 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     maps = search(sides.source.shape, sides.target.shape)
     coarse = sides.at(COARSE)
     starts = run_all(functools.partial(rough_start, *coarse, one) for one in maps)
-    return registered(sides, COARSE, starts, PULLS[:1])
+    return registered(sides, COARSE, starts, constants.PULLS[:1])
 
 
 def from_few_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -211,13 +208,15 @@ def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 def restarted(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best anew, from weak pulls on, that let them relax."""
     starts = [one.registered for one in found[: BEAM // 2]]
-    return registered(sides, MEDIUM, starts, (*LOOSEST, *LOOSE, *PULLS[1:]))
+    return registered(
+        sides, MEDIUM, starts, (*constants.LOOSEST, *constants.LOOSE, *constants.PULLS[1:])
+    )
 
 
 def redrawn(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best once more."""
     starts = [one.registered for one in found[: 1 if clear(sides, found) else BEAM // 2]]
-    return registered(sides, MEDIUM, starts, PULLS)
+    return registered(sides, MEDIUM, starts, constants.PULLS)
 
 
 def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -230,7 +229,7 @@ def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
         starts = run_all(
             functools.partial(continued, *coarse, one, patches) for one, patches in held
         )
-        begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE))
+        begun = best(sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE))
         poses = [one.registered for one in begun[:BEAM]]
         proposed += begun
     return moved(sides, best(sides, COARSE, proposed)[:BEAM], MEDIUM)
@@ -261,9 +260,11 @@ def _from_guesses(
         mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
         for i in np.argsort(costs, kind="stable")[:n_begun]
     ]
-    begun = best(sides, COARSE, registered(sides, COARSE, starts, LOOSE[:1], resize=False))
+    begun = best(
+        sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE[:1], resize=False)
+    )
     poses = [one.registered for one in begun[:BEAM]]
-    return registered(sides, COARSE, poses, LOOSE[1:], resize=False)
+    return registered(sides, COARSE, poses, constants.LOOSE[1:], resize=False)
 
 
 def _make_levels(shape: Shape) -> Levels:

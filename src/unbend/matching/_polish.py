@@ -16,7 +16,6 @@ from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._partners import keep_matched
 from unbend.matching._plan import MEDIUM, Sides, make_ready
 from unbend.matching._registration import (
-    PULLS,
     Registered,
     bearable,
     lift,
@@ -43,7 +42,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     found = lift(candidate.registered, *proxies, ours, theirs)
     if not polish:
         return judge(ours, theirs, found, candidate.reflected)
-    pulls = bearable(ours, theirs, PULLS, constants.EDGES)
+    pulls = bearable(ours, theirs, constants.PULLS, constants.EDGES)
     run_all(functools.partial(make_ready, one, pulls) for one in (ours, theirs))
     (found,) = register(ours, theirs, [found], pulls, constants.STEPS // 2)
     first = judge(ours, theirs, found, candidate.reflected)

@@ -17,25 +17,13 @@ import numpy as np
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.deformation import normals_into, scatter
+from unbend.matching import _constants as constants
 from unbend.matching._kernels import walk
 from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._proxy import Proxy
 from unbend.matching._search import spectral_weights
-from unbend.matching._shape import PATCH, Shape
+from unbend.matching._shape import Shape
 
-# Pull towards the other shape, in units of 1 / area: stiffness and pull balance over a length that
-# is the inverse of its square root, from a seventeenth of sqrt(area) to a fifty-fifth.
-PULLS = (300.0, 1000.0, 3000.0)
-# For parts these come first, from a fifth of sqrt(area) on: what the other shape lacks moves out.
-# What is near its end already begins with looser ones still, which let it slide as a whole.
-LOOSE = (30.0, 100.0, 300.0)
-LOOSEST = (3.0, 10.0)
-# Closest points are sought from where the last step leads to, which speeds up a slow slide.
-_MOMENTUM = 0.7
-NORMAL_WEIGHT = 0.1
-_SAMPLES = 1000
-_SLACK = 0.3  # mean edges beyond a rim that still count as on the surface
-_NEAR = 0.3  # to a rim from where what it cut off ends, in sqrt(area), by maps that are rough
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought
 
@@ -107,7 +95,7 @@ def mapped_start(
 def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose:
     """Pose of vertices at the images that a map gives, averaged over patches."""
     both = np.hstack([shape.vertices, goal.vertices[point_map]])
-    averaged = shape.averaged(shape.areas[:, None] * both, PATCH)
+    averaged = shape.averaged(shape.areas[:, None] * both, 2 * constants.PATCH)
     rest, places = (np.ascontiguousarray(one) for one in np.hsplit(averaged, 2))
     rotations = shape.fit_rotations(places, rest)
     return Pose(places, rotations, np.ones(len(places), dtype=bool), size)
@@ -207,10 +195,10 @@ def register(
     for _ in range(2):
         forward, backward = _closest(ours, theirs, forward, backward)
     if target.partial:
-        off = ours.beyond(theirs, forward) > _SLACK * target.edge
+        off = ours.beyond(theirs, forward) > constants.SLACK * target.edge
         ours.keep_matched(off, forward, backward)
     if source.partial:
-        off = theirs.beyond(ours, backward) > _SLACK * source.edge
+        off = theirs.beyond(ours, backward) > constants.SLACK * source.edge
         theirs.keep_matched(off, backward, forward)
     return [
         Registered(forward[:, i].copy(), backward[:, i].copy(), ours.pose(i), theirs.pose(i))
@@ -241,7 +229,7 @@ class _Moving:
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.within = np.stack([one.within for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
-        self.resting = np.hstack([shape.vertices, NORMAL_WEIGHT * shape.normals])
+        self.resting = np.hstack([shape.vertices, constants.NORMAL_WEIGHT * shape.normals])
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -261,7 +249,7 @@ class _Moving:
         self.places, _, self.covariances = shape.step(
             shape.system(2 * pull), pull * force, self.rotations, self.size
         )
-        self.ahead = self.places + _MOMENTUM * (self.places - before)
+        self.ahead = self.places + constants.MOMENTUM * (self.places - before)
 
     def stretch(self) -> FloatArray:
         """Median over what has partners of how much longer things are than at rest."""
@@ -286,7 +274,9 @@ class _Moving:
     def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
         within = leads_back(self.shape, forward, backward) & ~off
-        self.within = keep_matched(self.shape, self.goal, within, self.size, forward, _NEAR)
+        self.within = keep_matched(
+            self.shape, self.goal, within, self.size, forward, constants.LIMB
+        )
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""
@@ -298,7 +288,7 @@ class _Moving:
         rows = np.empty((*self.ahead.shape[:2], 12))
         rows[..., ahead : ahead + 3] = self.ahead
         normals_into(rows, ahead + 3, self.ahead, self.shape.faces, *self.shape.fans)
-        rows[..., ahead + 3 : ahead + 6] *= NORMAL_WEIGHT
+        rows[..., ahead + 3 : ahead + 6] *= constants.NORMAL_WEIGHT
         rows[..., rest : rest + 6] = self.resting[:, None]
         return rows
 
@@ -348,7 +338,7 @@ def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
     Samples without a partner do not count; 1 if none has one.
     """
     k = min(source.k, target.k)
-    ours, theirs = source.samples[:_SAMPLES], target.samples[:_SAMPLES]
+    ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
     ours, theirs = ours[found.source.within[ours]], theirs[found.target.within[theirs]]
     if not len(ours) or not len(theirs):
         return 1.0

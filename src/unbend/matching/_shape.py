@@ -12,20 +12,13 @@ from scipy.spatial import cKDTree
 from unbend._arrays import first_largest, snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.deformation import ElasticSurface, cached
+from unbend.matching import _constants as constants
 from unbend.matching._kernels import farthest_points
 from unbend.mesh import find_edges, vertex_normals
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
 _SMALLEST_EIGENVALUE = 0.1
-_MOST_SAMPLES = 2000
-# Patches over which rough maps are averaged: about as large as a limb's girth is long.
-PATCH = 0.15
-# Those by which maps are judged: as small as a body's details, but no smaller than so many edges.
-_DETAIL, _DETAIL_EDGES = 0.08, 2.4
-# Along a shorter rim, in sqrt(area), hardly anything can be cut off: a limb ten times as long as
-# thick is less than a hundredth of the area.
-_SHORTEST_RIM = 0.05
 # Attributes that a mirror image has of its own.
 _HANDED = {"vertices", "faces", "normals", "boundary", "rim", "position_coefficients"}
 
@@ -133,10 +126,10 @@ class Shape(ElasticSurface):
 
     @cached
     def samples(self) -> IntArray:
-        """Up to 2000 vertices, each as far as possible from those before it."""
+        """Up to `SAMPLES` vertices, each as far as possible from those before it."""
         points = snap(self.vertices)  # of equally far ones the first is taken, on every processor
         start = int(first_largest((points**2).sum(axis=1)))
-        chosen: IntArray = farthest_points(points, min(_MOST_SAMPLES, len(points)), start)
+        chosen: IntArray = farthest_points(points, min(constants.SAMPLES, len(points)), start)
         return chosen
 
     @cached
@@ -152,7 +145,7 @@ class Shape(ElasticSurface):
     @cached
     def detail(self) -> float:
         """Size of the patches by which maps are judged."""
-        return max(_DETAIL, _DETAIL_EDGES * self.edge)
+        return max(constants.PATCH, constants.EDGES * self.edge)
 
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
@@ -212,4 +205,6 @@ def make_shape(
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
         partial=partial,
     )
-    return replace(shape, partial=False) if partial and shape.rim_length <= _SHORTEST_RIM else shape
+    return (
+        replace(shape, partial=False) if partial and shape.rim_length <= constants.THIN else shape
+    )
