@@ -50,7 +50,7 @@ def walk(
 
     Row i of ``left`` (n, ..., d) is brought to a nearby row of ``right`` (m, ..., d) such that no
     mesh neighbour of that row is closer; between vertices and coordinates there may be several
-    maps, each with rows of its own. The meshes are matrices that join neighbours, in compressed rows.
+    maps, each with rows of its own. The meshes are matrices, in compressed rows, of neighbours.
     """
     before = guess.reshape(len(guess), -1)
     rows = (one.reshape(len(one), before.shape[1], -1) for one in (left, right))
