@@ -13,7 +13,7 @@ from unbend.correspondence._transfer import positions_on_target
 from unbend.datasets import make_quadruped, rest_map
 from unbend.errors import InputError
 from unbend.matching import Match, match
-from unbend.matching._projection import closest_faces
+from unbend.matching._kernels import closest_faces
 from unbend.mesh import faces_around
 
 PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))

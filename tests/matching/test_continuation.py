@@ -11,7 +11,7 @@ from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
 from unbend.matching import _continuation
-from unbend.matching._continuation import _best_explained, continued, patches_to_hold
+from unbend.matching._carrying import _best_explained, continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import _fine_energy, settled

@@ -11,6 +11,7 @@ from unbend._types import IntArray
 from unbend.datasets import Shape as Body
 from unbend.datasets import keep, make_biped, make_sphere, rest_map
 from unbend.matching import _plan, match
+from unbend.matching._extremities import find_tips
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import Candidate, judge
 from unbend.matching._plan import (
@@ -28,10 +29,8 @@ from unbend.matching._plan import (
     moved,
     part,
 )
-from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import Registered, mapped_start
-from unbend.matching._shape import Shape
-from unbend.matching._tips import find_tips
+from unbend.matching._shape import Shape, make_proxy
 
 SOURCE = make_biped("standing", n_vertices=600)
 TARGET = make_biped("walking", n_vertices=500, meshing=1)

@@ -10,6 +10,7 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import cut, make_biped, make_sphere
 from unbend.matching import _points
+from unbend.matching._extremities import Guess
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._points import (
     Points,
@@ -22,7 +23,6 @@ from unbend.matching._points import (
     sizes_to_try,
 )
 from unbend.matching._shape import Shape
-from unbend.matching._tips import Guess
 
 RADII = 0.07 * 2 ** (np.arange(9) / 4)  # of surroundings
 

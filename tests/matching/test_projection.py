@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unbend.datasets import make_sphere
-from unbend.matching._projection import closest_faces
+from unbend.matching._kernels import closest_faces
 from unbend.mesh import faces_around
 
 pytestmark = pytest.mark.kernels

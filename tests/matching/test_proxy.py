@@ -7,8 +7,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._proxy import make_proxy
-from unbend.matching._shape import Shape
+from unbend.matching._shape import Shape, make_proxy
 
 
 @pytest.fixture(scope="module")

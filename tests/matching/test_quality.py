@@ -12,8 +12,7 @@ from unbend.datasets import cut, make_biped, make_quadruped
 from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate
-from unbend.matching._quality import confidence_bound
+from unbend.matching._judge import Candidate, confidence_bound
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 

@@ -12,7 +12,6 @@ from unbend.alignment import Pairs
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import judge
-from unbend.matching._proxy import make_proxy
 from unbend.matching._registration import (
     _POSITIONS,
     NORMAL_WEIGHT,
@@ -32,7 +31,7 @@ from unbend.matching._registration import (
     spectral_residual,
 )
 from unbend.matching._search import orthogonal_maps
-from unbend.matching._shape import PATCH, Shape
+from unbend.matching._shape import PATCH, Shape, make_proxy
 
 
 def _shape(mesh: Mesh) -> Shape:

@@ -8,11 +8,11 @@ from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching import _inputs
 from unbend.matching._inputs import prepare_shape, prepare_shapes
-from unbend.matching._proxy import make_proxy
 from unbend.matching._shape import (
     _SHORTEST_RIM,
     _SMALLEST_EIGENVALUE,
     Shape,
+    make_proxy,
     make_shape,
 )
 

@@ -8,9 +8,7 @@ import pytest
 
 from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
-from unbend.matching._inputs import prepare_shape
-from unbend.matching._shape import Shape
-from unbend.matching._tips import (
+from unbend.matching._extremities import (
     _ANY_LENGTH,
     _LONGER,
     Tips,
@@ -22,6 +20,8 @@ from unbend.matching._tips import (
     guess_limbs,
     limb_maps,
 )
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._shape import Shape
 
 
 def test_a_person_has_five_tips() -> None:

@@ -6,11 +6,9 @@ from unbend.matching._archive import (
     write_functional_map,
     write_match,
 )
-from unbend.matching._kernels import walk
+from unbend.matching._kernels import closest_faces, walk
 from unbend.matching._match import match, prepare_spectrum, symmetry
-from unbend.matching._projection import closest_faces
-from unbend.matching._quality import warn_of_disorder
-from unbend.matching._result import Hypothesis, Match
+from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 
 __all__ = [
     "Hypothesis",

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.deformation import edge_squares, scatter
 from unbend.matching import _constants as constants
-from unbend.matching._kernels import largest_traces
-from unbend.matching._projection import closest_faces
+from unbend.matching._kernels import closest_faces, largest_traces
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
@@ -27,6 +27,7 @@ _SHARE = 0.03
 # unexplained, and a vertex without a partner as half of what it does in the energy; below these
 # shares meshes, not maps, differ.
 _SHEAR, _WITHOUT, _LEAST = 0.5, 0.5, 0.005
+_PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
 _NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
 
 
@@ -261,3 +262,62 @@ def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) 
     own = shape.areas * pose.within
     agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))
+
+
+def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
+    """Compute the highest confidence, 0 to 1, that a finished map's disorder allows.
+
+    The disorder is the largest of three shares of the area that has partners: what is turned inside
+    out (twice), what does not return, and what lands in crowded patches; in the worse direction.
+    """
+    forward, backward, mine, other = found.registered
+    ahead = source, target, forward, backward, mine.within, other.within
+    back = target, source, backward, forward, other.within, mine.within
+    disorder = max(
+        1 - found.orientation,
+        *(measure(*way) for measure in (_not_returning, _crowded) for way in (ahead, back)),
+    )
+    orderly, chaotic = constants.DISORDER
+    return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
+
+
+def _not_returning(
+    shape: Shape,
+    goal: Shape,
+    there: IntArray,
+    back: IntArray,
+    within: BoolArray,
+    goal_within: BoolArray,
+) -> float:
+    """Share of the area with partners that does not return to where it began."""
+    off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
+    near = max(constants.THIN, constants.EDGES * max(shape.edge, goal.edge))
+    lost = (off > near) | ~goal_within[there]
+    return _share(shape, lost, within)
+
+
+def _crowded(
+    shape: Shape,
+    goal: Shape,
+    there: IntArray,
+    back: IntArray,
+    within: BoolArray,
+    goal_within: BoolArray,
+) -> float:
+    """Share of the area with partners that lands in patches which take in too much."""
+    fewest = min(len(shape.areas), len(goal.areas))
+    middles = goal.samples[: max(min(_PATCHES, fewest // _PATCH_VERTICES), 1)]
+    patch = cKDTree(goal.vertices[middles]).query(goal.vertices)[1]
+    taken, room = (
+        np.bincount(patches, areas, len(middles)) / max(areas.sum(), np.finfo(float).tiny)
+        for patches, areas in (
+            (patch[there], shape.areas * within),
+            (patch, goal.areas * goal_within),
+        )
+    )
+    return _share(shape, (taken > _CROWDED * room)[patch[there]], within)
+
+
+def _share(shape: Shape, some: BoolArray, within: BoolArray) -> float:
+    areas = shape.areas * within
+    return float(areas @ some / max(areas.sum(), np.finfo(float).tiny))

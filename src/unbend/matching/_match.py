@@ -18,21 +18,20 @@ from unbend.choices import MatchMethod, Partial
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
+from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._judge import Candidate, confidences, judge, ranked
+from unbend.matching._judge import Candidate, confidence_bound, confidences, judge, ranked
+from unbend.matching._kernels import closest_faces
 from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import refined, settled, with_partners
-from unbend.matching._projection import closest_faces
-from unbend.matching._quality import confidence_bound, warn_of_disorder
 from unbend.matching._registration import (
     Registered,
     landing_places,
     smooth_poses,
     spectral_residual,
 )
-from unbend.matching._result import Hypothesis, Match
+from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 from unbend.matching._shape import Shape
-from unbend.matching._tips import MOST_LANDMARKS
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
 _ICP_COMPONENTS = 3

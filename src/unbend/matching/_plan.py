@@ -17,10 +17,10 @@ from unbend._parallel import run_all
 from unbend._types import IntArray, Progress
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
-from unbend.matching._continuation import continued, patches_to_hold
+from unbend.matching._carrying import continued, patches_to_hold
+from unbend.matching._extremities import Guess, find_tips, guess_limbs, limb_maps
 from unbend.matching._judge import Candidate, distinct, judge, ranked, rough_costs
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
-from unbend.matching._proxy import Proxy, make_proxy
 from unbend.matching._registration import (
     Registered,
     bearable,
@@ -31,8 +31,7 @@ from unbend.matching._registration import (
     rough_start,
 )
 from unbend.matching._search import search
-from unbend.matching._shape import Shape
-from unbend.matching._tips import Guess, find_tips, guess_limbs, limb_maps
+from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
 BEAM = constants.BEAM
@@ -293,7 +292,7 @@ class Step(NamedTuple):
 
 
 PLAN = [
-    Step(COARSE, from_spectra, always, 3),
+    Step(COARSE, from_spectra, always, BEAM // 2),
     Step(COARSE, from_few_extremities, clear, 2),
     Step(COARSE, from_extremities, ambiguous, BEAM),
     Step(COARSE, from_points, ambiguous_part, BEAM // 2),

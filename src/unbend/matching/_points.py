@@ -18,8 +18,8 @@ from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
+from unbend.matching._extremities import Guess
 from unbend.matching._shape import Shape
-from unbend.matching._tips import Guess
 
 # Surroundings are described within so many distances, from `PATCH` on, each by this factor longer
 # than the last. Sizes of a part beside the whole are tried by the same factor, so many.

@@ -20,9 +20,8 @@ from unbend.deformation import normals_into, scatter
 from unbend.matching import _constants as constants
 from unbend.matching._kernels import walk
 from unbend.matching._partners import keep_matched, leads_back
-from unbend.matching._proxy import Proxy
 from unbend.matching._search import spectral_weights
-from unbend.matching._shape import Shape
+from unbend.matching._shape import Proxy, Shape
 
 _LEAST_SIZE = 0.05  # of one shape's lengths in the other's pose: less is collapse
 _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points are sought

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from unbend._display import Drawn
 from unbend._types import FloatArray, IntArray
+from unbend.errors import warn
 
 
 @dataclass(frozen=True)
@@ -94,4 +95,14 @@ class Match(Drawn):
         return (
             f"Match({len(self.source_to_target)} to {len(self.target_to_source)} vertices, "
             f"{overlap}confidence {self.confidence:.2f})"
+        )
+
+
+def warn_of_disorder(match: Match) -> None:
+    """Warn of a map that cannot be right everywhere."""
+    if match.confidence_bound < 1:
+        warn(
+            "the map is in disorder: in places it turns the surface inside out, crowds it together "
+            f"or does not lead back (orientation {match.orientation:+.2f}, confidence at most "
+            f"{match.confidence_bound:.2f}); look at it, and give landmarks"
         )
