@@ -22,10 +22,9 @@ from unbend.datasets import (
 )
 from unbend.datasets import Shape as ShapeWithTruth
 from unbend.errors import InputError, UnbendWarning
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
-    LOOSE,
-    PULLS,
     Pose,
     Registered,
     bearable,
@@ -95,7 +94,7 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
         Pose(moved, turns, truth, size),
         Pose(back, turns[: len(back)].copy(), np.ones(len(back), dtype=bool), 1 / size),
     )
-    (found,) = register(whole, part, [start], LOOSE + PULLS[1:], 8)
+    (found,) = register(whole, part, [start], constants.LOOSE + constants.PULLS[1:], 8)
     overlap = (found.source.within & truth).sum() / (found.source.within | truth).sum()
     assert overlap > 0.98
     assert found.target.within.all()
@@ -108,14 +107,14 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
     whole, part = (prepare_shape(one, 20, True, True).shape for one in (SOURCE.mesh, torn))
-    assert bearable(whole, whole, PULLS) == PULLS
+    assert bearable(whole, whole, constants.PULLS) == constants.PULLS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
-    assert PULLS[0] < most < PULLS[2]
-    pulls = bearable(whole, part, PULLS)
-    assert pulls == bearable(part, whole, PULLS)
-    assert list(pulls) == sorted({min(pull, most) for pull in PULLS})
-    assert bearable(part, whole, PULLS, 2)[-1] == pytest.approx(most / 4)
+    assert constants.PULLS[0] < most < constants.PULLS[2]
+    pulls = bearable(whole, part, constants.PULLS)
+    assert pulls == bearable(part, whole, constants.PULLS)
+    assert list(pulls) == sorted({min(pull, most) for pull in constants.PULLS})
+    assert bearable(part, whole, constants.PULLS, 2)[-1] == pytest.approx(most / 4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

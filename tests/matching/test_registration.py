@@ -10,12 +10,11 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.alignment import Pairs
 from unbend.datasets import make_biped, make_quadruped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import judge
 from unbend.matching._registration import (
     _POSITIONS,
-    NORMAL_WEIGHT,
-    PULLS,
     Pose,
     Registered,
     _closest,
@@ -31,7 +30,7 @@ from unbend.matching._registration import (
     spectral_residual,
 )
 from unbend.matching._search import orthogonal_maps
-from unbend.matching._shape import PATCH, Shape, make_proxy
+from unbend.matching._shape import Shape, make_proxy
 
 
 def _shape(mesh: Mesh) -> Shape:
@@ -46,7 +45,9 @@ def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
 
 
 def _registered(source: Shape, target: Shape, functional_map: np.ndarray) -> Registered:
-    (found,) = register(source, target, [rough_start(source, target, functional_map)], PULLS, 8)
+    (found,) = register(
+        source, target, [rough_start(source, target, functional_map)], constants.PULLS, 8
+    )
     return found
 
 
@@ -97,7 +98,9 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
     every = np.arange(700)
     turns = np.tile(np.eye(3), (700, 1, 1))
     pose = Pose(standing.vertices, turns, every >= 0)
-    (found,) = register(standing, standing, [Registered(every, every, pose, pose)], PULLS, 8)
+    (found,) = register(
+        standing, standing, [Registered(every, every, pose, pose)], constants.PULLS, 8
+    )
     np.testing.assert_array_equal(found.forward, every)
     np.testing.assert_array_equal(found.backward, every)
     for end in (found.source, found.target):
@@ -111,7 +114,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
 def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
     source, target = (_shape(make(pose, n_vertices=700).mesh) for pose in ("standing", "walking"))
     start = rough_start(source, target, _same_numbers(source, target, 12))
-    (found,) = register(source, target, [start], PULLS, 8)
+    (found,) = register(source, target, [start], constants.PULLS, 8)
     for point_map, pose, own, goal in (
         (found.forward, found.source, source, target),
         (found.backward, found.target, target, source),
@@ -149,14 +152,14 @@ def test_poses_side_by_side_do_not_mind_each_other(
 ) -> None:
     ours, theirs = (replace(one, partial=partial) for one in (standing, walking))
     starts = [rough_start(ours, theirs, _same_numbers(standing, walking, k)) for k in (12, 30, 20)]
-    together = register(ours, theirs, starts, PULLS, 8)
+    together = register(ours, theirs, starts, constants.PULLS, 8)
     for start, found in zip(starts, together, strict=True):
-        (alone,) = register(ours, theirs, [start], PULLS, 8)
+        (alone,) = register(ours, theirs, [start], constants.PULLS, 8)
         assert _agree(found.forward, alone.forward, walking)
         assert _agree(found.backward, alone.backward, standing)
         np.testing.assert_allclose(found.source.places, alone.source.places, atol=0.01)
         assert found.source.size == pytest.approx(alone.source.size, abs=1e-3)
-    assert register(ours, theirs, [], PULLS, 8) == []
+    assert register(ours, theirs, [], constants.PULLS, 8) == []
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself
@@ -278,7 +281,7 @@ def test_maps_begin_with_poses_that_are_turned_and_for_parts_larger(
     for pose, shape, motion in ((found.source, turned, turn), (found.target, ours, turn.T)):
         assert pose.within.all()
         np.testing.assert_allclose(pose.rotations, np.tile(motion, (700, 1, 1)), atol=1e-6)
-        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, PATCH)
+        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
 
 
@@ -358,7 +361,7 @@ def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: 
     every = np.arange(700)
     shuffled = np.random.default_rng(0).permutation(700)
     start = mapped_start(part, walking, every, shuffled, 1.0)
-    (found,) = register(part, walking, [start], PULLS[:1], 1)
+    (found,) = register(part, walking, [start], constants.PULLS[:1], 1)
     assert found.source.within.all()
     returned = walking.vertices[found.forward[found.backward]]
     off = np.linalg.norm(walking.vertices - returned, axis=1) / walking.edge
@@ -380,7 +383,7 @@ def test_maps_begin_as_they_are_and_of_their_size_if_either_is_a_part(
     assert found.source.size == 1.3
     for pose, shape in ((found.source, source), (found.target, target)):
         assert pose.within.dtype == bool
-        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, PATCH)
+        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
 
 
@@ -429,7 +432,9 @@ def test_closest_points_of_parts_are_sought_by_both_positions(walking: Shape) ->
         rows = moving.rows(*columns)[:, 0]
         np.testing.assert_allclose(rows[:, _POSITIONS], np.hstack(places), atol=1e-12)
         normals = np.delete(rows, _POSITIONS, axis=1)
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), np.sqrt(2) * NORMAL_WEIGHT)
+        np.testing.assert_allclose(
+            np.linalg.norm(normals, axis=1), np.sqrt(2) * constants.NORMAL_WEIGHT
+        )
 
 
 @pytest.mark.parametrize("size", [1.0, 1.3])
@@ -471,7 +476,7 @@ def test_how_much_larger_a_part_is_found_unless_asked_not_to(
         Pose(ours.vertices, still, every >= 0),
     )
     for options, resized in (({}, True), ({"resize": True}, True), ({"resize": False}, False)):
-        (found,) = register(ours, theirs, [start], PULLS[:1], 8, **options)
+        (found,) = register(ours, theirs, [start], constants.PULLS[:1], 8, **options)
         size = 1.3 if any(parts) and resized else 1
         assert found.source.size == pytest.approx(size, rel=0.02)
         assert found.target.size == pytest.approx(1 / size, rel=0.02)
@@ -494,7 +499,7 @@ def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both
     shapes, maps = [part, wide], [apart.argmin(axis=0), apart.argmin(axis=1)]
     if not part_first:
         shapes, maps, every = shapes[::-1], maps[::-1], every[::-1]
-    (found,) = register(*shapes, [Registered(*maps, *every)], PULLS[:1], 1)
+    (found,) = register(*shapes, [Registered(*maps, *every)], constants.PULLS[:1], 1)
     small, large = found[2:] if part_first else found[:1:-1]
     assert small.within.all()
     assert large.within[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()

@@ -6,10 +6,10 @@ import pytest
 from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching import _inputs
 from unbend.matching._inputs import prepare_shape, prepare_shapes
 from unbend.matching._shape import (
-    _SHORTEST_RIM,
     _SMALLEST_EIGENVALUE,
     Shape,
     make_proxy,
@@ -81,7 +81,7 @@ def test_a_part_is_what_is_said_to_be_one_and_ends_along_a_rim_that_is_not_tiny(
     # A hole of one face, which is drawn together to a tenth of the shortest rim, or is not.
     closing = np.ones((n, 1))
     middle = ball.vertices[ball.faces[0]].mean(axis=0)
-    closing[ball.faces[0]] = _SHORTEST_RIM / 10
+    closing[ball.faces[0]] = constants.THIN / 10
     tight = middle + (ball.vertices - middle) * closing
     for points, partial in ((ball.vertices, True), (tight, False)):
         assert make_shape(points, ball.faces[1:], *pairs, partial=True).partial == partial

@@ -10,7 +10,7 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
-from unbend.matching import _continuation
+from unbend.matching import _carrying
 from unbend.matching._carrying import _best_explained, continued, patches_to_hold
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import candidates, make_sides
@@ -124,7 +124,7 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whatever the proxies say: all that may be best is looked at, and what is best there wins."""
-    monkeypatch.setattr("unbend.matching._polish._NEARLY", np.inf)
+    monkeypatch.setattr("unbend.matching._constants.NEARLY", np.inf)
     half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
     part = prepare_shape(half, 60, True, partial=True).shape
     sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape, thorough=True)
@@ -169,7 +169,7 @@ def test_all_and_the_largest_pieces_are_held(
         shares[strips[width]] = 0
         begun += 20 * int(width + 2)
     theirs = np.arange(400) % 2.0  # every other one, on the other shape
-    monkeypatch.setattr(_continuation, "unexplained", lambda *given: (shares, theirs))
+    monkeypatch.setattr(_carrying, "unexplained", lambda *given: (shares, theirs))
     every = np.arange(400)
     held = patches_to_hold(sheet, sheet, mapped_start(sheet, sheet, every, every, 1.0))
     expected = [shares == 0, *(np.isin(every, strips[width]) for width in pieces)]
