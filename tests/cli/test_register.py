@@ -10,9 +10,10 @@ from typer.testing import CliRunner
 
 from unbend import read_mesh, write_mesh
 from unbend.cli import app
+from unbend.correspondence import write_match
 from unbend.datasets import cut_discs, damaged_truth, make_quadruped, rest_map
 from unbend.io import write_map
-from unbend.matching import Match, write_match
+from unbend.matching import Match
 
 TEMPLATE = make_quadruped("standing", n_vertices=600)
 SCAN = make_quadruped("walking", n_vertices=550, meshing=1)

@@ -18,7 +18,7 @@ FOLLOWED = (
     "unbend.io._values",
     *(f"unbend.io.formats.{one}" for one in ("contents", "npy", "obj", "off", "ply", "points")),
     "unbend.io.formats.stl",
-    "unbend.matching._archive",
+    "unbend.correspondence._archive",
     "unbend.mesh._mesh",
     "unbend.mesh._topology",
     "unbend.preparation._diagnosis",

@@ -14,16 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from unbend.errors import FileError, InputError
-from unbend.matching import (
-    Match,
+from unbend.correspondence import (
     _archive,
     read_functional_map,
     read_match,
     write_functional_map,
     write_match,
 )
-from unbend.matching._result import Hypothesis
+from unbend.errors import FileError, InputError
+from unbend.matching import Hypothesis, Match
 
 RIGHT = Match(
     source_to_target=np.array([1, 0, -1]),
