@@ -27,9 +27,13 @@ if TYPE_CHECKING:
     from unbend.correspondence import Registration as Registration
     from unbend.correspondence import evaluate as evaluate
     from unbend.correspondence import morph as morph
+    from unbend.correspondence import read_functional_map as read_functional_map
+    from unbend.correspondence import read_match as read_match
     from unbend.correspondence import register as register
     from unbend.correspondence import similarity as similarity
     from unbend.correspondence import transfer as transfer
+    from unbend.correspondence import write_functional_map as write_functional_map
+    from unbend.correspondence import write_match as write_match
     from unbend.distances import distance as distance
     from unbend.io import MeshLike as MeshLike
     from unbend.io import as_mesh as as_mesh
@@ -42,11 +46,7 @@ if TYPE_CHECKING:
     from unbend.io import write_values as write_values
     from unbend.matching import Match as Match
     from unbend.matching import match as match
-    from unbend.matching import read_functional_map as read_functional_map
-    from unbend.matching import read_match as read_match
     from unbend.matching import symmetry as symmetry
-    from unbend.matching import write_functional_map as write_functional_map
-    from unbend.matching import write_match as write_match
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import Diagnosis as Diagnosis
     from unbend.preparation import diagnose as diagnose
@@ -93,9 +93,9 @@ _HOME = {
     "mean_shape": "collection",
     "morph": "correspondence",
     "procrustes": "alignment",
-    "read_functional_map": "matching",
+    "read_functional_map": "correspondence",
     "read_map": "io",
-    "read_match": "matching",
+    "read_match": "correspondence",
     "read_mesh": "io",
     "read_values": "io",
     "register": "correspondence",
@@ -107,9 +107,9 @@ _HOME = {
     "spectrum": "spectral",
     "symmetry": "matching",
     "transfer": "correspondence",
-    "write_functional_map": "matching",
+    "write_functional_map": "correspondence",
     "write_map": "io",
-    "write_match": "matching",
+    "write_match": "correspondence",
     "write_mesh": "io",
     "write_values": "io",
 }

@@ -153,8 +153,8 @@ def parse_component(text: str | None) -> str | int | None:
 
 def read_any_map(path: str, *, base: int | None, n_target: int) -> IntArray:
     """Read the point map of a .npz match, or of any other map file."""
+    from unbend.correspondence import read_match
     from unbend.io import read_map
-    from unbend.matching import read_match
 
     if not path.lower().endswith(".npz"):
         return read_map(path, base=base, n_target=n_target)

@@ -294,8 +294,8 @@ def describe_side(orientation: float) -> str:
 
 def write_result(out: str, found: Match) -> None:
     """Write all of a match to a .npz file, or its point map to any other."""
+    from unbend.correspondence import write_match
     from unbend.io import write_map
-    from unbend.matching import write_match
 
     if _keeps_all(out):
         write_match(out, found)

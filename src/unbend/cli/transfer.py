@@ -125,9 +125,10 @@ def found_match(
     map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Progress
 ) -> Match | IntArray:
     """Read the map, or match the shapes."""
+    from unbend.correspondence import read_match
     from unbend.errors import InputError
     from unbend.io import read_map
-    from unbend.matching import match, read_match
+    from unbend.matching import match
 
     source, target = shapes
     if map_file is None:

@@ -19,9 +19,10 @@ from unbend.collection._engine import Run, engine
 from unbend.collection._files import find_file, make_folder
 from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
+from unbend.correspondence import read_match, write_match
 from unbend.errors import UnbendWarning
 from unbend.io import atomic_write, read_mesh
-from unbend.matching import match, prepare_spectrum, read_match, write_match
+from unbend.matching import match, prepare_spectrum
 from unbend.mesh import Mesh
 
 _SPECTRA = "spectra"  # folder of the eigenpairs, each computed once

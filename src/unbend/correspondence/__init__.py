@@ -1,5 +1,11 @@
 """What is done with a map: measure it, carry values and shapes along it, compare forms."""
 
+from unbend.correspondence._archive import (
+    read_functional_map,
+    read_match,
+    write_functional_map,
+    write_match,
+)
 from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
 from unbend.correspondence._register import Registration, register
@@ -15,8 +21,12 @@ __all__ = [
     "as_point_map",
     "evaluate",
     "morph",
+    "read_functional_map",
+    "read_match",
     "register",
     "similarity",
     "transfer",
     "value_kind",
+    "write_functional_map",
+    "write_match",
 ]

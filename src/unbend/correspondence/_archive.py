@@ -21,7 +21,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
 from unbend.io import atomic_write, check_writable, counted_from_zero, read_bytes, whole_numbers
 from unbend.io.formats.npy import read_array, read_header
-from unbend.matching._result import Hypothesis, Match
+from unbend.matching import Hypothesis, Match
 
 _Arrays = dict[str, npt.NDArray[Any]]
 
