@@ -104,7 +104,7 @@ def test_the_rest_turns_with_what_is_held() -> None:
     unturned = [
         pose._replace(rotations=np.tile(np.eye(3), (len(every), 1, 1))) for pose in right[2:]
     ]
-    for found, off in ((right, 1e-9), (Registered(every, every, *unturned), 0.08)):
+    for found, off in ((right, 1e-9), (Registered(every, every, *unturned), 0.12)):
         carried = continued(box, turned, found, held)
         np.testing.assert_allclose(carried.source.places, turned.vertices, atol=off)
         np.testing.assert_allclose(carried.target.places, box.vertices, atol=off)

@@ -9,6 +9,7 @@ import pytest
 from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import cut, make_biped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching import _points
 from unbend.matching._extremities import Guess
 from unbend.matching._inputs import prepare_shape
@@ -24,7 +25,7 @@ from unbend.matching._points import (
 )
 from unbend.matching._shape import Shape
 
-RADII = 0.07 * 2 ** (np.arange(9) / 4)  # of surroundings
+RADII = constants.PATCH * 2 ** (np.arange(9) / 4)  # of surroundings
 
 
 def shape_of(mesh: Mesh, partial: bool = True) -> Shape:
@@ -145,13 +146,16 @@ def test_around_a_point_of_a_sphere_is_a_cap():
     shorter = np.arcsin(found[:, 0] * radii / (2 * radius)) * 2 * radius / radii
     assert ((shorter > 0.9) & (shorter < 1)).all()
     angle = shorter * radii / radius
-    high = radius * (1 - np.cos(angle))
-    np.testing.assert_allclose(found[:, 1], -high / radii, rtol=0.08)
-    np.testing.assert_allclose(found[:, 2], high / np.sqrt(3) / radii, rtol=0.08)
-    across = (radius * high - high**2 / 3) / 2  # the mean square of a coordinate in the cap
+    # Moments of the cosine over the cap, where all counts by its cosine.
+    cosine = np.cos(angle)
+    once = 2 / 3 * (1 - cosine**3) / (1 - cosine**2)
+    twice = (1 + cosine**2) / 2
+    np.testing.assert_allclose(found[:, 1], -2 * radius * (1 - once) / radii, rtol=0.08)
+    high, across = radius**2 * (twice - once**2), radius**2 * (1 - twice) / 2
+    np.testing.assert_allclose(found[:, 2], 2 * np.sqrt(high) / radii, rtol=0.08)
     for wide in found[:, 3:5].T:
         np.testing.assert_allclose(wide, 2 * np.sqrt(across) / radii, rtol=0.08)
-    np.testing.assert_allclose(found[:, 5], (1 + np.cos(angle)) / 2, rtol=0.01)
+    np.testing.assert_allclose(found[:, 5], once, rtol=0.01)
 
 
 def test_places_have_the_same_ways_to_points_whatever_the_size():
@@ -278,8 +282,8 @@ def test_what_faces_away_is_not_described_and_what_faces_the_same_way_counts_ali
     np.testing.assert_allclose(both[:, 1:], alone[:, 1:], atol=1e-9)
     np.testing.assert_allclose(both[:, 0], np.sqrt(2) * alone[:, 0])
     mixed = described(slab([1.0, 0.4, 0.7]))
-    np.testing.assert_allclose(mixed[:, 5], 0.7)
-    np.testing.assert_allclose(mixed[:, 1], 2 * 0.02 / RADII)
+    np.testing.assert_allclose(mixed[:, 5], (1 + 0.4**2 + 0.7**2) / (1 + 0.4 + 0.7))
+    np.testing.assert_allclose(mixed[:, 1], 2 * (0.4 * 0.02 + 0.7 * 0.04) / (1 + 0.4 + 0.7) / RADII)
     # Less and less, the further it turns away.
     little = described(slab([1.0, 0.15]))[:, 5]
     assert ((little > 0.7) & (little < 0.95)).all()
@@ -289,7 +293,7 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
     """Pairs that support each other, as they are defined: one beginning, one pair at a time."""
     unlike = _unlike(ours, theirs, step)
     n, m = unlike.shape
-    partners = [sorted(range(m), key=row.__getitem__)[: _points._PARTNERS] for row in unlike]
+    partners = [sorted(range(m), key=row.__getitem__)[: constants.BEAM] for row in unlike]
     pairs = [(i, j) for i in range(n) for j in partners[i]]
     usual = np.median([row.min() for row in unlike])
     longer = 2 ** (step / 8)  # half of it on either side
@@ -298,9 +302,9 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
         for b, (k, o) in enumerate(pairs):
             if i != k and j != o:
                 here, there = ours.ways[i, k] * longer, theirs.ways[j, o] / longer
-                deviation = abs(here - there) / max(min(here, there), 0.07)
+                deviation = abs(here - there) / max(min(here, there), constants.PATCH)
                 alike = np.exp(-(unlike[i, j] + unlike[k, o]) / 2 / (2 * usual))
-                near = np.exp(-(here + there) / 2 / _points._DECAY)
+                near = np.exp(-(here + there) / 2 / (4 * constants.LIMB))
                 support[a, b] = max(1 - (deviation / _points._DEVIATION) ** 2, 0) * near * alike
     of_point = [[a for a, pair in enumerate(pairs) if pair[0] == i] for i in range(n)]
     ways = set()
@@ -312,7 +316,7 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
                 shares[own] *= (shares[own] / (shares[own].max() or 1)) ** 2
             shares /= np.linalg.norm(shares) or 1
         best = [own[int(shares[own].argmax())] for own in of_point]
-        ways.add(tuple(a for a in best if shares[a] > _points._GATHERED * shares.max()))
+        ways.add(tuple(a for a in best if shares[a] > _points._HALF * shares.max()))
     found = []
     for way in map(list, ways):
         if way:

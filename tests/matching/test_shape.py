@@ -206,7 +206,7 @@ def test_samples_spread_from_the_remotest_vertex() -> None:
     shape = _shape(make_quadruped("walking", n_vertices=2500).mesh, 10)
     size = np.linalg.norm(shape.vertices, axis=1)
     assert size[shape.samples[0]] == pytest.approx(size.max())
-    assert len(np.unique(shape.samples)) == 2000
+    assert len(np.unique(shape.samples)) == constants.SAMPLES
 
 
 def test_rounding_does_not_choose_the_samples_of_a_symmetric_shape() -> None:

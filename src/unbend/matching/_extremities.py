@@ -20,7 +20,7 @@ from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
 MOST_LANDMARKS = 7
-_WIDER = 16  # times as many guesses are gone on with after each tip as are wanted in the end
+_WIDTH = 3000  # guesses that are gone on with after each extremity
 _FEWEST = 3  # tips that must correspond: fewer do not tell left from right
 _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
 
@@ -159,9 +159,7 @@ def _assignments(
             partners = _with_another(partners, [tip] if tip in fixed else [*range(len(many)), -1])
             partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
             costs = _costs(few, many, partners, deviation)
-            best = np.argsort(snap(costs), kind="stable")[
-                : _WIDER * count if tip < n - 1 else count
-            ]
+            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if tip < n - 1 else count]
             partners = partners[best]
         for row in partners:
             mine = np.flatnonzero(row >= 0)
