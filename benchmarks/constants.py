@@ -13,6 +13,7 @@ that makes; last the times of processors' seconds.
 from __future__ import annotations
 
 import functools
+import importlib
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +44,11 @@ def scaled(value: Any, factor: float) -> Any:
 
 
 def set_constant(name: str, value: Any) -> None:
-    """Change a constant in this process."""
-    from unbend.matching import _constants
+    """Change a constant in this process; the plan's numbers of candidates follow."""
+    from unbend.matching import _constants, _plan
 
     setattr(_constants, name, value)
+    importlib.reload(_plan)
 
 
 def cell(before: list[Row], after: list[Row]) -> str:

@@ -36,7 +36,12 @@ WITHOUT = 0.12  # What a vertex without a partner leaves unexplained.
 MISSED = 0.15  # What a missed landmark adds to the cost.
 CLEAR = (0.2, 1.4)  # Largest cost of a clear candidate, and how many times as much others cost.
 NEARLY = 1.15  # Candidates that cost so many times the least are told apart on the full meshes.
-CONFIDENCE = (0.27, 0.022, 0.0275, 0.08)  # Fitted by benchmarks/confidence.py; see the judge.
+# Energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a share
+# of the energy, that makes the odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
+CONFIDENCE = (0.27, 0.022, 0.0275)
+FEATURES = (
+    0.08  # Where the second best costs less, a shape has few features, and a lead tells less.
+)
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
 TORN = 0.02  # Share of the area below which a hole is no missing part.
 

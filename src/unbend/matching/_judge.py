@@ -183,10 +183,10 @@ def probabilities(
     other does so nearly as well. Maps of one cost share the probability. The less the shapes have
     in common by the first, and the fewer features they have, the more of a lead is chance.
     """
-    even, spread, lead, features = fitted
+    even, spread, lead = fitted
     floor = 10.0**-constants.DIGITS
     lead /= max(overlap, floor)
-    lead *= max(1.0, features / max(costs[min(1, len(costs) - 1)], floor)) ** 2
+    lead *= max(1.0, constants.FEATURES / max(costs[min(1, len(costs) - 1)], floor)) ** 2
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], floor)))
     return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
 
