@@ -18,7 +18,7 @@ from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, SparseMatrix
 
 _ROWS = 8192  # vertices that a task works on
-_TURNS = 5  # of a rotation at most; it starts near where it ends
+_TURNS = 2  # of a rotation in a step at most; it starts near where it ends
 
 
 def over_rows(n: int, width: int, kernel: Callable[..., None], *arguments: Any) -> None:
