@@ -1,4 +1,6 @@
-"""Every number of the matcher that was set by hand, with its reason.
+"""The numbers of the matcher that were set by hand, each with its reason.
+
+What a single source of hypotheses needs, such as points, stands at the head of its own file.
 
 Lengths are in units of the square root of a shape's area, pulls in units of one over it.
 benchmarks/constants.py tells what halving and doubling each does to hundreds of maps.
