@@ -9,16 +9,13 @@ pytestmark = pytest.mark.kernels
 
 
 @pytest.mark.parametrize("block_bytes", [1, 64_000_000])
-@pytest.mark.parametrize("with_base", [False, True])
-def test_pairs_are_the_nearest_of_all(monkeypatch, block_bytes: int, with_base: bool) -> None:
+def test_pairs_are_the_nearest_of_all(monkeypatch, block_bytes: int) -> None:
     monkeypatch.setattr(_nearest, "_BLOCK_BYTES", block_bytes)
     monkeypatch.setattr(_nearest, "_TASK", block_bytes)
     rng = np.random.default_rng(0)
     source, target = rng.normal(size=(5, 30, 4)), rng.normal(size=(20, 4))
-    base = rng.random((30, 20)).astype(np.float32) if with_base else None
     squares = ((source[:, :, None] - target) ** 2).sum(axis=3)
-    squares += 0 if base is None else base
-    found = nearest_pairs(source, target, base)
+    found = nearest_pairs(source, target)
     assert found.forward.shape == (5, 30)
     assert found.backward.shape == (5, 20)
     ahead = np.take_along_axis(squares, found.forward[:, :, None], axis=2)[:, :, 0]

@@ -11,8 +11,10 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._judge import (
+    _LEAST,
     Candidate,
     _missed,
     _sheared,
@@ -362,10 +364,10 @@ def test_shear_is_asked_of_what_has_a_partner() -> None:
     within = x < 0.1
     torn = np.stack([np.where(within, x, x**2 + 7), y, z], axis=1)
     np.testing.assert_allclose(_sheared(sheet, torn, within)[within], 0, atol=1e-5)
-    # Without a partner a vertex counts as 0.06 of either.
+    # A vertex without a partner counts half of what it leaves unexplained, in either term.
     pose = _identity(sheet).source._replace(within=within)
     half = Registered(*_identity(sheet)[:2], pose, pose)
-    none, least = 1.5 * np.log(0.06), 1.5 * np.log(0.005)
+    none, least = 1.5 * np.log(constants.WITHOUT / 2), 1.5 * np.log(_LEAST)
     expected = least + (none - least) * sheet.areas[~within].sum()
     assert np.log(fine_energy(sheet, sheet, half)) == pytest.approx(expected, rel=1e-3)
 
@@ -412,9 +414,11 @@ def test_patches_are_asked_by_what_factor_they_are_explained_better(
 
     none = [0.0, 0.0], [0.0]
     assert energy(([0.02, 0.5], [0.3]), none) < energy(([0.04, 0.45], [0.3]), none)
-    assert energy(none, none) == pytest.approx(0.005**1.5)  # what no mesh shows any more
+    assert energy(none, none) == pytest.approx(_LEAST**1.5)  # what no mesh shows any more
+    parts, areas = np.array([[0.02, 0.5, 0.3], [0.1, 0.4, 0.2]]) + _LEAST, [0.25, 0.75, 1.0]
+    explained, sheared = (parts**areas).prod(axis=1)
     assert energy(([0.02, 0.5], [0.3]), ([0.1, 0.4], [0.2])) == pytest.approx(
-        (0.025**0.25 * 0.505**0.75 * 0.305 * (0.105**0.25 * 0.405**0.75 * 0.205) ** 0.5) ** 0.5
+        (explained * sheared**0.5) ** 0.5
     )
 
 
@@ -424,15 +428,15 @@ def test_a_stretch_is_told_by_what_is_unexplained_and_sheared_both_ways() -> Non
     every, pose = np.arange(len(sheet.vertices)), _identity(sheet).source
     poses = (pose._replace(places=one.vertices) for one in (long, sheet))
     found = Registered(every, every, *poses)
-    logs = [sheet.areas @ np.log(one + 0.005) for one in unexplained(sheet, long, found)]
+    logs = [sheet.areas @ np.log(one + _LEAST) for one in unexplained(sheet, long, found)]
     sheared = 1 - 3 / 5  # there as back
-    expected = np.exp(np.mean(logs)) * (sheared + 0.005) ** 0.5
+    expected = np.exp(np.mean(logs)) * (sheared + _LEAST) ** 0.5
     assert fine_energy(sheet, long, found) == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_identity_is_as_good_as_meshes_can_show() -> None:
     sheet = _sheet(9)
-    assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(0.005**1.5, rel=1e-2)
+    assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(_LEAST**1.5, rel=1e-2)
 
 
 def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:

@@ -285,8 +285,9 @@ def test_what_faces_away_is_not_described_and_what_faces_the_same_way_counts_ali
     np.testing.assert_allclose(mixed[:, 5], (1 + 0.4**2 + 0.7**2) / (1 + 0.4 + 0.7))
     np.testing.assert_allclose(mixed[:, 1], 2 * (0.4 * 0.02 + 0.7 * 0.04) / (1 + 0.4 + 0.7) / RADII)
     # Less and less, the further it turns away.
-    little = described(slab([1.0, 0.15]))[:, 5]
-    assert ((little > 0.7) & (little < 0.95)).all()
+    for facing in (0.3, 0.15, 1e-3, 0.0):
+        seen = described(slab([1.0, facing]))[:, 1]
+        np.testing.assert_allclose(seen, 2 * 0.02 * facing / (1 + facing) / RADII, atol=1e-12)
 
 
 def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[tuple[int, int]]]]:

@@ -9,6 +9,7 @@ from scipy.linalg import orthogonal_procrustes
 from unbend import Mesh
 from unbend.alignment import Pairs
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._search import (
     _distinct,
@@ -66,11 +67,11 @@ def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
 def test_few_functions_give_maps_of_few(shape: Shape) -> None:
     few = replace(shape, basis=shape.basis[:, :7], eigenvalues=shape.eigenvalues[:7])
     maps = search(few, few)
-    assert maps.shape[1:] == (7, 7)
+    assert maps.shape == (constants.BEAM, 7, 7)
     np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
     for sides in ((few, shape), (shape, few)):
         maps = search(*sides)
-        assert maps.shape[1:] == (7, 7)
+        assert maps.shape == (constants.BEAM, 7, 7)
         np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
 
 

@@ -8,7 +8,7 @@ from unbend.alignment._alignment import (
     nearest_rotation,
     procrustes,
 )
-from unbend.alignment._nearest import Pairs, nearest_both_ways, nearest_pairs
+from unbend.alignment._nearest import Pairs, nearest_pairs
 
 __all__ = [
     "Alignment",
@@ -16,7 +16,6 @@ __all__ = [
     "align",
     "closest_points",
     "icp",
-    "nearest_both_ways",
     "nearest_pairs",
     "nearest_rotation",
     "procrustes",

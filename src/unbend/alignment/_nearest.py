@@ -37,9 +37,7 @@ class Pairs(NamedTuple):
     residual: FloatArray
 
 
-def nearest_pairs(
-    source: FloatArray, target: FloatArray, base: npt.NDArray[np.float32] | None = None
-) -> Pairs:
+def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
     """Nearest neighbours both ways, for several placements of the source at once.
 
     Parameters
@@ -47,8 +45,6 @@ def nearest_pairs(
     source : (h, m, d) ndarray of float64
         The source points under each of h maps.
     target : (n, d) ndarray of float64
-    base : (m, n) ndarray of float32, optional
-        Squared distances to add: of descriptors, say.
 
     Returns
     -------
@@ -63,7 +59,6 @@ def nearest_pairs(
     left = np.ascontiguousarray(source, dtype=np.float32)
     right = np.ascontiguousarray(target, dtype=np.float32)
     right_norms = (right**2).sum(axis=1)
-    base = np.empty((0, 0), dtype=np.float32) if base is None else base
     h, m, d = left.shape
     step = max(1, _BLOCK_BYTES // (4 * m * len(right)))
     forward = np.empty((h, m), dtype=np.int64)
@@ -73,21 +68,21 @@ def nearest_pairs(
         part = slice(i, i + step)
         block = left[part]
         products = (block.reshape(-1, d) @ right.T).reshape(len(block), m, len(right))
-        forward[part], ahead, backward[part], back = nearest_both_ways(
-            products, (block**2).sum(axis=2), right_norms, base
+        forward[part], ahead, backward[part], back = _both_ways(
+            products, (block**2).sum(axis=2), right_norms
         )
         squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
         residual[part] = np.sqrt(squares / 2)
     return Pairs(forward, backward, residual)
 
 
-def nearest_both_ways(
-    products: _Floats32, left: _Floats32, right: _Floats32, base: _Floats32
+def _both_ways(
+    products: _Floats32, left: _Floats32, right: _Floats32
 ) -> tuple[IntArray, _Floats32, IntArray, _Floats32]:
     """Nearest pairs both ways from inner products; ``products`` (h, m, n) is overwritten.
 
     The squared distance of rows i and j under hypothesis h is
-    ``left[h, i] + right[j] - 2 products[h, i, j] + base[i, j]``; an empty base counts as zero.
+    ``left[h, i] + right[j] - 2 products[h, i, j]``.
     """
     hypotheses, m, n = products.shape
     forward = np.empty((hypotheses, m), np.int64)
@@ -98,7 +93,7 @@ def nearest_both_ways(
     step = max(1, _TASK // (m * n))
     run_all(
         functools.partial(
-            _nearest_both_ways, products, left, right, base, *found, i, min(i + step, hypotheses)
+            _nearest_both_ways, products, left, right, *found, i, min(i + step, hypotheses)
         )
         for i in range(0, hypotheses, step)
     )
@@ -107,21 +102,16 @@ def nearest_both_ways(
 
 @compiled
 def _nearest_both_ways(  # type: ignore[no-untyped-def]
-    products, left, right, base, forward, ahead, backward, back, first, last
+    products, left, right, forward, ahead, backward, back, first, last
 ):
     _, m, n = products.shape
-    with_base = base.shape[0] == m
     for h in range(first, last):
         for i in range(m):
             line = products[h, i]
             offset = left[h, i]
-            if with_base:
-                for j in range(n):
-                    line[j] = offset + right[j] - np.float32(2) * line[j] + base[i, j]
-            else:
-                for j in range(n):
-                    line[j] = offset + right[j] - np.float32(2) * line[j]
             best = np.float32(np.inf)
+            for j in range(n):
+                line[j] = offset + right[j] - np.float32(2) * line[j]
             for j in range(n):
                 best = min(best, line[j])
             for j in range(n):

@@ -20,7 +20,7 @@ from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
 MOST_LANDMARKS = 7
-_WIDTH = 3000  # guesses that are gone on with after each extremity
+_WIDTH = 3000  # Assignments kept after each tip; with ten tips, hundreds lose good ones.
 _FEWEST = 3  # tips that must correspond: fewer do not tell left from right
 _NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
 
