@@ -82,8 +82,9 @@ class Sides(NamedTuple):
 
 def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
-    mine, other = run_all(functools.partial(_make_levels, one) for one in (source, target))
-    sides = Sides(mine, other, thorough=thorough)
+    shapes = [source] if target is source else [source, target]
+    levels = run_all(functools.partial(_make_levels, one) for one in shapes)
+    sides = Sides(levels[0], levels[-1], thorough=thorough)
     for level in (COARSE, MEDIUM):
         pair = sides.at(level)
         loosest = constants.LOOSEST if sides.partial else ()
