@@ -15,13 +15,13 @@ from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
+from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._judge import Candidate, confidence_bound, confidences, judge, ranked
-from unbend.matching._kernels import closest_faces
 from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import refined, settled, with_partners
 from unbend.matching._registration import (

@@ -16,9 +16,8 @@ import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
-from unbend.deformation import normals_into, scatter
+from unbend.deformation import normals_into, scatter, walk
 from unbend.matching import _constants as constants
-from unbend.matching._kernels import walk
 from unbend.matching._partners import keep_matched, leads_back
 from unbend.matching._search import spectral_weights
 from unbend.matching._shape import Proxy, Shape
