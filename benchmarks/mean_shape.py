@@ -21,8 +21,9 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from unbend import procrustes, register
+from unbend import register
 from unbend._types import FloatArray
+from unbend.alignment import procrustes
 from unbend.collection import shape_statistics
 from unbend.correspondence import Registration
 from unbend.datasets import Shape, make_body, random_proportions, rest_map

@@ -8,9 +8,10 @@ A canonical form keeps distances and nothing else: limbs become threads and face
 
 import matplotlib.pyplot as plt
 
-from unbend import Mesh, canonical_form, procrustes
+from unbend import Mesh, canonical_form
+from unbend.alignment import procrustes
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, position_colors
 
 people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
 unbent = [canonical_form(one, detail="preserved").surface for one in people]

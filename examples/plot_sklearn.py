@@ -14,7 +14,8 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from unbend import SpectralMDS, descriptor
+from unbend.canonical import SpectralMDS
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_quadruped
 
 meshes, kinds = [], []

@@ -12,7 +12,7 @@ import trimesh
 
 from unbend import Mesh, canonical_form, diagnose, distance
 from unbend.datasets import make_octopus
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh
 
 animal = make_octopus("crawling", n_vertices=1500).mesh
 body = trimesh.Trimesh(animal.vertices, animal.faces, process=False)

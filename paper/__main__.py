@@ -17,7 +17,7 @@ from paper.page import write_index, write_page
 from paper.run import Run
 from paper.targets import TARGETS, shapes_for
 from unbend.errors import InputError, UnbendError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 
 def parser() -> argparse.ArgumentParser:

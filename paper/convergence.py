@@ -18,7 +18,7 @@ from unbend.canonical import (
 from unbend.choices import Interpolation
 from unbend.distances import make_metric, truncated_metric
 from unbend.errors import InputError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 from unbend.spectral import Spectrum, eigenpairs, make_surface
 
 WAYS: tuple[Interpolation, ...] = ("projection", "least-squares")

@@ -22,7 +22,7 @@ from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.mesh import Mesh
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 METHODS: dict[str, tuple[DistanceKind, Method]] = {
     name: FORMS[name] for name in (EXACT, PAPERS, SMDS)

@@ -86,7 +86,7 @@ def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
 
 
 def _shape() -> str:
-    return min(one.path for one in unbend.Collection(store()))
+    return min(one.path for one in unbend.collection.Collection(store()))
 
 
 def fresh(folder: Path, command: str) -> None:
@@ -109,7 +109,7 @@ def written(folder: Path) -> dict[str, int]:
         if path.is_file() and path.suffix != ".part" and path.relative_to(folder).parts[0] != "own"
     }
     if (folder / "own").exists():
-        found |= {one.path: one.n_vertices for one in unbend.Collection(folder / "own")}
+        found |= {one.path: one.n_vertices for one in unbend.collection.Collection(folder / "own")}
     return found
 
 
@@ -274,7 +274,7 @@ def crowd(number: int) -> None:
             for one in meshes
         ]
         assert [one.wait() for one in several] == [0] * number
-        shapes = unbend.Collection(folder / "store")
+        shapes = unbend.collection.Collection(folder / "store")
         assert len(shapes) == number + 1, len(shapes)
         assert len({entry.path for entry in shapes}) == number + 1
         print(f"{number} processes, one collection: {len(shapes)} shapes, none twice", flush=True)

@@ -85,7 +85,7 @@ def compute(matching: bool = True) -> Results:
     for name, options in forms.items():
         form = unbend.canonical_form(one, cache=False, **options)  # type: ignore[arg-type]
         found[f"form, {name}"] = form.points
-    found["descriptor"] = unbend.descriptor(one)
+    found["descriptor"] = unbend.collection.descriptor(one)
     found["alignment"] = unbend.align(found["form, exact"], found["form, sampled"]).rotation
     some = np.arange(one.n_vertices) % other.n_vertices
     found["morph"] = unbend.morph(one, other, some, 0.5).vertices

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import unbend
-from unbend import Mesh, canonical_form, form_page, match_page
+from unbend import Mesh, canonical_form
 from unbend.datasets import make_sphere
 from unbend.datasets.fetch import TOSCA_REMESHED_URL
 from unbend.matching import Match
+from unbend.report import form_page, match_page
 from unbend.report.pages import mesh_page
 
 SOURCE = Path(unbend.__file__).parent

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unbend import Mesh, canonical_form, procrustes
+from unbend import Mesh, canonical_form
+from unbend.alignment import procrustes
 from unbend.canonical._detail import lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError

@@ -7,7 +7,8 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import estimator_checks_generator
 
-from unbend import SpectralMDS, canonical_form
+from unbend import canonical_form
+from unbend.canonical import SpectralMDS
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
 
@@ -92,4 +93,4 @@ def test_a_missing_extra_is_named(monkeypatch):
     import unbend
 
     with pytest.raises(ImportError, match="pip install scikit-learn"):
-        unbend.SpectralMDS()
+        unbend.canonical.SpectralMDS()

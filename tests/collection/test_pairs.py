@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from stones import BALL
-from unbend import Collection, Mesh, match, read_match, write_mesh
-from unbend.collection import _pairs
+from unbend import Mesh, match, read_match, write_mesh
+from unbend.collection import Collection, _pairs
 from unbend.errors import FileError, InputError
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import CanonicalForm, Mesh, canonical_form
+from unbend import Mesh, canonical_form
+from unbend.canonical import CanonicalForm
 from unbend.errors import FileError, InputError
 from unbend.report import form_figures
 from unbend.report.form_figures import draw_form, turned_to_fit

@@ -6,13 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from unbend import (
-    Mesh,
-    canonical_form,
-    distance,
-    farthest_point_sampling,
-    spectrum,
-)
+from unbend import Mesh, canonical_form, distance, farthest_point_sampling, spectrum
 from unbend.datasets import make_sphere
 from unbend.spectral import _cache as cache
 from unbend.spectral import _spectrum as spectra

@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg
 from scipy.spatial import ConvexHull, Delaunay
 
-from unbend import Mesh, canonical_form, descriptor, distance, laplacian, spectrum
+from unbend import Mesh, canonical_form, distance, laplacian, spectrum
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.errors import MeshError, SolverError, UnbendWarning
 from unbend.spectral import _point_cloud, triangulate_points

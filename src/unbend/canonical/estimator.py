@@ -53,7 +53,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
 
     Examples
     --------
-    >>> from unbend import SpectralMDS
+    >>> from unbend.canonical import SpectralMDS
     >>> from unbend.datasets import make_sphere
     >>> SpectralMDS(n_components=3).fit_transform(make_sphere(2)).shape
     (162, 3)

@@ -64,7 +64,7 @@ def write_functional_map(path: str | os.PathLike[str], functional_map: npt.Array
     >>> import tempfile
     >>> import numpy as np
     >>> from pathlib import Path
-    >>> from unbend import read_functional_map, write_functional_map
+    >>> from unbend.correspondence import read_functional_map, write_functional_map
     >>> path = Path(tempfile.mkdtemp()) / "map.npz"
     >>> write_functional_map(path, np.eye(2))
     >>> read_functional_map(path)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from browser import Browser, changed, drawn
-from unbend import Mesh, canonical_form, distance, form_page, match_page
+from unbend import Mesh, canonical_form, distance
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
+from unbend.report import form_page, match_page
 from unbend.report.pages import _match_page, mesh_page
 from unbend.report.pages._shown import show
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, evaluate, match, match_page
+from unbend import Mesh, evaluate, match
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
+from unbend.report import match_page
 from unbend.report.pages import _maps
 from unbend.report.pages._match_page import _standing_alike
 from unbend.report.pages._shown import show

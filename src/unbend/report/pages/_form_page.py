@@ -99,7 +99,8 @@ def form_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import canonical_form, form_page
+    >>> from unbend import canonical_form
+    >>> from unbend.report import form_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
