@@ -131,7 +131,6 @@ def _form(mesh: Mesh, name: str, n_samples: int) -> None:
         method=method,
         n_eigenpairs=None if exact else N_EIGENPAIRS,
         n_samples=None if exact else n_samples,
-        cache=False,
     )
 
 

@@ -25,7 +25,6 @@ def form(
         method=method,
         n_eigenpairs=None if exact else n_eigenpairs,
         n_samples=None if exact else N_SAMPLES,
-        cache=False,
     )
     return {"points": made.points, "seconds": np.array(sum(made.seconds.values()))}
 

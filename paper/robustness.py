@@ -139,7 +139,7 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Damaged) -> Arrays:
         result[label], result[f"{label}, but for scale"] = np.array(moved)
     # On the clean shape distances are the same for all perturbations.
     try:
-        found = match(perturbed.mesh, clean, cache=False)
+        found = match(perturbed.mesh, clean)
     except MeshError:  # decimation may leave a surface with only one side
         return result | {"map error": np.array(np.nan), "confidence": np.array(0.0)}
     rows = np.random.default_rng(0).permutation(perturbed.mesh.n_vertices)[:_N_ROWS]
@@ -157,7 +157,6 @@ def _form(mesh: Mesh, distance: DistanceKind, method: Method) -> np.ndarray:
         method=method,
         n_eigenpairs=None if exact else N_EIGENPAIRS,
         n_samples=None if exact else N_SAMPLES,
-        cache=False,
     ).points
 
 

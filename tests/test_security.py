@@ -109,7 +109,7 @@ def _pages(name: str) -> Iterator[str]:
     found = Match(every, every, np.eye(3), 1.0, 0.0, 1.0)
     command = f"unbend match {name} {name}"
     yield mesh_page(mesh).html
-    yield form_page(mesh, canonical_form(mesh, cache=False), command=command, cache=False).html
+    yield form_page(mesh, canonical_form(mesh), command=command).html
     yield match_page(mesh, mesh, found, command=command).html
 
 

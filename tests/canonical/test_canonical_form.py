@@ -321,23 +321,6 @@ def test_every_stage_is_begun_and_ended(blob, method):
         assert shares == sorted(shares)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"distance": "diffusion", "method": "exact"},
-        {"distance": "diffusion", "method": "sampled"},
-        {"weighting": "area"},
-        {"method": "sampled"},
-    ],
-)
-def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, options):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    canonical_form(blob, cache=False, **options)
-    assert list(tmp_path.rglob("*.*")) == []
-    canonical_form(blob, **options)
-    assert list(tmp_path.rglob("*.*"))
-
-
 def test_a_form_that_does_not_fit_into_memory_is_refused_with_the_remedy(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="are free; reduce the mesh to fewer vertices first"):
@@ -355,7 +338,7 @@ def test_what_rounding_leaves_of_no_extent_is_not_taken_for_distances_that_are_n
         pytest.warns(UnbendWarning, match="degenerate faces"),
         pytest.warns(UnbendWarning, match="too thin"),
     ):
-        form = canonical_form((np.array(needle), np.array(faces)), cache=False)
+        form = canonical_form((np.array(needle), np.array(faces)))
     assert form.eigenvalues[0] > 0
     assert (form.eigenvalues[1:] == 0).all()
     assert not any("Euclidean" in note for note in form.notes)

@@ -77,7 +77,7 @@ def test_takes_all_that_canonical_form_takes():
     del theirs["mesh"]
     assert ours == theirs
     told = []
-    options = {"distance": "diffusion", "time": 0.5, "cache": False}
+    options = {"distance": "diffusion", "time": 0.5}
     SpectralMDS(**options, progress=lambda stage, share: told.append(stage)).fit(make_sphere(2))
     assert "scaling" in told
 

@@ -293,7 +293,7 @@ def test_options_that_icp_cannot_use_are_refused(blob: Mesh, options: dict[str, 
 def test_a_small_twist_that_leaves_one_side_is_no_hindrance() -> None:
     twisted, _ = make_twisted_ball(4)
     points, egg = lopsided(twisted.vertices), make_egg(3)
-    found = match(Mesh(points, twisted.faces), egg, cache=False)
+    found = match(Mesh(points, twisted.faces), egg)
     off = np.linalg.norm(egg.vertices[found.source_to_target] - points, axis=1)
     assert off.mean() < 0.1
 
@@ -497,20 +497,6 @@ def test_a_functional_map_is_of_as_many_functions_as_asked_for(n_eigenpairs: int
         n_eigenpairs,
         n_eigenpairs,
     )
-
-
-def test_eigenpairs_are_kept_on_disk_unless_asked_not_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    egg = make_egg(2)
-    match(egg, egg, n_eigenpairs=20, refine=False, cache=False)
-    symmetry(egg, n_eigenpairs=20, refine=False, cache=False)
-    assert not list(tmp_path.rglob("*.*"))
-    match(egg, egg, n_eigenpairs=20, refine=False)
-    (kept,) = tmp_path.rglob("*.*")
-    symmetry(egg, n_eigenpairs=20, refine=False)
-    assert list(tmp_path.rglob("*.*")) == [kept]
 
 
 @pytest.mark.parametrize("wrong", [3, 4.5, True])

@@ -40,7 +40,7 @@ def test_more_of_both_comes_nearer(result):
 
 def test_the_library_says_the_same(run, result):
     mesh = run.shapes.mesh("dog0")
-    sampled = canonical_form(mesh, method="sampled", cache=False).points
+    sampled = canonical_form(mesh, method="sampled").points
     row = next(
         row for row in result.tables["grid"] if (row["eigenpairs"], row["samples"]) == (100, 200)
     )

@@ -45,7 +45,7 @@ def test_a_known_correspondence_bounds_icp(result):
 
 def test_the_library_says_the_same(run, result):
     made = [
-        canonical_form(run.scape.mesh(name), method="sampled", n_eigenpairs=50, cache=False)
+        canonical_form(run.scape.mesh(name), method="sampled", n_eigenpairs=50)
         for name in ("mesh000", "mesh001")
     ]
     value = result.tables["all_pairs"][0]["biharmonic, known"]

@@ -15,7 +15,7 @@ from unbend.report.form_figures import draw_form, turned_to_fit
 
 @pytest.fixture(scope="module")
 def form(blob: Mesh) -> CanonicalForm:
-    return replace(canonical_form(blob, cache=False), surface=2 * blob.vertices)
+    return replace(canonical_form(blob), surface=2 * blob.vertices)
 
 
 @pytest.mark.parametrize("up", ["x", "z"])

@@ -87,7 +87,6 @@ def canonical_form(
     component: str | int | None = None,
     keep_scale: bool = False,
     random_state: int = 0,
-    cache: bool = True,
     detail: Detail | None = None,
     progress: Progress | None = None,
 ) -> CanonicalForm:
@@ -128,8 +127,6 @@ def canonical_form(
         Return the form in the unit that the distance has on the input, not at unit area.
     random_state : int, default=0
         Seed of the vertices that the stress is taken over, and of the solver's first vectors.
-    cache : bool, default=True
-        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
     detail : "preserved", optional
         Give the `surface` too: the mesh as it looks in the form's pose, its limbs as thick and its
         edges about as long as they are. Needs faces and at least 3 dimensions.
@@ -196,7 +193,6 @@ def canonical_form(
         interpolation or "projection",
         diffusion_time(distance, time),
         random_state,
-        cache,
     )
     steps = Steps(progress)
     with steps("laplacian"):

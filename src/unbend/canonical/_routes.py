@@ -36,7 +36,6 @@ class Options:
     interpolation: Interpolation
     time: float
     random_state: int
-    cache: bool
 
 
 class Scaled(NamedTuple):
@@ -74,7 +73,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
         columns = _FORM_COLUMNS * (options.n_components + 1)
         check_memory(surface.mesh.name, surface.n_vertices, columns)
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
+        metric = make_metric(options.distance, surface, time=options.time)
     if options.weighting == "uniform":
         assert metric.gram is not None  # every distance in SPECTRAL has one
         with steps("scaling"):
@@ -89,7 +88,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
             )
     with steps("spectrum"):
         k = min(options.n_components + 2, surface.n_vertices)
-        spectrum = eigenpairs(surface, k, cache=options.cache)
+        spectrum = eigenpairs(surface, k)
     filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
     return Scaled(*area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas), metric)
 
@@ -99,9 +98,9 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
     n = surface.n_vertices
     n_samples, n_eigenpairs = min(options.n_samples, n), min(options.n_eigenpairs, n)
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
+        metric = make_metric(options.distance, surface, time=options.time)
     with steps("spectrum"):
-        spectrum = eigenpairs(surface, n_eigenpairs, cache=options.cache)
+        spectrum = eigenpairs(surface, n_eigenpairs)
     with steps("sampling"):
         start = shape_end(spectrum)
         if options.distance in SPECTRAL:

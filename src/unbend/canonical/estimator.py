@@ -27,7 +27,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     Parameters
     ----------
     n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
-    laplacian, component, keep_scale, random_state, cache, detail, progress
+    laplacian, component, keep_scale, random_state, detail, progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -75,7 +75,6 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         component: str | int | None = None,
         keep_scale: bool = False,
         random_state: int = 0,
-        cache: bool = True,
         detail: Detail | None = None,
         progress: Progress | None = None,
     ) -> None:
@@ -92,7 +91,6 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.component = component
         self.keep_scale = keep_scale
         self.random_state = random_state
-        self.cache = cache
         self.detail = detail
         self.progress = progress
 

@@ -157,7 +157,6 @@ def canonical(
             component=parse_component(component),
             keep_scale=keep_scale,
             random_state=random_state,
-            cache=cache,
             detail=detail,
             progress=progress,
         )
@@ -179,7 +178,6 @@ def canonical(
                 up=up,
                 keep_scale=keep_scale,
                 command=command_line(),
-                cache=cache,
                 progress=progress,
             )
     print_notes(shape.notes)

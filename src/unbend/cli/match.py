@@ -183,7 +183,6 @@ def match(
             refine=refine,
             allow_mirror=allow_mirror,
             barycentric=method != "icp" and any((figure, report, colored, _keeps_all(out))),
-            cache=cache,
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         seconds = time.perf_counter() - start

@@ -110,7 +110,7 @@ def similarity(
         shapes = [only_component(read_mesh(path), chosen) for path in paths]
         if known:
             _check_sizes(shapes)
-        pairs = compare(shapes, known, matrix, n_components, distance, cache, progress)
+        pairs = compare(shapes, known, matrix, n_components, distance, progress)
         table = _matrix(pairs, len(shapes)) if matrix else None
         if csv is not None:
             _write_csv(csv, paths, pairs, table)
@@ -156,7 +156,6 @@ def compare(
     matrix: bool,
     n_components: int,
     distance: DistanceKind,
-    cache: bool,
     progress: Progress,
 ) -> list[Pair]:
     """Compare the first shape with the others, or all with all; each form is computed once."""
@@ -180,7 +179,6 @@ def compare(
             n_components=n_components,
             distance=distance,
             weighting="uniform" if known else "area",
-            cache=cache,
         )
         forms.append(form)
     pairs = []
@@ -191,7 +189,6 @@ def compare(
             found = match(
                 shapes[i],
                 shapes[j],
-                cache=cache,
                 progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
                     f"{names}: {stage}", share
                 ),

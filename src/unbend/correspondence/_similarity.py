@@ -27,7 +27,6 @@ def similarity(
     method: Method = "auto",
     weighting: Literal["auto", "uniform", "area"] = "auto",
     areas: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
-    cache: bool = True,
 ) -> float:
     """Tell how alike two shapes are, whatever their poses: the cosine of their canonical forms.
 
@@ -51,8 +50,6 @@ def similarity(
         different ways; else alike, as in the paper.
     areas : ((n_model,), (n_probe,)) arrays_like of float, optional
         Vertex areas, needed only where vertices count by area and a form is given.
-    cache : bool, default=True
-        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
 
     Returns
     -------
@@ -94,7 +91,7 @@ def similarity(
     by_area = weighting == "area" or (weighting == "auto" and match is not None)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (
-        _points(one, n_components, distance, method, "area" if by_area else "uniform", cache)
+        _points(one, n_components, distance, method, "area" if by_area else "uniform")
         for one in shapes
     )
     if by_area:
@@ -153,7 +150,6 @@ def _points(
     distance: DistanceKind,
     method: Method,
     weighting: Literal["uniform", "area"],
-    cache: bool,
 ) -> FloatArray:
     if isinstance(shape, Mesh):
         shape = canonical_form(
@@ -162,7 +158,6 @@ def _points(
             distance=distance,
             method=method,
             weighting=weighting,
-            cache=cache,
         )
     if shape.points.shape[1] < d:
         raise InputError(

@@ -51,7 +51,6 @@ def match(
     allow_mirror: bool = False,
     barycentric: bool = False,
     mirrored: bool = False,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Match two deformable shapes, without landmarks or training.
@@ -96,8 +95,6 @@ def match(
         Whether to give faces and weights, for accuracy below a vertex.
     mirrored : bool, default=False
         Whether to give the best orientation-reversing map too.
-    cache : bool, default=True
-        Whether to keep eigenpairs on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
 
@@ -162,7 +159,7 @@ def match(
     polish = refine is None or refine
     _check_count(n_eigenpairs)
     torn = [method != "icp" and partial in ("auto", "both", side) for side in ("source", "target")]
-    ours, theirs = prepare_shapes((source, target), n_eigenpairs, cache, torn)
+    ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
         progress("spectrum", 1.0)
     if method == "icp":
@@ -205,7 +202,7 @@ def prepare_spectrum(mesh: MeshLike) -> None:
     MeshError, InputError
         See :func:`match`.
     """
-    prepare_shape(mesh, _N_EIGENPAIRS, cache=True)
+    prepare_shape(mesh, _N_EIGENPAIRS)
 
 
 @one_blas_thread()
@@ -214,7 +211,6 @@ def symmetry(
     *,
     n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Intrinsic reflective symmetry of a shape: its best map to itself that swaps left and right.
@@ -223,7 +219,7 @@ def symmetry(
     ----------
     mesh : mesh-like
         See :func:`match`.
-    n_eigenpairs, refine, cache, progress
+    n_eigenpairs, refine, progress
         See :func:`match`.
 
     Returns
@@ -250,7 +246,7 @@ def symmetry(
     True
     """
     _check_count(n_eigenpairs)
-    one = prepare_shape(mesh, n_eigenpairs, cache)
+    one = prepare_shape(mesh, n_eigenpairs)
     if progress is not None:
         progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()

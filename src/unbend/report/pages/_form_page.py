@@ -50,7 +50,6 @@ def form_page(
     up: Axis = "y",
     keep_scale: bool = False,
     command: str = "",
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Page:
     """Write a canonical form as a page that opens in any browser, without a network.
@@ -73,8 +72,6 @@ def form_page(
         Whether the form was made with this option.
     command : str, default=""
         What made the form, shown on the page.
-    cache : bool, default=True
-        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
 
@@ -120,7 +117,7 @@ def form_page(
     if form.surface is not None:
         laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
-    values, embedding = _embedding(mesh, form, inside, cache)
+    values, embedding = _embedding(mesh, form, inside)
     rows = shown.ids
     data = {
         "shape": shown.packed(mesh.vertices)
@@ -168,16 +165,14 @@ def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
     return float(np.sqrt(form.area)) if keep_scale else 1.0
 
 
-def _embedding(
-    mesh: Mesh, form: CanonicalForm, inside: BoolArray, cache: bool
-) -> tuple[FloatArray, FloatArray]:
+def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues at unit area, and eigenfunctions so weighted that straight is biharmonic."""
     kind: LaplacianKind = "robust" if form.laplacian == "robust" else "cotangent"
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
-        found = spectrum(part, count, laplacian=kind, cache=cache)
+        found = spectrum(part, count, laplacian=kind)
     values = found.eigenvalues * form.area
     weights = np.sqrt(spectral_filter("biharmonic", values, 1.0)) * np.sqrt(form.area)
     return values, (found.eigenfunctions * weights)[:, 1:]
