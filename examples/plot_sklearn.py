@@ -44,5 +44,6 @@ ax.set(xlabel="first principal component", ylabel="second")
 ax.legend()
 
 # %%
-# A canonical form is an estimator as well, with the parameters of ``canonical_form``.
+# A canonical form is an estimator as well, with the parameters of ``canonical_form`` and
+# ``sampled_canonical_form``.
 SpectralMDS(n_components=3, distance="biharmonic").fit_transform(meshes[0]).shape

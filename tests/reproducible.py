@@ -80,13 +80,11 @@ def compute(matching: bool = True) -> Results:
     for kind in ("biharmonic", "commute-time", "diffusion", "geodesic"):
         found[kind] = unbend.distance(one, [0, 99], distance=kind)  # type: ignore[arg-type]
     forms = {
-        "exact": {},
-        "by area": {"weighting": "area"},
-        "sampled": {"method": "sampled", "n_eigenpairs": 40, "n_samples": 80},
+        "exact": unbend.canonical_form(one),
+        "by area": unbend.canonical_form(one, weighting="area"),
+        "sampled": unbend.sampled_canonical_form(one, n_eigenpairs=40, n_samples=80),
     }
-    for name, options in forms.items():
-        form = unbend.canonical_form(one, **options)  # type: ignore[arg-type]
-        found[f"form, {name}"] = form.points
+    found |= {f"form, {name}": form.points for name, form in forms.items()}
     found["descriptor"] = unbend.collection.descriptor(one)
     found["alignment"] = unbend.align(found["form, exact"], found["form, sampled"]).rotation
     some = np.arange(one.n_vertices) % other.n_vertices

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import unbend
+from forms import form_of
 from unbend import Mesh
 from unbend.collection._entry import thumbnail
 from unbend.datasets import make_sphere
@@ -57,9 +58,12 @@ def diagnosis(case: Case) -> Iterator[Any]:
 
 
 def form(case: Case, **options: Any) -> Iterator[Any]:
-    found = unbend.canonical_form(case.mesh, **options)
+    found = form_of(case.mesh, **options)
     yield from (case.rows(found.points), found.eigenvalues, found.stress, found.area)
-    yield from () if found.surface is None else (case.rows(found.surface),)
+
+
+def pose(case: Case) -> Iterator[Any]:
+    yield case.rows(unbend.lay_into_pose(case.mesh, unbend.canonical_form(case.mesh)))
 
 
 def laplacians(case: Case) -> Iterator[Any]:
@@ -172,8 +176,8 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
     "diagnose": diagnosis,
     "canonical_form": form,
     "canonical_form, area": partial(form, weighting="area"),
-    "canonical_form, sampled": partial(form, distance="geodesic"),
-    "canonical_form, detail": partial(form, detail="preserved", keep_scale=True),
+    "sampled_canonical_form": partial(form, method="sampled", distance="geodesic"),
+    "lay_into_pose": pose,
     "laplacian": laplacians,
     "spectrum, interpolate": spectrum,
     "distance, farthest_point_sampling": distances,

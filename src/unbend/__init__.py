@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from unbend.alignment import align as align
     from unbend.canonical import canonical_form as canonical_form
     from unbend.canonical import farthest_point_sampling as farthest_point_sampling
+    from unbend.canonical import lay_into_pose as lay_into_pose
+    from unbend.canonical import sampled_canonical_form as sampled_canonical_form
     from unbend.correspondence import evaluate as evaluate
     from unbend.correspondence import morph as morph
     from unbend.correspondence import read_match as read_match
@@ -39,7 +41,9 @@ __version__ = "0.2.0"
 
 _FOLDERS: dict[str, tuple[str, ...]] = {
     "alignment": ("align",),
-    "canonical": ("canonical_form", "farthest_point_sampling"),
+    "canonical": (
+        *("canonical_form", "farthest_point_sampling", "lay_into_pose", "sampled_canonical_form"),
+    ),
     "collection": (),
     "correspondence": (
         *("evaluate", "morph", "read_match", "register", "similarity", "transfer", "write_match"),

@@ -6,7 +6,15 @@ import sys
 import numpy as np
 import pytest
 
-from unbend import Mesh, canonical_form, distance, farthest_point_sampling, match, spectrum
+from unbend import (
+    Mesh,
+    canonical_form,
+    distance,
+    farthest_point_sampling,
+    match,
+    sampled_canonical_form,
+    spectrum,
+)
 from unbend.datasets import make_sphere
 from unbend.spectral import _cache as cache
 from unbend.spectral import _spectrum as spectra
@@ -59,7 +67,7 @@ def test_what_the_cache_holds_changes_nothing():
         lambda mesh: distance(mesh, 0, n_eigenpairs=9),
         lambda mesh: farthest_point_sampling(mesh, 3),
         lambda mesh: canonical_form(mesh, distance="diffusion", time=0.5),
-        lambda mesh: canonical_form(mesh, method="sampled", n_eigenpairs=9),
+        lambda mesh: sampled_canonical_form(mesh, n_eigenpairs=9),
         lambda mesh: canonical_form(mesh, weighting="area"),
         lambda mesh: match(mesh, mesh, n_eigenpairs=20, refine=False),
     ],

@@ -25,16 +25,13 @@ _FORM_COLUMNS = 16
 
 @dataclass(frozen=True)
 class Options:
-    """What :func:`unbend.canonical_form` was asked for."""
+    """What both kinds of canonical forms are asked for."""
 
     distance: DistanceKind
     n_components: int
     weighting: Weighting
-    n_eigenpairs: int
-    n_samples: int
-    mu: float
-    interpolation: Interpolation
     time: float
+    keep_scale: bool
     random_state: int
 
 
@@ -93,10 +90,19 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
     return Scaled(*area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas), metric)
 
 
-def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
+def sampled(
+    surface: Surface,
+    options: Options,
+    steps: Steps,
+    *,
+    n_samples: int,
+    n_eigenpairs: int,
+    mu: float,
+    interpolation: Interpolation,
+) -> Scaled:
     """Follow the paper: steps 1 to 8."""
     n = surface.n_vertices
-    n_samples, n_eigenpairs = min(options.n_samples, n), min(options.n_eigenpairs, n)
+    n_samples, n_eigenpairs = min(n_samples, n), min(n_eigenpairs, n)
     with steps("factorisation"):
         metric = make_metric(options.distance, surface, time=options.time)
     with steps("spectrum"):
@@ -116,8 +122,8 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
             distances**2,
             samples.indices,
             spectrum,
-            mu=options.mu,
-            interpolation=options.interpolation,
+            mu=mu,
+            interpolation=interpolation,
         )
     with steps("scaling"), one_blas_thread():
         return Scaled(

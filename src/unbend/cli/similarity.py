@@ -161,8 +161,9 @@ def compare(
     """Compare the first shape with the others, or all with all; each form is computed once."""
     import itertools
 
-    from unbend.canonical import canonical_form
+    from unbend.canonical import canonical_form, sampled_canonical_form
     from unbend.correspondence import similarity as likeness
+    from unbend.distances import SPECTRAL
     from unbend.matching import match
     from unbend.mesh import vertex_areas
 
@@ -174,7 +175,8 @@ def compare(
     forms = []
     for shape in shapes:
         progress(f"{shape.name}, canonical form", 0)
-        form = canonical_form(
+        make = canonical_form if distance in SPECTRAL else sampled_canonical_form
+        form = make(
             shape,
             n_components=n_components,
             distance=distance,

@@ -47,6 +47,7 @@ def form_page(
     form: CanonicalForm,
     path: str | os.PathLike[str] | None = None,
     *,
+    posed: FloatArray | None = None,
     up: Axis = "y",
     keep_scale: bool = False,
     command: str = "",
@@ -55,8 +56,8 @@ def form_page(
     """Write a canonical form as a page that opens in any browser, without a network.
 
     The shape and its form turn together, the same place in the same colour; both can be coloured
-    by the first eigenfunctions and by the biharmonic distance from any vertex. A form with its
-    `surface` shows that too. Below are the spectrum and the form's eigenvalues and stress.
+    by the first eigenfunctions and by the biharmonic distance from any vertex. Below are the
+    spectrum and the form's eigenvalues and stress.
 
     Parameters
     ----------
@@ -66,6 +67,8 @@ def form_page(
         Of that mesh, from :func:`unbend.canonical_form`.
     path : path, optional
         The file to write, .html. In a notebook the page that is returned shows itself.
+    posed : (n, 3) ndarray of float64, optional
+        The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be shown too.
     up : {"x", "y", "z"}, default="y"
         The shape's axis that points upward.
     keep_scale : bool, default=False
@@ -114,8 +117,8 @@ def form_page(
     shown = show(mesh)
     places = turned_to_fit(form.points, mesh.vertices, inside)
     laid = None
-    if form.surface is not None:
-        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+    if posed is not None:
+        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside)
     rows = shown.ids
