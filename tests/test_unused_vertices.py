@@ -87,8 +87,8 @@ def distances(case: Case) -> Iterator[Any]:
         yield samples - case.first
 
 
-def matched(case: Case, **options: Any) -> Iterator[Any]:
-    found = unbend.match(case.mesh, case.other, **options)
+def matched(case: Case) -> Iterator[Any]:
+    found = unbend.match(case.mesh, case.other)
     yield from (case.rows(found.source_to_target) - case.first, found.confidence)
 
 
@@ -182,7 +182,6 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
     "spectrum, interpolate": spectrum,
     "distance, farthest_point_sampling": distances,
     "match": matched,
-    "match, icp": partial(matched, method="icp"),
     "evaluate": errors,
     "transfer, morph, similarity, match_colors": carried,
     "register": registration,

@@ -238,8 +238,6 @@ def test_what_cannot_be_hinted_is_said(blob: Mesh) -> None:
         match(blob, blob, landmarks=[(0, blob.n_vertices)])
     with pytest.raises(InputError, match="give at most 7 landmarks"):
         match(blob, blob, landmarks=[(i, i) for i in range(8)])
-    with pytest.raises(InputError, match='landmarks is for method="progressive"'):
-        match(blob, blob, method="icp", landmarks=[(0, 0)])
     loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
     with (
         pytest.warns(UnbendWarning, match="unreferenced"),

@@ -169,7 +169,7 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> from unbend import read_match, write_match
     >>> from unbend import match
     >>> path = Path(tempfile.mkdtemp()) / "match.npz"
-    >>> write_match(path, match(make_sphere(2), make_sphere(2), method="icp"))
+    >>> write_match(path, match(make_sphere(2), make_sphere(2), refine=False))
     >>> len(read_match(path).source_to_target)
     162
     """
