@@ -249,7 +249,7 @@ def test_either_source_of_guesses_proposes_the_truth(bodies: Sides, stage: _plan
     right = goal[TRUTH[upper.origin][ours.kept]]
     off = [
         np.linalg.norm(goal[theirs.kept[one.registered.forward]] - right, axis=1).mean()
-        for one in stage(sides, [])
+        for one in stage(sides, [_candidate(0.9)])
     ]
     assert min(off) < 0.1
 
