@@ -68,8 +68,23 @@ TimeOption = Annotated[
 RandomStateOption = Annotated[
     int, typer.Option("--random-state", help="Seed of whatever is left to chance.")
 ]
+
+
+def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
+    if not keep:
+        from unbend.spectral import use_cache
+
+        ctx.with_resource(use_cache(gib=0))
+    return keep
+
+
 CacheOption = Annotated[
-    bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for the next time.")
+    bool,
+    typer.Option(
+        "--cache/--no-cache",
+        callback=_switch_cache,
+        help="Keep eigenpairs on disk for the next time.",
+    ),
 ]
 
 
