@@ -11,9 +11,9 @@ from unbend import Mesh
 from unbend.correspondence import transfer
 from unbend.correspondence._transfer import positions_on_target
 from unbend.datasets import make_quadruped, rest_map
+from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.matching import Match, match
-from unbend.matching._kernels import closest_faces
 from unbend.mesh import faces_around
 
 PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))

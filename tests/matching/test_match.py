@@ -260,9 +260,9 @@ def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
 
 def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
     first, second = blob.faces[10, :2]
-    tip = 1.02 * blob.vertices[[first, second]].mean(axis=0)
+    extremity = 1.02 * blob.vertices[[first, second]].mean(axis=0)
     fin = Mesh(
-        np.concatenate([blob.vertices, [tip]]),
+        np.concatenate([blob.vertices, [extremity]]),
         np.concatenate([blob.faces, [[first, second, blob.n_vertices]]]),
     )
     with pytest.warns(UnbendWarning, match="non-manifold edge"):

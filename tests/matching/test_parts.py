@@ -27,7 +27,7 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
     Pose,
     Registered,
-    bearable,
+    limited,
     register,
 )
 from unbend.matching._shape import Shape, make_shape
@@ -48,18 +48,18 @@ def test_the_rim_of_a_sheet_leads_outward() -> None:
     sheet = _sheet()
     flat = sheet.vertices * [1, 1, 0]
     shape = make_shape(flat, sheet.faces, *np.ones((2, 81)), np.ones((81, 2)), partial=True)
-    rim = shape.conormals(flat)
-    on_rim = np.abs(flat).max(axis=1) == 1
-    np.testing.assert_array_equal(np.linalg.norm(rim, axis=1) > 0, on_rim)
+    conormals = shape.conormals_in(flat)
+    on_boundary = np.abs(flat).max(axis=1) == 1
+    np.testing.assert_array_equal(np.linalg.norm(conormals, axis=1) > 0, on_boundary)
     out = np.where(np.abs(flat) == 1, flat, 0)  # straight off a side, slanting off a corner
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1)
-    np.testing.assert_allclose(rim, out, atol=1e-9)
+    np.testing.assert_allclose(conormals, out, atol=1e-9)
 
 
 def test_only_a_part_has_a_rim(blob: Mesh) -> None:
     half = _sheet()
-    assert not prepare_shape(half, 20, True).shape.rim.any()
-    assert prepare_shape(half, 20, True, partial=True).shape.rim.any()
+    assert not prepare_shape(half, 20, True).shape.conormals.any()
+    assert prepare_shape(half, 20, True, partial=True).shape.conormals.any()
     assert not prepare_shape(blob, 20, True, partial=True).shape.partial
 
 
@@ -94,12 +94,12 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
         Pose(moved, turns, truth, size),
         Pose(back, turns[: len(back)].copy(), np.ones(len(back), dtype=bool), 1 / size),
     )
-    (found,) = register(whole, part, [start], constants.LOOSE + constants.PULLS[1:], 8)
-    overlap = (found.source.within & truth).sum() / (found.source.within | truth).sum()
+    (found,) = register(whole, part, [start], constants.LOOSE + constants.DATA_WEIGHTS[1:], 8)
+    overlap = (found.source.overlap & truth).sum() / (found.source.overlap | truth).sum()
     assert overlap > 0.98
-    assert found.target.within.all()
+    assert found.target.overlap.all()
     assert abs(found.source.size / size - 1) < 0.02
-    both = found.source.within & truth
+    both = found.source.overlap & truth
     off = np.linalg.norm(part.vertices[found.forward] - part.vertices[there], axis=1)
     assert off[both].mean() < 0.01
 
@@ -107,14 +107,16 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
     whole, part = (prepare_shape(one, 20, True, True).shape for one in (SOURCE.mesh, torn))
-    assert bearable(whole, whole, constants.PULLS) == constants.PULLS
+    assert limited(whole, whole, constants.DATA_WEIGHTS) == constants.DATA_WEIGHTS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
-    assert constants.PULLS[0] < most < constants.PULLS[2]
-    pulls = bearable(whole, part, constants.PULLS)
-    assert pulls == bearable(part, whole, constants.PULLS)
-    assert list(pulls) == sorted({min(pull, most) for pull in constants.PULLS})
-    assert bearable(part, whole, constants.PULLS, 2)[-1] == pytest.approx(most / 4)
+    assert constants.DATA_WEIGHTS[0] < most < constants.DATA_WEIGHTS[2]
+    data_weights = limited(whole, part, constants.DATA_WEIGHTS)
+    assert data_weights == limited(part, whole, constants.DATA_WEIGHTS)
+    assert list(data_weights) == sorted(
+        {min(data_weight, most) for data_weight in constants.DATA_WEIGHTS}
+    )
+    assert limited(part, whole, constants.DATA_WEIGHTS, 2)[-1] == pytest.approx(most / 4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -250,7 +252,7 @@ def test_a_mirror_image_has_the_mirrored_rim() -> None:
     half = _sheet()
     shape = prepare_shape(half, 20, True, partial=True).shape
     mirror = shape.reflected()
-    np.testing.assert_allclose(mirror.rim, shape.rim * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(mirror.conormals, shape.conormals * [-1, 1, 1], atol=1e-12)
     fresh: Shape = replace(mirror)
     np.testing.assert_allclose(fresh.edge, mirror.edge)
     np.testing.assert_allclose(fresh.patch_sizes, mirror.patch_sizes)

@@ -10,9 +10,10 @@ import numpy.typing as npt
 from unbend._arrays import array_of, first_largest, point_map_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
+from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, invert_map
-from unbend.matching import Match, closest_faces, warn_of_disorder
+from unbend.matching import Match, warn_of_disorder
 from unbend.mesh import Mesh, faces_around
 
 _GREY = 128

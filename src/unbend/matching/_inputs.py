@@ -48,15 +48,15 @@ class Input(NamedTuple):
     surface: Surface
     shape: Shape
     kept: IntArray
-    stands_for: IntArray
+    representatives: IntArray
     own_faces: IntArray
     own_corners: IntArray
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
         name = self.surface.mesh.name
-        ids = vertex_ids(vertices, len(self.stands_for), name)
-        found = self.stands_for[ids]
+        ids = vertex_ids(vertices, len(self.representatives), name)
+        found = self.representatives[ids]
         if (found < 0).any():
             raise InputError(f"{name}: no face uses vertex {ids[found < 0][0]}; name another")
         return found
@@ -122,16 +122,16 @@ def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -
     return Input(surface, shape, kept, _stand_ins(mesh, kept), own_faces, mesh.faces[own_faces])
 
 
-def expand(point_map: IntArray, within: BoolArray, source: Input, target: Input) -> IntArray:
+def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:
     """Turn a map between vertices in use into one between all vertices, -1 where none."""
-    images = np.where(within, target.kept[point_map], -1)
+    images = np.where(overlap, target.kept[point_map], -1)
     return np.asarray(expand_rows(images, source, -1))
 
 
 def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     """From vertices in use to all vertices, the rest marked as missing."""
-    full = rows[source.stands_for]
-    full[source.stands_for < 0] = missing
+    full = rows[source.representatives]
+    full[source.representatives < 0] = missing
     return full
 
 

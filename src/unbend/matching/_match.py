@@ -15,15 +15,14 @@ from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
 from unbend.alignment import align, closest_points
 from unbend.choices import MatchMethod, Partial
+from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._judge import Candidate, confidence_bound, confidences, judge, ranked
-from unbend.matching._kernels import closest_faces
 from unbend.matching._plan import candidates, make_sides
-from unbend.matching._polish import refined, settled, with_partners
+from unbend.matching._polish import refined, reranked, with_partners
 from unbend.matching._registration import (
     Registered,
     landing_places,
@@ -31,6 +30,7 @@ from unbend.matching._registration import (
     spectral_residual,
 )
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
+from unbend.matching._score import Candidate, confidence_bound, confidences, ranked, scored
 from unbend.matching._shape import Shape
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
@@ -174,8 +174,8 @@ def match(
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
-    found, fine = settled(sides, found) if polish else (found, {})
-    whole = constants.TORN if partial == "auto" else 0.0
+    found, fine = reranked(sides, found) if polish else (found, {})
+    whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
     for i, trust in enumerate(confidences(found)[:n_matches]):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=polish)
@@ -187,10 +187,10 @@ def match(
             progress("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        turned, fine = settled(sides, turned) if polish else (turned, {})
+        turned, fine = reranked(sides, turned) if polish else (turned, {})
         chosen = fine.get(turned[0]) or refined(sides, turned[0], polish=polish)
         other = with_partners(chosen, sides, whole).registered
-        result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
+        result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         warn(f"landmark {row} is ignored: it contradicts the best-fitting map")
     warn_of_disorder(result)
@@ -255,7 +255,7 @@ def symmetry(
         progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
-    found, fine = settled(sides, found) if refine else (found, {})
+    found, fine = reranked(sides, found) if refine else (found, {})
     chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
@@ -294,7 +294,7 @@ def _match_by_icp(ours: Input, theirs: Input) -> Match:
     )
     forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
     poses = smooth_poses(left, right, found.rotation.T)
-    judged = judge(left, right, Registered(forward, backward, *poses))
+    judged = scored(left, right, Registered(forward, backward, *poses))
     result = _result(ours, theirs, judged, float("nan"), [])
     return replace(
         result,
@@ -306,7 +306,7 @@ def _result(
     ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
-    there, back = registered.source.within, registered.target.within
+    there, back = registered.source.overlap, registered.target.overlap
     bound = confidence_bound(left, right, chosen)
     k = min(left.k, right.k)
     mine, other = (
@@ -327,8 +327,8 @@ def _result(
     )
 
 
-def _share(shape: Shape, within: BoolArray) -> float:
-    return 1.0 if within.all() else float(shape.areas @ within)
+def _share(shape: Shape, overlap: BoolArray) -> float:
+    return 1.0 if overlap.all() else float(shape.areas @ overlap)
 
 
 def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
@@ -339,8 +339,8 @@ def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate
     faces, weights = theirs.on_own_faces(
         *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
     )
-    faces = np.where(registered.source.within, faces, -1)
-    weights = np.where(registered.source.within[:, None], weights, np.nan)
+    faces = np.where(registered.source.overlap, faces, -1)
+    weights = np.where(registered.source.overlap[:, None], weights, np.nan)
     return replace(
         result,
         faces=expand_rows(faces, ours, -1),
