@@ -1,10 +1,10 @@
 """
-What noise, holes, welds and other meshings do
-==============================================
+Noise, holes, welds and remeshing
+=================================
 
-Scans are noisy and have holes, hands get glued to hips, and no two tools mesh alike. Each copy
-below is of one person in another pose, so the true map is known, and the error of the match can
-be told.
+Scans are noisy and have holes, hands get glued to hips, and every tool makes another mesh. Each
+copy below is of one person in another pose, so the true map is known and the error of the match
+can be measured.
 """
 
 import matplotlib.pyplot as plt
@@ -24,8 +24,8 @@ copies = {
 }
 
 # %%
-# One match each, everything at its default. Errors are geodesic distances to where a point
-# belongs, over the square root of the area.
+# One match each, with default options. Errors are geodesic distances to the ground truth, over
+# the square root of the area.
 results, images = {}, {}
 for name, copy in copies.items():
     mesh = other.mesh if copy is None else copy.mesh
