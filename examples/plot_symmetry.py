@@ -16,7 +16,7 @@ from unbend.report.figures import draw_mesh
 person = make_biped("walking", n_vertices=1000)
 found = symmetry(person.mesh)
 other = found.source_to_target
-print(f"{(other == person.mirror).mean():.1%} of the vertices are mapped to exactly the right vertex")
+print(f"{(other == person.mirror).mean():.1%} of the vertices have exactly the right partner")
 
 # %%
 # Use it to copy labels to the other side: the left arm, in orange, gives the right
