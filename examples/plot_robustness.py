@@ -17,7 +17,7 @@ from unbend.report.figures import draw_mesh, position_colors
 whole = make_biped("standing", n_vertices=700)
 other = make_biped("walking", n_vertices=700, meshing=1)
 copies = {
-    "meshed anew": None,
+    "remeshed": None,
     "noise": add_noise(other.mesh, 0.1, random_state=0),
     "holes": cut_discs(other.mesh, 0.06, 4, random_state=1),
     "welded": weld(other.mesh, 1, random_state=2),
