@@ -2,18 +2,19 @@
 Forms that still look like the animal
 =====================================
 
-In a canonical form limbs become thin threads and details are lost. With
-``detail="preserved"`` the surface itself is deformed, as rigidly as possible, into the form's pose.
+In a canonical form limbs become thin threads and details are lost. :func:`unbend.lay_into_pose`
+deforms the surface itself, as rigidly as possible, into the form's pose.
 """
 
 import matplotlib.pyplot as plt
 
-from unbend import Mesh, canonical_form, procrustes
+from unbend import Mesh, canonical_form, lay_into_pose
+from unbend.alignment import procrustes
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, position_colors
 
 people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
-unbent = [canonical_form(one, detail="preserved").surface for one in people]
+unbent = [lay_into_pose(one, canonical_form(one)) for one in people]
 
 # %%
 # Three poses of a person become nearly the same surface.

@@ -2,8 +2,8 @@
 Similarity of many shapes
 =========================
 
-:func:`unbend.descriptor` describes a shape by 206 numbers, independent of its pose and its
-mesh. Their distances are enough to cluster shapes.
+:func:`unbend.collection.descriptor` describes a shape by 206 numbers, independent of its pose and
+its mesh. Their distances are enough to cluster shapes.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +11,8 @@ import numpy as np
 from scipy.cluster.hierarchy import dendrogram, linkage
 from scipy.spatial.distance import pdist, squareform
 
-from unbend import descriptor, similarity
+from unbend import similarity
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_octopus, make_quadruped
 
 makers = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from unbend import canonical_form, read_mesh, write_mesh
+from unbend import canonical_form, read_mesh, sampled_canonical_form, write_mesh
 from unbend.cli import app
 
 runner = CliRunner()
@@ -69,7 +69,7 @@ def test_prints_aligned_rows_and_the_next_step(mesh):
 def test_prints_one_json_object(mesh, blob):
     done = run(mesh, "--json", "--method", "sampled", "--n-samples", 50, "--n-eigenpairs", 30)
     found = json.loads(done.stdout)
-    form = canonical_form(blob, method="sampled", n_samples=50, n_eigenpairs=30)
+    form = sampled_canonical_form(blob, n_samples=50, n_eigenpairs=30)
     assert found["eigenvalues"] == list(form.eigenvalues)
     assert (found["vertices"], found["faces"]) == (642, 1280)
     assert (found["method"], found["distance"]) == ("sampled", "biharmonic")
@@ -86,11 +86,10 @@ def test_every_option_reaches_the_library(mesh, blob, tmp_path):
         "--keep-scale --random-state 3 --no-cache"
     )
     assert run(mesh, "-o", out, *options.split()).exit_code == 0
-    form = canonical_form(
+    form = sampled_canonical_form(
         blob,
         n_components=2,
         distance="diffusion",
-        method="sampled",
         weighting="area",
         n_eigenpairs=40,
         n_samples=70,

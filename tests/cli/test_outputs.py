@@ -15,8 +15,9 @@ import typer.main
 from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend import Collection, write_map
+from unbend import write_map
 from unbend.cli import app
+from unbend.collection import Collection
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -37,7 +38,7 @@ TRUTH = "--source-truth map.txt --target-truth map.txt"
 LINES = {
     "canonical a.ply --no-cache": ".ply",
     "distance a.ply --from 0 --no-cache": ".npy",
-    "match a.ply b.ply --method icp --no-cache": ".npz",
+    "match a.ply b.ply --no-refine --no-cache": ".npz",
     f"evaluate map.txt --target a.ply {TRUTH}": "",
     "transfer a.ply b.ply --map map.txt --values values.csv": ".ply",
     "register a.ply b.ply --map map.txt": ".obj",

@@ -123,7 +123,7 @@ def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
 def test_half_a_body_is_found_on_the_whole_one(seed: int) -> None:
     direction = np.random.default_rng(seed).standard_normal(3)
     half = cut(TARGET.mesh, TARGET.mesh.vertices @ direction, 0.5)
-    found = match(SOURCE.mesh, half.mesh, cache=False)
+    found = match(SOURCE.mesh, half.mesh)
     measured = evaluate(found, half.mesh, np.arange(len(TRUTH)), damaged_truth(TRUTH, None, half))
     assert measured.mean() < 0.06  # of the half's sqrt(area)
     assert measured.overlap.iou > 0.8
@@ -135,7 +135,7 @@ def test_a_limb_that_is_missing_gets_no_partner(side: str) -> None:
     torn = keep(torn_side.mesh, torn_side.labels != torn_side.parts.index("left_arm"))
     pair = [torn.mesh, TARGET.mesh] if side == "source" else [SOURCE.mesh, torn.mesh]
     left: list[Damaged | None] = [torn, None] if side == "source" else [None, torn]
-    found = match(*pair, cache=False)
+    found = match(*pair)
     truth = damaged_truth(TRUTH, *left)
     measured = evaluate(found, pair[1], np.arange(len(truth)), truth)
     assert measured.mean() < 0.03
@@ -144,14 +144,14 @@ def test_a_limb_that_is_missing_gets_no_partner(side: str) -> None:
     gone = vertex_areas(torn.mesh).sum() / vertex_areas(torn_side.mesh).sum()
     assert abs(other - gone) < 0.03
     # Whole shapes have partners everywhere, also where that is asked for of parts.
-    everywhere = match(*pair, partial="none", cache=False)
+    everywhere = match(*pair, partial="none")
     assert (everywhere.source_to_target >= 0).all()
     assert everywhere.overlap_source == everywhere.overlap_target == 1
 
 
 def test_a_hole_is_left_out_on_the_other_side_alone() -> None:
     torn = cut_discs(TARGET.mesh, 0.1, 1, random_state=5)
-    found = match(SOURCE.mesh, torn.mesh, partial="target", cache=False)
+    found = match(SOURCE.mesh, torn.mesh, partial="target")
     truth = damaged_truth(TRUTH, None, torn)
     measured = evaluate(found, torn.mesh, np.arange(900), truth)
     assert measured.mean() < 0.03
@@ -160,14 +160,14 @@ def test_a_hole_is_left_out_on_the_other_side_alone() -> None:
     assert found.overlap_target == 1
     assert 0.85 < found.overlap_source < 0.95
     matched = found.source_to_target >= 0
-    fine = match(SOURCE.mesh, torn.mesh, partial="target", barycentric=True, cache=False)
+    fine = match(SOURCE.mesh, torn.mesh, partial="target", barycentric=True)
     np.testing.assert_array_equal(fine.faces >= 0, matched)
     np.testing.assert_array_equal(np.isfinite(fine.weights).all(axis=1), matched)
 
 
 def test_alternatives_are_other_limbs_and_share_the_probability() -> None:
     octopus = make_octopus("floating", n_vertices=700).mesh
-    found = match(octopus, octopus, n_matches=3, cache=False)
+    found = match(octopus, octopus, n_matches=3)
     assert len(found.alternatives) == 2
     images = [octopus.vertices[one.source_to_target] for one in (found, *found.alternatives)]
     areas = vertex_areas(octopus)
@@ -194,7 +194,7 @@ def test_hints_settle_which_arm_is_which() -> None:
     ends = [_end(octopus, arm) for arm in arms]
     # Turned by one arm; a hint may be given twice.
     hints = [(ends[i], ends[i + 1]) for i in (0, 1, 0)]
-    found = match(octopus.mesh, octopus.mesh, landmarks=hints, cache=False)
+    found = match(octopus.mesh, octopus.mesh, landmarks=hints)
     assert found.missed_landmarks == ()
     unit = np.sqrt(vertex_areas(octopus.mesh).sum())
     for source, target in hints:
@@ -206,7 +206,7 @@ def test_a_wrong_hint_is_outvoted_and_named() -> None:
     arm, head = _end(SOURCE, "left_arm"), _end(SOURCE, "head")
     hints = [(arm, TRUTH[arm]), (head, TRUTH[_end(SOURCE, "left_leg")])]
     with pytest.warns(UnbendWarning, match="landmark 1 is ignored"):
-        found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints, cache=False)
+        found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints)
     assert found.missed_landmarks == (1,)
     assert evaluate(found, TARGET.mesh, np.arange(900), TRUTH).mean() < 0.03
 
@@ -214,7 +214,7 @@ def test_a_wrong_hint_is_outvoted_and_named() -> None:
 def test_small_components_go_along() -> None:
     whole = add_components(SOURCE.mesh, eyeballs=2, cloth=0, random_state=0)
     with pytest.warns(UnbendWarning, match="its largest component is matched, 900 of"):
-        found = match(whole.mesh, TARGET.mesh, cache=False)
+        found = match(whole.mesh, TARGET.mesh)
     assert (found.source_to_target >= 0).all()
     eyes = np.arange(900, whole.mesh.n_vertices)
     body = whole.mesh.vertices[:900]
@@ -222,7 +222,7 @@ def test_small_components_go_along() -> None:
     np.testing.assert_array_equal(found.source_to_target[eyes], found.source_to_target[beside])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        turned = match(TARGET.mesh, whole.mesh, cache=False)
+        turned = match(TARGET.mesh, whole.mesh)
     assert (turned.source_to_target < 900).all()
     assert (turned.target_to_source[eyes] >= 0).all()
 
@@ -238,8 +238,6 @@ def test_what_cannot_be_hinted_is_said(blob: Mesh) -> None:
         match(blob, blob, landmarks=[(0, blob.n_vertices)])
     with pytest.raises(InputError, match="give at most 7 landmarks"):
         match(blob, blob, landmarks=[(i, i) for i in range(8)])
-    with pytest.raises(InputError, match='landmarks is for method="progressive"'):
-        match(blob, blob, method="icp", landmarks=[(0, 0)])
     loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
     with (
         pytest.warns(UnbendWarning, match="unreferenced"),

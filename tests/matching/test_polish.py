@@ -14,14 +14,13 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import Sides, candidates, make_sides
 from unbend.matching._polish import (
     _as_most_around,
-    _fine_energy,
     refined,
     reranked,
     with_partners,
     zoomout_start,
 )
 from unbend.matching._registration import Registered, mapped_start
-from unbend.matching._score import Candidate, fine_energy, scored
+from unbend.matching._score import Candidate, scored
 
 
 def candidate(energy: float) -> Candidate:
@@ -175,8 +174,7 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
             assert one.reflected == reflected
             assert one.orientation > 0.95
             assert one.energy < 0.12
-            told = fine_energy(few, many, one.registered)
-            assert _fine_energy(sides, one) == pytest.approx(told, rel=1e-4)
+            assert scored(few, many, one.registered).energy == pytest.approx(one.energy, rel=1e-4)
 
 
 def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:

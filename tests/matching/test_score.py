@@ -11,18 +11,14 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
-from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._score import (
-    _LEAST,
     Candidate,
     _missed,
-    _sheared,
     _unexplained,
     confidences,
     distinct,
-    fine_energy,
     probabilities,
     ranked,
     rough_costs,
@@ -335,108 +331,6 @@ def test_a_bend_costs_as_much_either_way() -> None:
     found = scored(sheet, bent, Registered(every, every, pose, back))
     assert 0 < found.energy < 0.1
     assert found.energy == pytest.approx(_loss(sheet, rolled), rel=0.1)
-
-
-@pytest.mark.parametrize("stretch", [1.0, 1.1, 2.0, 5.0])
-def test_the_shear_of_a_stretch_is_known(stretch: float) -> None:
-    sheet = _sheet(9)
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    images = 3 * (sheet.vertices * [1, stretch, 1]) @ turn + 5
-    overlap = np.ones(len(images), dtype=bool)
-    # Of the metric, which is diag(1, s^2).
-    expected = 1 - stretch / ((1 + stretch**2) / 2)
-    np.testing.assert_allclose(_sheared(sheet, images, overlap), expected, atol=1e-5)
-
-
-def test_a_line_and_a_point_are_all_sheared_and_a_roll_is_not() -> None:
-    sheet = _sheet(31)
-    x, y, _ = sheet.vertices.T
-    overlap = np.ones(len(x), dtype=bool)
-    for collapsed in (sheet.vertices * [1, 0, 0], sheet.vertices * 0):
-        np.testing.assert_allclose(_sheared(sheet, collapsed, overlap), 1, atol=1e-5)
-    rolled = np.stack([np.sin(x), y, np.cos(x)], axis=1)
-    assert _sheared(sheet, rolled, overlap).max() < 1e-3 < _loss(sheet, rolled)
-
-
-def test_shear_is_asked_of_what_has_a_partner() -> None:
-    sheet = _sheet(31)
-    x, y, z = sheet.vertices.T
-    overlap = x < 0.1
-    torn = np.stack([np.where(overlap, x, x**2 + 7), y, z], axis=1)
-    np.testing.assert_allclose(_sheared(sheet, torn, overlap)[overlap], 0, atol=1e-5)
-    # A vertex without a partner counts half of what it leaves unexplained, in either term.
-    pose = _identity(sheet).source._replace(overlap=overlap)
-    half = Registered(*_identity(sheet)[:2], pose, pose)
-    none, least = 1.5 * np.log(constants.WITHOUT / 2), 1.5 * np.log(_LEAST)
-    expected = least + (none - least) * sheet.areas[~overlap].sum()
-    assert np.log(fine_energy(sheet, sheet, half)) == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("height", [1e-7, 1e-16, 0.0])
-@pytest.mark.parametrize("length", [1.0, 0.0])
-def test_needles_and_points_shear_nothing(height: float, length: float) -> None:
-    """Faces that are next to nothing do not say how what is around them is sheared."""
-    sheet = _sheet(21)
-    n = len(sheet.vertices)
-    a, b, _ = sheet.faces[len(sheet.faces) // 2]
-    start = sheet.vertices[a]
-    added = start + np.outer([0.5, 1.0], length * (sheet.vertices[b] - start))
-    added[0, 2] += height
-    needle = replace(
-        sheet,
-        vertices=np.vstack([sheet.vertices, added]),
-        faces=np.vstack([sheet.faces, [[a, n, n + 1]]]),
-        areas=np.append(sheet.areas, [1e-9, 1e-9]),
-    )
-    images = needle.vertices.copy()
-    images[n, 2] += 1e-3
-    assert _sheared(needle, images, np.ones(n + 2, dtype=bool)).max() < 0.01
-
-
-def test_patches_are_asked_by_what_factor_they_are_explained_better(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Where all maps leave much unexplained, more or less of it tells little."""
-    pose = _identity(_sheet(3)).source
-    poses = (pose._replace(overlap=np.ones(n, dtype=bool)) for n in (2, 1))
-    found = Registered(np.arange(2), np.arange(1), *poses)
-    trunk_and_arm, tail = (replace(_sheet(3), areas=np.array(one)) for one in ([0.25, 0.75], [1.0]))
-
-    def energy(explained: tuple[list[float], ...], sheared: tuple[list[float], ...]) -> float:
-        names = {id(trunk_and_arm): 0, id(tail): 1}
-        for name, shares in (("_unexplained", explained), ("_sheared", sheared)):
-            monkeypatch.setattr(
-                f"unbend.matching._score.{name}",
-                lambda shape, images, overlap, shares=shares: np.array(shares[names[id(shape)]]),
-            )
-        monkeypatch.setattr("unbend.matching._score._images_of", lambda *given: (None, None))
-        return fine_energy(trunk_and_arm, tail, found)
-
-    none = [0.0, 0.0], [0.0]
-    assert energy(([0.02, 0.5], [0.3]), none) < energy(([0.04, 0.45], [0.3]), none)
-    assert energy(none, none) == pytest.approx(_LEAST**1.5)  # what no mesh shows any more
-    parts, areas = np.array([[0.02, 0.5, 0.3], [0.1, 0.4, 0.2]]) + _LEAST, [0.25, 0.75, 1.0]
-    explained, sheared = (parts**areas).prod(axis=1)
-    assert energy(([0.02, 0.5], [0.3]), ([0.1, 0.4], [0.2])) == pytest.approx(
-        (explained * sheared**0.5) ** 0.5
-    )
-
-
-def test_a_stretch_is_told_by_what_is_unexplained_and_sheared_both_ways() -> None:
-    sheet = _sheet(9)
-    long = replace(sheet, vertices=sheet.vertices * [1, 3, 1])
-    every, pose = np.arange(len(sheet.vertices)), _identity(sheet).source
-    poses = (pose._replace(places=one.vertices) for one in (long, sheet))
-    found = Registered(every, every, *poses)
-    logs = [sheet.areas @ np.log(one + _LEAST) for one in unexplained(sheet, long, found)]
-    sheared = 1 - 3 / 5  # there as back
-    expected = np.exp(np.mean(logs)) * (sheared + _LEAST) ** 0.5
-    assert fine_energy(sheet, long, found) == pytest.approx(expected, rel=1e-4)
-
-
-def test_the_identity_is_as_good_as_meshes_can_show() -> None:
-    sheet = _sheet(9)
-    assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(_LEAST**1.5, rel=1e-2)
 
 
 def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:

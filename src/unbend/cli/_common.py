@@ -67,8 +67,23 @@ TimeOption = Annotated[
     typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
 ]
 RandomStateOption = Annotated[int, typer.Option("--random-state", help="Random seed.")]
+
+
+def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
+    if not keep:
+        from unbend.spectral import use_cache
+
+        ctx.with_resource(use_cache(gib=0))
+    return keep
+
+
 CacheOption = Annotated[
-    bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for later runs.")
+    bool,
+    typer.Option(
+        "--cache/--no-cache",
+        callback=_switch_cache,
+        help="Keep eigenpairs on disk for later runs.",
+    ),
 ]
 
 

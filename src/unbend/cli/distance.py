@@ -82,7 +82,6 @@ def distance(
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
-            cache=cache,
         )
     if out is not None:
         write_field(out, shape, sources, field)

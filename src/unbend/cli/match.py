@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import Axis, MatchMethod, Partial
+from unbend.choices import Axis, Partial
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -43,10 +42,6 @@ def match(
     source: SourceArgument,
     target: TargetArgument,
     out: MapOutOption = None,
-    method: Annotated[
-        MatchMethod,
-        typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
-    ] = "progressive",
     partial: Annotated[
         Partial,
         typer.Option(
@@ -70,16 +65,14 @@ def match(
         ),
     ] = 1,
     n_eigenpairs: Annotated[
-        int | None,
-        typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape, by default 150."),
-    ] = None,
+        int, typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape.")
+    ] = 150,
     allow_mirror: Annotated[
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool | None,
-        typer.Option("--refine/--no-refine", help="Refine the map on the full meshes (default)."),
-    ] = None,
+        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
+    ] = True,
     component: ComponentOption = None,
     figure: Annotated[
         str | None,
@@ -174,15 +167,13 @@ def match(
         truth = read_truth(truth_files, *n_vertices) if truth_files else None
         found = find_match(
             *shapes,
-            method=method,
             partial=partial,
             landmarks=hints,
             n_matches=n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=method != "icp" and any((figure, report, colored, _keeps_all(out))),
-            cache=cache,
+            barycentric=any((figure, report, colored, _keeps_all(out))),
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         seconds = time.perf_counter() - start
@@ -221,7 +212,6 @@ def match(
                 "figure": figure,
                 "colored": colored,
                 "report": report,
-                "method": method,
                 "source_vertices": len(found.source_to_target),
                 "target_vertices": len(found.target_to_source),
                 "matched": int((found.source_to_target >= 0).sum()),
@@ -272,7 +262,7 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
     """Name the results."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
-    trust = "not estimated" if math.isnan(found.confidence) else f"{found.confidence:.2f}"
+    trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
         trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     return {

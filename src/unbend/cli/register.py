@@ -86,7 +86,7 @@ def register(
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (template, scan)]
-        match = found_match(map_file, base, shapes, cache, progress)
+        match = found_match(map_file, base, shapes, progress)
         found = lay(
             shapes[0],
             shapes[1],

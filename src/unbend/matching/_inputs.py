@@ -78,18 +78,18 @@ class _Checked(NamedTuple):
     own_faces: IntArray
 
 
-def prepare_shape(mesh: MeshLike, n_eigenpairs: int, cache: bool, partial: bool = False) -> Input:
+def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
-    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, cache, partial)
+    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, partial)
 
 
 def prepare_shapes(
-    meshes: Sequence[MeshLike], n_eigenpairs: int, cache: bool, partial: Sequence[bool]
+    meshes: Sequence[MeshLike], n_eigenpairs: int, partial: Sequence[bool]
 ) -> list[Input]:
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
     checked = [_check(as_mesh(mesh)) for mesh in meshes]
     tasks = [
-        functools.partial(_prepare, one, n_eigenpairs, cache, part)
+        functools.partial(_prepare, one, n_eigenpairs, part)
         for one, part in zip(checked, partial, strict=True)
     ]
     if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
@@ -111,9 +111,9 @@ def _check(mesh: Mesh) -> _Checked:
     return _Checked(mesh, surface, faces, kept, own_faces)
 
 
-def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -> Input:
+def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
     mesh, surface, faces, kept, own_faces = checked
-    pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2), cache=cache)
+    pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
     shape = make_shape(
         surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
     )

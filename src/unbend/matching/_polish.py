@@ -21,7 +21,7 @@ from unbend.matching._registration import (
     register,
     smooth_start,
 )
-from unbend.matching._score import Candidate, fine_energy, ranked, scored
+from unbend.matching._score import Candidate, ranked, scored
 from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
@@ -96,20 +96,12 @@ def reranked(
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
     if sides.partial and min(one.energy for one in fine) > ranks[0].energy:
         return ranks, dict(zip(nearly, fine, strict=True))
-    energies = run_all(functools.partial(_fine_energy, sides, one) for one in fine)
-    unit = ranks[0].energy / energies[0]
+    unit = ranks[0].energy / fine[0].energy
     known = {
-        replace(rough, energy=unit * energy): one
-        for rough, one, energy in zip(nearly, fine, energies, strict=True)
+        replace(rough, energy=unit * one.energy): one
+        for rough, one in zip(nearly, fine, strict=True)
     }
     return ranked([*known, *ranks[len(nearly) :]]), known
-
-
-def _fine_energy(sides: Sides, candidate: Candidate) -> float:
-    """Energy on the full meshes, reflected if the candidate is."""
-    if candidate.reflected != sides.turned:
-        sides = sides.reflected()
-    return fine_energy(sides.source.shape, sides.target.shape, candidate.registered)
 
 
 def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.deformation import closest_faces, edge_squares, scatter
+from unbend.deformation import closest_faces, edge_squares
 from unbend.matching import _constants as constants
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
@@ -23,11 +23,7 @@ from unbend.mesh import vertex_normals
 
 # Maps are different where more than this share of the area goes to another limb: a limb's end.
 _SHARE = 0.03
-# In the energy on the full meshes, shear counts half as much as what is unexplained, and a vertex
-# without partner half as much as on the proxies; smaller shares than the last are of the meshes.
-_SHEAR, _WITHOUT, _LEAST = 0.5, 0.5, 0.005
 _PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
-_NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,28 +86,6 @@ def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatA
         _unexplained(source, ahead, found.source.overlap),
         _unexplained(target, back, found.target.overlap),
     )
-
-
-def fine_energy(source: Shape, target: Shape, found: Registered) -> float:
-    """Energy that ranks candidates of nearly the same cost.
-
-    The geometric mean of what is unexplained, times the root of that of what is sheared. Where a
-    surface bends much, every map leaves much unexplained, and how much is chance; where it does
-    not, a little more tells. The mean of logarithms is the likelihood of residuals whose variances
-    nobody knows: it asks by what factor a map does better at each patch. Shear is hardly changed by
-    bending.
-    """
-    logs = 0.0
-    for shape, images, pose in zip(
-        (source, target), _images_of(source, target, found), found[2:], strict=True
-    ):
-        for share, weight in (
-            (_unexplained(shape, images, pose.overlap), 1.0),
-            (_sheared(shape, images, pose.overlap), _SHEAR),
-        ):
-            counted = np.where(pose.overlap, share + _LEAST, _WITHOUT * constants.WITHOUT)
-            logs += weight * float(shape.areas @ np.log(counted))
-    return float(np.exp(logs / 2))
 
 
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
@@ -258,29 +232,6 @@ def largest_traces(matrices):  # type: ignore[no-untyped-def]
         both = others + 2 * determinant / np.sqrt(greatest)
         found[i] = np.sqrt(greatest) + np.sqrt(max(both, 0.0))
     return found
-
-
-def _sheared(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatArray:
-    """Shear (n,) of the surroundings of vertices whose images are (n, 3).
-
-    One less the ratio of the geometric to the arithmetic mean of both eigenvalues of the metric
-    that is pulled back: 0 where a map is conformal. The metric of the faces that have partners is
-    averaged over `TURNING`.
-    """
-    own, theirs = (
-        points[shape.faces[:, 1:]] - points[shape.faces[:, :1]]
-        for points in (shape.vertices, images)
-    )
-    gram, pulled = (sides @ sides.transpose(0, 2, 1) for sides in (own, theirs))
-    gram += _NEEDLE * shape.edge**2 * np.eye(2)
-    dual = np.linalg.inv(gram) @ own
-    metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
-    weights = np.sqrt(np.linalg.det(gram)) * overlap[shape.faces].all(axis=1)
-    sums, _ = scatter(shape.faces, weights.repeat(3), metric, len(images))  # by corner
-    averaged = shape.averaged(sums.sum(axis=1)).reshape(-1, 3, 3)
-    stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
-    ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
-    return np.asarray(np.maximum(1 - ratio, 0))
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
