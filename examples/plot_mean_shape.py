@@ -2,8 +2,8 @@
 The mean of several bodies
 ==========================
 
-People of different proportions are scanned, each on a mesh of its own. A template is laid onto
-all of them, and then vertices correspond: they have a mean, and directions in which they vary.
+Scans of people of different proportions have different meshes. A template is registered to each
+of them, so that their vertices correspond. Then they have a mean and principal components.
 """
 
 import matplotlib.pyplot as plt

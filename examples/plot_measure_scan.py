@@ -2,8 +2,8 @@
 Measure a scan with a template
 ==============================
 
-Somebody marked once, on a template, where waists and thighs are measured. Laid onto a scan of
-another body by :func:`unbend.register`, the template measures it, with no marks on the scan.
+The places to measure, waist and thighs, are marked once on a template. After
+:func:`unbend.register` the template lies on the scan of another body and measures it.
 """
 
 import matplotlib.pyplot as plt
@@ -19,8 +19,8 @@ fitted = register(template.mesh, scan.mesh, match(template.mesh, scan.mesh))
 print(f"{fitted.coverage:.0%} of the template lies on the scan")
 
 # %%
-# A tape is a cut through the template at rest: points on its edges. Their order around the body is
-# kept, so their length can be taken on the fitted template as well.
+# A tape is a cut through the template at rest: points on its edges. Their order around the body
+# does not change, so their length can be measured on the fitted template too.
 
 
 def tape(body, height, part):
@@ -56,5 +56,5 @@ for ax, title in zip(axes, ("template", "scan", "template on the scan"), strict=
     ax.set_title(title)
 
 # %%
-# The template, lying on the scan:
+# The template on the scan:
 mesh_page(fitted.mesh)

@@ -2,9 +2,9 @@
 With trimesh
 ============
 
-Whatever takes a mesh here takes a `trimesh <https://trimesh.org>`_ object too, and results are
-arrays in the order of its vertices. (Load with ``process=False`` where vertices must stay as they
-are in the file: trimesh merges them otherwise.)
+All functions accept `trimesh <https://trimesh.org>`_ objects, and results are
+arrays in the order of their vertices. (Load with ``process=False`` to keep the vertices of the
+file; otherwise trimesh merges them.)
 """
 
 import matplotlib.pyplot as plt
@@ -20,7 +20,7 @@ health = diagnose(body)
 print(body, f"closed: {health.closed}, genus {health.genus}", sep="\n")
 
 # %%
-# The octopus in its canonical form, as a trimesh object again, that trimesh's own tools take.
+# The canonical form of the octopus is a trimesh object again, for trimesh's own tools.
 form = canonical_form(body)
 unbent = trimesh.Trimesh(lay_into_pose(body, form), body.faces, process=False)
 print(f"sides of the box: {body.extents.round(2)} as it crawls, {unbent.extents.round(2)} unbent")

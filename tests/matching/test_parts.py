@@ -203,7 +203,7 @@ def test_hints_settle_which_arm_is_which() -> None:
 def test_a_wrong_hint_is_outvoted_and_named() -> None:
     arm, head = _end(SOURCE, "left_arm"), _end(SOURCE, "head")
     hints = [(arm, TRUTH[arm]), (head, TRUTH[_end(SOURCE, "left_leg")])]
-    with pytest.warns(UnbendWarning, match="landmark 1 is left aside"):
+    with pytest.warns(UnbendWarning, match="landmark 1 is ignored"):
         found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints)
     assert found.missed_landmarks == (1,)
     assert evaluate(found, TARGET.mesh, np.arange(900), TRUTH).mean() < 0.03

@@ -123,8 +123,8 @@ def distance(
 
         if n_eigenpairs == 1:
             raise InputError(
-                "n_eigenpairs must be at least 2: the first eigenfunction, the constant one, tells "
-                "no distance"
+                "n_eigenpairs must be at least 2: the first eigenfunction is constant and has no "
+                "distances"
             )
         metric = truncated_metric(distance, eigenpairs(surface, n_eigenpairs), diffused)
     found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)

@@ -121,7 +121,7 @@ def warn_of_disorder(match: Match) -> None:
     """Warn of a map that cannot be right everywhere."""
     if match.confidence_bound < 1:
         warn(
-            "the map is in disorder: in places it turns the surface inside out, crowds it together "
-            f"or does not lead back (orientation {match.orientation:+.2f}, confidence at most "
-            f"{match.confidence_bound:.2f}); look at it, and give landmarks"
+            "part of the map is wrong: in places it turns the surface inside out, crowds it "
+            f"together or is not cycle-consistent (orientation {match.orientation:+.2f}, "
+            f"confidence at most {match.confidence_bound:.2f}); look at it, and give landmarks"
         )

@@ -38,12 +38,12 @@ _PAGE = """<!doctype html>
 <h1>{heading}</h1>
 <p class="lead">{lead}</p>
 <p class="trouble" id="trouble" role="alert" hidden></p>
-<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+<noscript><p class="trouble">The shapes need JavaScript, which is disabled.</p></noscript>
 </header>
 <main>
 {body}
 </main>
-<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+<footer>Made by unbend {version}. This file contains everything that it shows and uses no
 network.</footer>
 <script type="application/json" id="data">{data}</script>
 <script>{script}</script>

@@ -239,8 +239,8 @@ def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str)
         ),
         (
             "for display",
-            "the form is turned or mirrored as a whole to lie as the shape does; its surface is "
-            "drawn thicker on each side by the pixels that were chosen",
+            "the form is rotated or reflected as a whole to align with the shape; its surface is "
+            "drawn thicker on each side by the chosen number of pixels",
         ),
         (
             "distances here",
