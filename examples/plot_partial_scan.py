@@ -2,8 +2,8 @@
 A scan from one side
 ====================
 
-A camera sees one side of an animal. The other side, and whatever is hidden, must get no partner:
-``-1``, grey in the pictures. ``Match.overlap_target`` says how much of the model was seen.
+A camera sees one side of an animal. Hidden points of the model must get no partner:
+``-1``, grey in the pictures. ``Match.overlap_target`` is the share of the model that was seen.
 """
 
 import matplotlib.pyplot as plt
@@ -19,7 +19,7 @@ scan = seen.mesh
 print(scan)
 
 # %%
-# A surface that ends at a rim may be a part; ``partial="source"`` says that this one is.
+# A surface with a boundary may be partial. ``partial="source"`` says that this one is.
 found = match(scan, model.mesh, partial="source")
 print(found, f"{found.overlap_target:.0%} of the model has a partner on the scan", sep="\n")
 
@@ -37,7 +37,7 @@ for ax, title in zip(axes, ("scan", "model", "model, from behind"), strict=True)
     ax.set_title(title)
 
 # %%
-# Values come along only where there is a partner; elsewhere they are NaN.
+# Values are transferred only where there is a partner. Elsewhere they are NaN.
 height = transfer(scan.vertices[:, 1], found)
 print(f"{np.isnan(height).mean():.0%} of the model's vertices have no height")
 match_page(scan, model.mesh, found)

@@ -1,10 +1,10 @@
 """
-What noise, holes, welds and other meshings do
-==============================================
+Noise, holes, welds and remeshing
+=================================
 
-Scans are noisy and have holes, hands get glued to hips, and no two tools mesh alike. Each copy
-below is of one person in another pose, so the true map is known, and the error of the match can
-be told.
+Scans are noisy and have holes, hands get glued to hips, and every tool makes another mesh. Each
+copy below is of one person in another pose, so the true map is known and the error of the match
+can be measured.
 """
 
 import matplotlib.pyplot as plt
@@ -17,15 +17,15 @@ from unbend.report import draw_mesh, position_colors
 whole = make_biped("standing", n_vertices=700)
 other = make_biped("walking", n_vertices=700, meshing=1)
 copies = {
-    "meshed anew": None,
+    "remeshed": None,
     "noise": add_noise(other.mesh, 0.1, random_state=0),
     "holes": cut_discs(other.mesh, 0.06, 4, random_state=1),
     "welded": weld(other.mesh, 1, random_state=2),
 }
 
 # %%
-# One match each, everything at its default. Errors are geodesic distances to where a point
-# belongs, over the square root of the area.
+# One match each, with default options. Errors are geodesic distances to the ground truth, over
+# the square root of the area.
 results, images = {}, {}
 for name, copy in copies.items():
     mesh = other.mesh if copy is None else copy.mesh

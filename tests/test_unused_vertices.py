@@ -19,7 +19,6 @@ from unbend import Mesh
 from unbend.collection._entry import thumbnail
 from unbend.datasets import make_sphere
 from unbend.mesh import used_vertices, vertex_areas, vertex_normals
-from unbend.report.display import figure_of
 from unbend.report.figures import draw_canonical_forms, save_figure
 from unbend.report.form_figures import draw_form
 from unbend.report.match_figures import draw_match
@@ -171,7 +170,7 @@ def pictures(case: Case) -> Iterator[Any]:
         yield image.imread(path)
         draw_canonical_forms([("a", case.mesh, found.points)], path)
         yield image.imread(path)
-        save_figure(figure_of(case.mesh), path)
+        save_figure(unbend.plot(case.mesh), path)
         yield image.imread(path)
 
 

@@ -142,12 +142,12 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
                     tmp_path / "out.npy")  # fmt: skip
     fitted = right("register", *given, "-o", tmp_path / "fitted.ply")
     for done in (carried, fitted):
-        assert done.stderr.count("warning: the map is in disorder") == 1
+        assert done.stderr.count("warning: part of the map is wrong") == 1
         assert "orientation +0.68, confidence at most 0.10" in done.stderr
         assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
     told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
     assert told["orientation"].startswith("+0.68")
-    assert told["confidence"] == "0.10 (the map's disorder allows at most 0.10)"
+    assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"
     assert told["overlap"] == "100% of the source's area, 100% of the target's"
 
 

@@ -38,7 +38,7 @@ def demo(
     ] = "unbend-demo.png",
     as_json: JsonOption = False,
 ) -> None:
-    """Unbend a dog and a person in three poses each, and compare them before and after.
+    """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
     \b
     Examples:

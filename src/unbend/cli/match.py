@@ -46,7 +46,8 @@ def match(
         Partial,
         typer.Option(
             "--partial",
-            help="Which may be a part, torn or seen from one side; auto: what ends at a rim.",
+            help="Which shape may be partial: torn, cut, or seen from one side; auto: those "
+            "with a boundary.",
         ),
     ] = "auto",
     landmarks: Annotated[
@@ -54,13 +55,13 @@ def match(
         typer.Option(
             "--landmarks",
             metavar="CSV",
-            help="Hints: a line for each, source vertex, target vertex, counted from 0.",
+            help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
         ),
     ] = None,
     n_matches: Annotated[
         int,
         typer.Option(
-            "--n-matches", metavar="N", help="Give the N best ways to match: MAP, MAP-2, MAP-3 ..."
+            "--n-matches", metavar="N", help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ..."
         ),
     ] = 1,
     n_eigenpairs: Annotated[
@@ -70,7 +71,7 @@ def match(
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map to the last vertex.")
+        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
     ] = True,
     component: ComponentOption = None,
     figure: Annotated[
@@ -121,8 +122,8 @@ def match(
 ) -> None:
     """Match two shapes: find the target vertex of each source vertex.
 
-    The shapes may stand in different poses and be meshed in different ways. Nothing is left to
-    chance: the same meshes give the same map.
+    The shapes may have different poses and different meshes. Nothing is random: the same meshes
+    give the same map.
 
     \b
     Examples:
@@ -240,7 +241,7 @@ def match(
     print_rows(summary(shapes, found, seconds))
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
-        typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
+        typer.echo(f"or, at confidence {one.confidence:.2f}, another map{where}")
     print_written(out, figure, *(colored or ()))
     typer.echo(f"next: {_next_step(source, target, out, report)}")
 
@@ -252,7 +253,7 @@ def _truth_files(report: str | None, *paths: str | None) -> list[str]:
     given = [path for path in paths if path is not None]
     if given and (report is None or None in paths[:2]):
         raise InputError(
-            "a truth is shown by --report, and needs both --source-truth and --target-truth"
+            "ground truth is shown by --report, and needs both --source-truth and --target-truth"
         )
     return given
 
@@ -263,7 +264,7 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
     trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
-        trust += f" (the map's disorder allows at most {found.confidence_bound:.2f})"
+        trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     return {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
@@ -277,7 +278,7 @@ def describe_side(orientation: float) -> str:
     """Say whether a map keeps the surface right side out."""
     if abs(orientation) < _CLEAR_SIDE:
         return "unclear which side is out"
-    return "right side out" if orientation > 0 else "inside out, a mirror image"
+    return "right side out" if orientation > 0 else "inside out, a reflection"
 
 
 def write_result(out: str, found: Match) -> None:

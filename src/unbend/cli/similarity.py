@@ -55,7 +55,7 @@ def similarity(
         int, typer.Option("--n-components", help="Dimension that is compared.")
     ] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the forms keep.")
+        DistanceKind, typer.Option("--distance", help="The distance that the forms approximate.")
     ] = "biharmonic",
     component: ComponentOption = None,
     csv: Annotated[
@@ -80,9 +80,9 @@ def similarity(
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell how alike shapes are, whatever their poses: 1 for the same shape.
+    """Measure how similar shapes are, whatever their poses: 1 for the same shape.
 
-    The measure is the cosine of the canonical forms, aligned as well as they can be.
+    The measure is the cosine of the canonical forms after the best alignment.
 
     \b
     Examples:

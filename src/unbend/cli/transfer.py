@@ -67,7 +67,7 @@ def transfer(
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Carry values from the source's vertices to the target's: numbers are averaged, labels vote.
+    """Transfer values from source to target: numbers are averaged, labels by majority.
 
     \b
     Examples:

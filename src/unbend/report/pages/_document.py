@@ -38,12 +38,12 @@ _PAGE = """<!doctype html>
 <h1>{heading}</h1>
 <p class="lead">{lead}</p>
 <p class="trouble" id="trouble" role="alert" hidden></p>
-<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+<noscript><p class="trouble">The shapes need JavaScript, which is disabled.</p></noscript>
 </header>
 <main>
 {body}
 </main>
-<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+<footer>Made by unbend {version}. This file contains everything that it shows and uses no
 network.</footer>
 <script type="application/json" id="data">{data}</script>
 <script>{script}</script>
@@ -140,16 +140,6 @@ def _digest(text: str) -> str:
 def section(heading: str, *blocks: str) -> str:
     """Put HTML under a heading of plain text."""
     return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
-
-
-def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
-    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
-    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
-    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
-    for first, *others in rows:
-        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
-        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
-    return "<table>" + "\n".join(lines) + "</table>"
 
 
 def canvas(name: str, caption: str, description: str, box: str = "") -> str:

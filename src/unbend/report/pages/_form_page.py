@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
@@ -25,7 +26,6 @@ from unbend.report.pages._document import (
     hint,
     make_page,
     section,
-    table,
     view_controls,
 )
 from unbend.report.pages._packing import pack_places, pack_whole
@@ -239,8 +239,8 @@ def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str)
         ),
         (
             "for display",
-            "the form is turned or mirrored as a whole to lie as the shape does; its surface is "
-            "drawn thicker on each side by the pixels that were chosen",
+            "the form is rotated or reflected as a whole to align with the shape; its surface is "
+            "drawn thicker on each side by the chosen number of pixels",
         ),
         (
             "distances here",

@@ -172,7 +172,7 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
         trust = "" if math.isnan(one.confidence) else f", confidence {one.confidence:.2f}"
         maps[f"{i + 1}{trust}"] = one
     if match.mirrored is not None:
-        maps["mirror image"] = match.mirrored
+        maps["reflection"] = match.mirrored
     return maps
 
 
