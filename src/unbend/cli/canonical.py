@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -174,7 +176,9 @@ def canonical(
         )
         posed = None
         if detail is not None:
+            start = perf_counter()
             posed = lay_into_pose(shape, form, progress=progress)
+            form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
             posed = posed if keep_scale else posed / form.area**0.5
         if out is not None:
             progress("writing", 0)

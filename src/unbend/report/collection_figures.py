@@ -41,7 +41,7 @@ def draw_distances(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.collection_figures import draw_distances
+    >>> from unbend.report import draw_distances
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
     """

@@ -66,7 +66,7 @@ def draw_form(
     >>> import pathlib, tempfile
     >>> from unbend import canonical_form
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.form_figures import draw_form
+    >>> from unbend.report import draw_form
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))

@@ -142,16 +142,6 @@ def section(heading: str, *blocks: str) -> str:
     return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
 
 
-def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
-    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
-    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
-    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
-    for first, *others in rows:
-        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
-        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
-    return "<table>" + "\n".join(lines) + "</table>"
-
-
 def canvas(name: str, caption: str, description: str, box: str = "") -> str:
     """Make a place to draw in, with alternative text and, if named, a box for a vertex's number."""
     entry = ""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
@@ -25,7 +26,6 @@ from unbend.report.pages._document import (
     hint,
     make_page,
     section,
-    table,
     view_controls,
 )
 from unbend.report.pages._packing import pack_places, pack_whole

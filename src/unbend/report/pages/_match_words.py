@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from html import escape
 
+from unbend._display import table
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
@@ -13,7 +14,6 @@ from unbend.report.pages._document import (
     curve_svg,
     hint,
     section,
-    table,
     view_controls,
 )
 from unbend.report.pages._shown import Shown

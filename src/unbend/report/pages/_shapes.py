@@ -8,12 +8,13 @@ from typing import Any, get_args
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import Progress
 from unbend.choices import Axis
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
-from unbend.report.pages._document import canvas, section, table
+from unbend.report.pages._document import canvas, section
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import show
 

@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
+from unbend._display import table
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, check_writable
 from unbend.report.pages import _shapes as parts
-from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section, table
+from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section
 from unbend.report.pages._packing import pack_places
 from unbend.report.trees import apart, join_alike
 
