@@ -75,7 +75,7 @@ def test_the_judge_prefers_the_right_map_to_its_rivals() -> None:
     # A person back to front is nearly the same person: only patches of the surface tell.
     source = make_biped("standing", n_vertices=1500)
     target = make_biped("walking", n_vertices=1200, meshing=1)
-    sides = make_sides(*(prepare_shape(one.mesh, 150, True)[1] for one in (source, target)))
+    sides = make_sides(*(prepare_shape(one.mesh, 150)[1] for one in (source, target)))
     first, *rivals = candidates(sides)
     assert rivals
     truth = rest_map(source, target)

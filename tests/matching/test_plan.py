@@ -39,7 +39,7 @@ WITHOUT_ARM = keep(SOURCE.mesh, SOURCE.labels != SOURCE.parts.index("left_arm"))
 
 
 def _shape(mesh: Mesh, *, partial: bool = False) -> Shape:
-    return prepare_shape(mesh, 60, True, partial).shape
+    return prepare_shape(mesh, 60, partial).shape
 
 
 def _error(point_map: IntArray, target: Body, truth: IntArray) -> float:
@@ -73,7 +73,7 @@ def boxes() -> list[Shape]:
     found = []
     for seed in range(4):
         noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
-        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40, False).shape)
+        found.append(prepare_shape(Mesh(box + noise, ball.faces), 40).shape)
     return found
 
 
@@ -264,7 +264,7 @@ def test_what_leads_to_the_same_place_is_left_out_whatever_the_vertices(
     boxes: list[Shape],
 ) -> None:
     ball = make_sphere(2)
-    ours = prepare_shape(Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces), 20, True).shape
+    ours = prepare_shape(Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces), 20).shape
     sides = make_sides(ours, boxes[0])
     for level in (COARSE, MEDIUM):
         shapes = sides.at(level)

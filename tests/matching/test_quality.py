@@ -21,7 +21,7 @@ SIDE = 41
 
 @pytest.fixture(scope="module")
 def sheet() -> Shape:
-    return prepare_shape(make_sheet(SIDE), 10, False).shape
+    return prepare_shape(make_sheet(SIDE), 10).shape
 
 
 def bound(
@@ -86,7 +86,7 @@ def test_only_what_has_a_partner_counts(sheet: Shape) -> None:
 
 def test_shapes_of_very_different_resolution_are_not_crowded() -> None:
     fine, coarse = make_sheet(SIDE), make_sheet(5)
-    shapes = tuple(prepare_shape(mesh, 10, False).shape for mesh in (fine, coarse))
+    shapes = tuple(prepare_shape(mesh, 10).shape for mesh in (fine, coarse))
     there, back = (
         cKDTree(one.vertices).query(other.vertices)[1] for one, other in (shapes[::-1], shapes)
     )
