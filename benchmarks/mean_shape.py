@@ -21,11 +21,12 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from testshapes.bodies import make_body, random_proportions
 from unbend import procrustes, register
 from unbend._types import FloatArray
 from unbend.collection import shape_statistics
 from unbend.correspondence import Registration
-from unbend.datasets import Shape, make_body, random_proportions, rest_map
+from unbend.datasets import Shape, rest_map
 from unbend.mesh import edge_ends, vertex_areas
 
 POSE, TEMPLATE = "standing", 1000

@@ -2,24 +2,31 @@
 A scan from one side
 ====================
 
-A camera sees one side of an animal. The other side, and whatever is hidden, must get no partner:
-``-1``, grey in the pictures. ``Match.overlap_target`` says how much of the model was seen.
+A camera sees one side of an animal. The other side must get no partner: ``-1``, grey in the
+pictures. ``Match.overlap_target`` says how much of the model was seen.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, match_page, transfer
-from unbend.datasets import make_quadruped, seen_from
+from unbend import Mesh, match, match_page, transfer
+from unbend.datasets import make_quadruped
 from unbend.report.figures import draw_mesh, position_colors
 
 model = make_quadruped("standing", n_vertices=1000)
-seen = seen_from(make_quadruped("walking", n_vertices=1600, meshing=1).mesh, (1, 0.2, 0.3))
-scan = seen.mesh
+whole = make_quadruped("walking", n_vertices=1600, meshing=1).mesh
+
+# %%
+# The camera sees the faces that are turned towards it.
+corners = whole.vertices[whole.faces]
+normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+towards = normals @ (1, 0.2, 0.3) > 0.1 * np.linalg.norm(normals, axis=1)
+used, faces = np.unique(whole.faces[towards], return_inverse=True)
+scan = Mesh(whole.vertices[used], faces.reshape(-1, 3), name="scan")
 print(scan)
 
 # %%
-# A surface that ends at a rim may be a part; ``partial="source"`` says that this one is.
+# A surface that ends at a boundary may be a part; ``partial="source"`` says that this one is.
 found = match(scan, model.mesh, partial="source")
 print(found, f"{found.overlap_target:.0%} of the model has a partner on the scan", sep="\n")
 
