@@ -12,39 +12,13 @@ from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
 from unbend.report.trees import join_alike
 
-_MOST_NAMES = 150  # more could not be read
+_MOST_NAMES = 150  # more names would be too small to read
 
 
 def draw_distances(
     names: Sequence[str], distances: npt.ArrayLike, path: str | os.PathLike[str]
 ) -> None:
-    """Write a heat map of distances and the dendrogram that orders it, by average linkage.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the n shapes.
-    distances : (n, n) array_like of float
-        Symmetric, 0 on the diagonal.
-    path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
-
-    Raises
-    ------
-    InputError
-        If the table does not fit the names.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from unbend.report.collection_figures import draw_distances
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
-    """
+    """Write a heat map of distances (n, n) beside the dendrogram that orders it, as `path` says."""
     table = np.asarray(distances, dtype=np.float64)
     n = len(names)
     if table.shape != (n, n) or n < 2:

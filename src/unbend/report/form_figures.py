@@ -16,6 +16,7 @@ from unbend.report.figures import (
     FORM_THICKER,
     UPRIGHT,
     as_written,
+    check_up,
     draw_places,
     new_figure,
     position_colors,
@@ -28,41 +29,10 @@ _VIEW = (60.0, 15.0)
 def draw_form(
     mesh: MeshLike, form: CanonicalForm, path: str | os.PathLike[str], *, up: str = "y"
 ) -> None:
-    """Write a picture of a shape and, beside it, its canonical form, in the same colours.
+    """Write a picture of a shape beside its canonical form, in the same colours.
 
-    The form is turned or mirrored as a whole to lie as the shape does, and drawn 2.5 pixels
-    thicker on each side than it is, for its limbs are threads. A form with its `surface` shows
-    that too. Each is drawn as large as its place allows.
-
-    Parameters
-    ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
-    form : CanonicalForm
-        Of that mesh; of more than three dimensions the first three are drawn.
-    path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
-    up : {"x", "y", "z"}, default="y"
-        The shape's axis that points upward.
-
-    Raises
-    ------
-    InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from unbend import canonical_form
-    >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.form_figures import draw_form
-    >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
+    The form, of which the first three dimensions are drawn, is rotated or reflected onto the shape.
+    A form with its `surface` shows that too. See :func:`drawable` for `up` and errors.
     """
     mesh = drawable(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
@@ -85,13 +55,7 @@ def draw_form(
 
 
 def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
-    """Take a mesh that is to be drawn beside its form.
-
-    Raises
-    ------
-    InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
-    """
+    """Check that a mesh has faces, that the form is of this mesh, and that `up` is an axis."""
     mesh = as_mesh(mesh)
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces to draw")
@@ -100,15 +64,14 @@ def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
             f"the form has {len(form.points)} points, but {mesh.name} has "
             f"{mesh.n_vertices} vertices"
         )
-    if up not in UPRIGHT:
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    check_up(up)
     return mesh
 
 
 def turned_to_fit(
     points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
 ) -> FloatArray:
-    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
+    """Rotate the first three dimensions onto the shape, with a reflection if that fits better."""
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = points[:, :3]
     turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
