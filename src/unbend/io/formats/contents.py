@@ -70,8 +70,18 @@ def left_over(data: bytes) -> int:
 
 
 def pythonic(words: Iterable[str]) -> bool:
-    """Whether any of some numbers is one to Python alone, like 1_000."""
+    """Whether some of these words are numbers to Python alone, like 1_000."""
     return "_" in "".join(words)
+
+
+def are_numbers(words: Iterable[str]) -> bool:
+    """Whether all words are numbers to every program."""
+    try:
+        for word in words:
+            float(word)
+    except ValueError:
+        return False
+    return not pythonic(words)
 
 
 def positions(rows: Sequence[Sequence[str]], what: str = "vertex") -> FloatArray:
@@ -132,23 +142,10 @@ def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArr
 
 
 def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[IntArray, list[str]]:
-    """Split polygons into fans of triangles, in order.
+    """Split polygons into fans of triangles, in order, and say so in notes.
 
-    Parameters
-    ----------
-    sizes : (m,) ndarray of int64
-        Corners of each polygon.
-    corners : (sum(sizes),) ndarray of int64
-        Their vertex indices, one polygon after the other.
-    n_vertices : int
-        Number of vertices, to refuse an index here: after splitting, the faces count differently
-        from the file's.
-
-    Returns
-    -------
-    faces : (k, 3) ndarray of int64
-    notes : list of str
-        What was done, empty if all were triangles.
+    Polygons are given by their sizes (m,) and by the corners of all, one after the other. Vertex
+    numbers are checked here, because the triangles are counted differently from the file's faces.
     """
     starts = np.cumsum(sizes) - sizes
     outside = np.flatnonzero((corners < 0) | (corners >= n_vertices))
