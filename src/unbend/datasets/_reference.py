@@ -19,18 +19,9 @@ _N_STEPS = 16
 
 
 def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> FloatArray:
-    """Carry points of a resting skin onto the skin of a body with other proportions.
+    """Carry points (n, 3) of a resting skin onto the skin of a body with other proportions.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float64
-        On the skin of ``bones``.
-    bones, onto : sequence of Bone
-        The same bones in the same order, of other places and sizes.
-
-    Returns
-    -------
-    (n, 3) ndarray of float64
+    `bones` and `onto` are the same bones in the same order, of other places and sizes.
     """
     now = list(bones)
     for step in range(1, _N_STEPS + 1):

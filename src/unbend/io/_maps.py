@@ -148,35 +148,15 @@ def write_map(
 def read_landmarks(
     path: str | os.PathLike[str], n_source: int | None = None, n_target: int | None = None
 ) -> IntArray:
-    r"""Read landmarks: on each line a source vertex and the target vertex that it corresponds to.
+    """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
-    Parameters
-    ----------
-    path : path
-        A .csv or .txt file, the numbers counted from 0 and separated by a comma or blanks. A .csv
-        file may begin with a line that names its columns.
-    n_source, n_target : int, optional
-        Vertices of the source and of the target, which landmarks must not exceed.
-
-    Returns
-    -------
-    (l, 2) ndarray of int64
+    The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
+    file may begin with column names. Numbers must be below `n_source` and `n_target`, if given.
 
     Raises
     ------
     FileError
-        If the file cannot be read, is empty, or a line is anything else.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from unbend.io import read_landmarks
-    >>> path = Path(tempfile.mkdtemp()) / "hints.csv"
-    >>> _ = path.write_text("source,target\n12,40\n7,3\n")
-    >>> read_landmarks(path)
-    array([[12, 40],
-           [ 7,  3]])
+        If the file cannot be read, is empty, or has other lines.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
