@@ -4,7 +4,8 @@
                                   [--pairs N] [--seed S] [--jobs N] [--groups]
 
 SETS and measures are those of benchmarks/match.py. All lines but the first, which proposes from the
-spectra, are left out one at a time. FOLDER keeps the rows of each plan: a run that was interrupted
+spectra, are left out one at a time; a pair for which a line was not run is not matched again
+without it. FOLDER keeps the rows of each plan: a run that was interrupted
 goes on where it stopped. ``mean`` is the mean error of the maps that are right with both plans, and
 ``whole`` that of the whole plan's maps of the same pairs. Pairs are lost if only the whole plan's
 map is right, and won if only the other one is. CPU seconds are means of a map.
@@ -13,11 +14,12 @@ map is right, and won if only the other one is. CPU seconds are means of a map.
 from __future__ import annotations
 
 import functools
+import json
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from match import WRONG, Row, grouped, leave_out, lines_of_plan, make_parser, measured
+from match import WRONG, Row, grouped, leave_out, lines_of_plan, make_parser, measured, read
 
 
 class Comparison(NamedTuple):
@@ -41,6 +43,13 @@ def compare(before: list[Row], after: list[Row]) -> Comparison:
     cpu_before, cpu = (float(np.mean([row["cpu"] for row in rows])) for rows in (before, after))
     lost, won = int((was & ~right).sum()), int((right & ~was).sum())
     return Comparison(int(right.sum()), float(mean), float(mean_before), lost, won, cpu, cpu_before)
+
+
+def keep_the_same(whole: list[Row], name: str, out: Path, changed: str) -> None:
+    """Keep the rows of pairs for which a line of the plan was not run as those without it."""
+    if not read(out):
+        rows = [row | {"changed": changed} for row in whole if name not in row["lines"]]
+        out.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
 
 def line(label: str, before: list[Row], after: list[Row]) -> str:
@@ -78,8 +87,9 @@ def main() -> None:
     without = {}
     for name in given.lines or lines:
         set_up = functools.partial(leave_out, [name])
-        out = given.out / f"{name}.jsonl"
-        without[name] = measured(given, out, f"without {name}", set_up)
+        out, changed = given.out / f"{name}.jsonl", f"without {name}"
+        keep_the_same(whole, name, out, changed)
+        without[name] = measured(given, out, changed, set_up)
     print_table(whole, without, given.groups)
 
 

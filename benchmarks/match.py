@@ -24,12 +24,13 @@ the nearest vertices, which is the least error of a map between vertices.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import json
 import os
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ from unbend import Match, Mesh, evaluate, match
 from unbend._types import BoolArray, IntArray
 from unbend.errors import UnbendError
 from unbend.mesh import vertex_areas
+from unbend.spectral import use_cache
 
 Row = dict[str, Any]
 
@@ -52,6 +54,7 @@ SURE = 0.9
 N_POINTS = 200  # points of a map that are measured: its mean is known to one or two thousandths
 
 
+@use_cache(gib=0)
 def run(name: str, draw: Draw, how: str = "") -> Row:
     """Match a pair and measure the map; how is "", "barycentric" or "peer"."""
     warnings.simplefilter("ignore")
@@ -63,7 +66,8 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
         row |= {"cpu": time.process_time() - start, "confidence": np.nan}
         return row | measure(case, found, np.zeros(case.target.n_vertices, dtype=np.int64))
     try:
-        found = match(case.source, case.target, barycentric=how == "barycentric", cache=False)
+        with lines_that_run() as row["lines"]:
+            found = match(case.source, case.target, barycentric=how == "barycentric")
     except UnbendError as error:
         cpu = time.process_time() - start
         return row | {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": cpu}
@@ -275,6 +279,28 @@ def lines_of_plan() -> list[str]:
     from unbend.matching import _plan
 
     return list(dict.fromkeys(step.stage.__name__ for step in _plan.PLAN))
+
+
+@contextlib.contextmanager
+def lines_that_run() -> Iterator[list[str]]:
+    """List the names of the lines of the plan that a match runs."""
+    from unbend.matching import _plan
+
+    ran: list[str] = []
+
+    def noted(step: Any) -> Any:
+        def stage(*given: Any) -> Any:
+            ran.append(step.stage.__name__)
+            return step.stage(*given)
+
+        return step._replace(stage=stage)
+
+    before = list(_plan.PLAN)
+    _plan.PLAN[:] = map(noted, before)
+    try:
+        yield ran
+    finally:
+        _plan.PLAN[:] = before
 
 
 def leave_out(names: list[str]) -> None:

@@ -25,7 +25,8 @@ import numpy as np
 from testshapes.bodies import make_body
 from testshapes.damage import cut_discs, damaged_truth
 from testshapes.scanning import seen_from
-from unbend import Mesh, Registration, match, read_mesh, register
+from unbend import Mesh, match, read_mesh, register
+from unbend.correspondence import Registration
 from unbend.datasets import rest_map
 from unbend.mesh import find_edges, vertex_areas
 

@@ -2,9 +2,9 @@
 A million vertices
 ==================
 
-A canonical form takes time and memory in proportion to the vertices. Here a dog of 5,000 vertices
-is subdivided twice, to 80,000, so that this page is built fast; twice more would make 1.3
-million. Times for a million and for five are measured: :doc:`/benchmarks`.
+The time and memory of a canonical form are proportional to the number of vertices. Here a dog of
+5,000 vertices is subdivided twice, to 80,000. Twice more would give 1.3 million.
+:doc:`/benchmarks` has times for large meshes.
 """
 
 import time
@@ -32,7 +32,7 @@ dog = make_quadruped("walking", n_vertices=5000).mesh
 sizes, seconds = [], []
 for _ in range(3):
     start = time.process_time()
-    form = canonical_form(dog, cache=False)
+    form = canonical_form(dog)
     sizes.append(dog.n_vertices)
     seconds.append(time.process_time() - start)
     print(f"{sizes[-1]:,} vertices: {seconds[-1]:.1f} s of processor time")

@@ -2,16 +2,16 @@
 A scan from one side
 ====================
 
-A camera sees one side of an animal. The other side must get no partner: ``-1``, grey in the
-pictures. ``Match.overlap_target`` says how much of the model was seen.
+A camera sees one side of an animal. The other side of the model must get no partner: ``-1``, grey
+in the pictures. ``Match.overlap_target`` is the share of the model that was seen.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import Mesh, match, match_page, transfer
+from unbend import Mesh, match, transfer
 from unbend.datasets import make_quadruped
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, match_page, position_colors
 
 model = make_quadruped("standing", n_vertices=1000)
 whole = make_quadruped("walking", n_vertices=1600, meshing=1).mesh
@@ -26,7 +26,7 @@ scan = Mesh(whole.vertices[used], faces.reshape(-1, 3), name="scan")
 print(scan)
 
 # %%
-# A surface that ends at a boundary may be a part; ``partial="source"`` says that this one is.
+# A surface with a boundary may be partial. ``partial="source"`` says that this one is.
 found = match(scan, model.mesh, partial="source")
 print(found, f"{found.overlap_target:.0%} of the model has a partner on the scan", sep="\n")
 
@@ -44,7 +44,7 @@ for ax, title in zip(axes, ("scan", "model", "model, from behind"), strict=True)
     ax.set_title(title)
 
 # %%
-# Values come along only where there is a partner; elsewhere they are NaN.
+# Values are transferred only where there is a partner. Elsewhere they are NaN.
 height = transfer(scan.vertices[:, 1], found)
 print(f"{np.isnan(height).mean():.0%} of the model's vertices have no height")
 match_page(scan, model.mesh, found)

@@ -2,26 +2,26 @@
 With PyVista
 ============
 
-`PyVista <https://docs.pyvista.org>`_ surfaces are taken as they are, and results become their
-point data. The pictures on this page were drawn by PyVista, off screen.
+unbend accepts `PyVista <https://docs.pyvista.org>`_ surfaces, and its results can be stored as
+their point data. The pictures on this page were drawn by PyVista, off screen.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
 
-from unbend import canonical_form, distance
+from unbend import canonical_form, distance, lay_into_pose
 from unbend.datasets import make_biped
 
 person = make_biped("running", n_vertices=4000).mesh
 surface = pv.PolyData.from_regular_faces(person.vertices, person.faces)
 
 # %%
-# One function call, then everything that PyVista does with point data.
+# After one function call, PyVista can show the result like any point data.
 (surface["from the head"],) = distance(surface, int(person.vertices[:, 1].argmax()))
-form = canonical_form(surface, detail="preserved")
+form = canonical_form(surface)
 unbent = surface.copy()
-unbent.points = form.surface
+unbent.points = lay_into_pose(surface, form)
 
 # %%
 plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=(1000, 520), border=False)

@@ -1,9 +1,9 @@
 """
-What noise, holes and other meshings do
-=======================================
+Noise, holes and remeshing
+==========================
 
-Scans are noisy and have holes, and no two tools mesh alike. Each copy below is of one person in
-another pose, so the true map is known, and the error of the match can be told.
+Scans are noisy and have holes, and every tool makes another mesh. Each copy below is of one person
+in another pose, so the true map is known and the error of the match can be measured.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +12,7 @@ import numpy as np
 from unbend import Mesh, evaluate, match
 from unbend.correspondence import THRESHOLDS
 from unbend.datasets import make_biped, rest_map
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, position_colors
 
 whole = make_biped("standing", n_vertices=700)
 other = make_biped("walking", n_vertices=700, meshing=1)
@@ -27,14 +27,14 @@ noise = 0.005 * chance.standard_normal(vertices.shape)
 middles = vertices[chance.choice(len(vertices), 4)]
 lost = (np.linalg.norm(vertices[:, None] - middles, axis=2) < 0.08).any(axis=1)
 copies = {
-    "meshed anew": other.mesh,
+    "remeshed": other.mesh,
     "noise": Mesh(vertices + noise, faces),
     "holes": Mesh(vertices, faces[~lost[faces].any(axis=1)]),
 }
 
 # %%
-# One match each, everything at its default. Errors are geodesic distances to where a point
-# belongs, over the square root of the area.
+# One match each, with default options. Errors are geodesic distances to the ground truth, over
+# the square root of the area.
 results, images = {}, {}
 for name, mesh in copies.items():
     found = match(whole.mesh, mesh)

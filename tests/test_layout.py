@@ -16,6 +16,9 @@ MODULES = {
 }
 
 
+IMPORTERS = ("import_module", "__import__")
+
+
 def rows():
     """Folders and top-level modules by row of the table, the top row first."""
     text = (ROOT / "CONTRIBUTING.md").read_text()
@@ -40,6 +43,13 @@ def imports(name):
                 )
         if isinstance(node, ast.Import):
             assert not any(alias.name.startswith("unbend.") for alias in node.names), name
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(IMPORTERS):
+            if name == "__init__":  # which stands above all, and loads the folders on first use
+                continue
+            assert isinstance(node.args[0], ast.Constant), f"{name} imports what is computed"
+            if node.args[0].value.split(".")[0] == "unbend":
+                found = ".".join(node.args[0].value.split(".")[1:])
+                yield found if found in MODULES else f"{found}.__init__".removeprefix(".")
 
 
 ARROWS = {name: set(imports(name)) for name in MODULES}
@@ -70,6 +80,27 @@ def test_there_is_no_circle():
         for others in left.values():
             others.difference_update(free)
     assert not left, f"circular imports among {sorted(left)}"
+
+
+def test_there_is_no_circle_between_folders():
+    left = {room: set() for room in ROW}
+    for name, others in ARROWS.items():
+        left[name.split(".")[0]] |= {one.split(".")[0] for one in others}
+    left = {room: others - {room} for room, others in left.items()}
+    while free := {room for room, others in left.items() if not others}:
+        left = {room: others - free for room, others in left.items() if room not in free}
+    assert not left, f"circular imports among {sorted(left)}"
+
+
+def test_imports_within_functions_and_by_name_are_seen(tmp_path, monkeypatch):
+    (tmp_path / "low.py").write_text(
+        "def draw():\n"
+        "    from unbend.report import plot\n"
+        "    importlib.import_module('unbend.cli.match')\n"
+        "    return import_module('unbend.report.pages')\n"
+    )
+    monkeypatch.setitem(MODULES, "low", tmp_path / "low.py")
+    assert set(imports("low")) == {"report.__init__", "cli.match", "report.pages.__init__"}
 
 
 def test_the_tests_mirror_the_modules():

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections import namedtuple
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -233,17 +234,18 @@ def test_a_bound_of_the_map_bounds_the_confidence(script):
 def plan(monkeypatch):
     """Stand in for the matcher's plan: three stages on four lines."""
 
-    def from_spectra():
+    def from_spectra(sides, found):
         """Propose."""
 
-    def from_points():
+    def from_points(sides, found):
         """Propose."""
 
-    def refine():
+    def refine(sides, found):
         """Mend."""
 
+    step = namedtuple("step", "stage")
     steps = [from_spectra, from_points, refine, refine]
-    stand_in = SimpleNamespace(PLAN=[SimpleNamespace(stage=one) for one in steps])
+    stand_in = SimpleNamespace(PLAN=[step(one) for one in steps])
     monkeypatch.setattr(unbend.matching, "_plan", stand_in, raising=False)
     return stand_in
 
@@ -255,6 +257,14 @@ def test_lines_of_the_plan_are_left_out_by_name(script, plan):
     harness.leave_out(["refine"])
     assert harness.lines_of_plan() == ["from_spectra", "from_points"]
     assert plan.PLAN is the_list
+
+
+def test_the_lines_that_run_are_noted(script, plan):
+    with script("match").lines_that_run() as lines:
+        for step in plan.PLAN[::2]:
+            step.stage(None, [])
+    assert lines == ["from_spectra", "refine"]
+    assert script("match").lines_of_plan() == ["from_spectra", "from_points", "refine"]
 
 
 def test_a_line_that_the_plan_lacks_is_refused_by_name(script, plan, monkeypatch, capsys):
@@ -281,12 +291,16 @@ def test_the_ablation_prints_what_each_line_earns(script, plan, monkeypatch, cap
 
     def measured(given, out, changed="", set_up=None):
         assert set(given.sets) == {"poses", "cuts"}
-        return rows_of(errors[changed], name="poses") + rows_of([0.03], name="cuts")
+        rows = rows_of(errors[changed], name="poses") + rows_of([0.03], name="cuts")
+        return [row | {"lines": ["from_spectra", "refine"]} for row in rows]
 
     monkeypatch.setattr(ablation, "measured", measured)
     monkeypatch.setattr(sys, "argv", ["ablation.py", "poses", "cuts", "--groups",
                                       "--out", str(tmp_path / "rows")])  # fmt: skip
     ablation.main()
+    same = script("match").read(tmp_path / "rows/from_points.jsonl")
+    assert [row["error"] for row in same] == [0.01, 0.02, 0.03]  # as with it: it was not run
+    assert not script("match").read(tmp_path / "rows/refine.jsonl")
     table = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
     assert table[0] == ["nothing", "3", "3", "0.0200", "0.0200", "0", "0", "1.00"]
     assert table[3] == ["from_points", "3", "2", "0.0200", "0.0200", "1", "0", "1.00"]

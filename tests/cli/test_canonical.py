@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from unbend import canonical_form, read_mesh, write_mesh
+from unbend import canonical_form, lay_into_pose, read_mesh, sampled_canonical_form, write_mesh
 from unbend.cli import app
 
 runner = CliRunner()
@@ -69,7 +69,7 @@ def test_prints_aligned_rows_and_the_next_step(mesh):
 def test_prints_one_json_object(mesh, blob):
     done = run(mesh, "--json", "--method", "sampled", "--n-samples", 50, "--n-eigenpairs", 30)
     found = json.loads(done.stdout)
-    form = canonical_form(blob, method="sampled", n_samples=50, n_eigenpairs=30)
+    form = sampled_canonical_form(blob, n_samples=50, n_eigenpairs=30)
     assert found["eigenvalues"] == list(form.eigenvalues)
     assert (found["vertices"], found["faces"]) == (642, 1280)
     assert (found["method"], found["distance"]) == ("sampled", "biharmonic")
@@ -86,11 +86,10 @@ def test_every_option_reaches_the_library(mesh, blob, tmp_path):
         "--keep-scale --random-state 3 --no-cache"
     )
     assert run(mesh, "-o", out, *options.split()).exit_code == 0
-    form = canonical_form(
+    form = sampled_canonical_form(
         blob,
         n_components=2,
         distance="diffusion",
-        method="sampled",
         weighting="area",
         n_eigenpairs=40,
         n_samples=70,
@@ -144,3 +143,29 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("keep_scale", [False, True])
+def test_the_surface_in_the_forms_pose_is_written_in_the_forms_unit(
+    mesh, blob, tmp_path, keep_scale
+):
+    out = tmp_path / "posed.npy"
+    done = run(mesh, "-o", out, "--detail", "preserved", "--json", *["--keep-scale"] * keep_scale)
+    assert "detail" in json.loads(done.stdout)["seconds"]
+    form = canonical_form(blob)
+    unit = 1 if keep_scale else np.sqrt(form.area)
+    np.testing.assert_allclose(np.load(out), lay_into_pose(blob, form) / unit, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--n-samples 50", "--n-samples is for sampled forms; add --method sampled"),
+        ("--distance geodesic --method exact", "the geodesic distance has no exact form; use"),
+        ("--detail preserved --n-components 2", "needs a form of at least 3 dimensions, not 2"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(mesh, options, sentence):
+    done = run(mesh, *options.split())
+    assert done.exit_code == 2
+    assert sentence in done.stderr

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import shlex
 from collections.abc import Iterator
@@ -15,8 +14,9 @@ import typer.main
 from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend import Collection, write_map
+from unbend import write_map
 from unbend.cli import app
+from unbend.collection import Collection
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -37,7 +37,7 @@ TRUTH = "--source-truth map.txt --target-truth map.txt"
 LINES = {
     "canonical a.ply --no-cache": ".ply",
     "distance a.ply --from 0 --no-cache": ".npy",
-    "match a.ply b.ply --method icp --no-cache": ".npz",
+    "match a.ply b.ply --no-refine --no-cache": ".npz",
     f"evaluate map.txt --target a.ply {TRUTH}": "",
     "transfer a.ply b.ply --map map.txt --values values.csv": ".ply",
     "register a.ply b.ply --map map.txt": ".obj",
@@ -90,7 +90,7 @@ def with_outputs(line: str, chosen: list[str], folder: Path) -> tuple[list[str],
 
 
 def combinations(*, every: bool = False) -> Iterator[Any]:
-    """Give each command line with each choice of its outputs, or with all of them."""
+    """Give each command line with each of its outputs and with all of them, or with all alone."""
     for words, command in commands():
         line = line_of(words)
         if line is None:
@@ -98,10 +98,10 @@ def combinations(*, every: bool = False) -> Iterator[Any]:
         outputs = {name: one for name, one in options(command).items() if name in OUTPUTS}
         must = [name for name, one in outputs.items() if one.required]
         may = [name for name in outputs if name not in must]
-        for n in range(len(may) if every else 0, len(may) + 1):
-            for some in itertools.combinations(may, n):
-                if chosen := [*must, *some]:
-                    yield pytest.param(line, chosen, id=" ".join([*words, *chosen]))
+        each = [] if every else [[one] for one in may if must or len(may) > 1]
+        for some in [*each, may]:
+            if chosen := [*must, *some]:
+                yield pytest.param(line, chosen, id=" ".join([*words, *chosen]))
 
 
 @pytest.fixture(scope="module")

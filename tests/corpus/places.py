@@ -292,8 +292,8 @@ def _full_disks() -> Iterator[Case]:
         "canonical good.off -o bad.csv --no-cache",
         "canonical good.off --report bad.html --no-cache",
         "distance good.off --from 0 -o bad.ply --no-cache",
-        "match good.off good.off --method icp -o bad.npz --no-cache",
-        "match good.off good.off --method icp -o bad.txt --no-cache",
+        "match good.off good.off --no-refine -o bad.npz --no-cache",
+        "match good.off good.off --no-refine -o bad.txt --no-cache",
         "evaluate map.txt --target good.off --source-truth truth.txt --target-truth truth.txt "
         "--figure bad.png",
         "register good.off good.off --map map.txt -o bad.stl",

@@ -51,7 +51,7 @@ def _using_truth(name: str) -> tuple[Command, ...]:
     return (
         f"{evaluate} {name}",
         f"{evaluate} truth.txt --mirrored-truth {name}",
-        "match good.off good.off --method icp --report out.html --no-cache "
+        "match good.off good.off --no-refine --report out.html --no-cache "
         f"--source-truth truth.txt --target-truth {name}",
     )
 

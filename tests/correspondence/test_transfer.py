@@ -11,9 +11,9 @@ from unbend import Mesh
 from unbend.correspondence import transfer
 from unbend.correspondence._transfer import positions_on_target
 from unbend.datasets import make_quadruped, rest_map
+from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.matching import Match, match
-from unbend.matching._kernels import closest_faces
 from unbend.mesh import faces_around
 
 PERMUTATION = st.integers(1, 20).flatmap(lambda n: st.permutations(range(n)))
@@ -161,7 +161,7 @@ ONE = _match([0], [0])
     ("values", "mapping", "options", "sentence"),
     [
         ([1.0, 2], _match([0, 1], [2]), {}, "names source vertex 2, but there are 2 values"),
-        ([1.0, 2], [0, 0], {}, "leads from source to target: to turn it round, give"),
+        ([1.0, 2], [0, 0], {}, "maps from source to target: to invert it, give"),
         ([1.0, 2], [0.5], {}, "must be a Match or a list"),
         ([1.0, 2], [-2], {}, "must be a Match or a list"),
         (1.0, ONE, {}, "one value to carry"),

@@ -122,11 +122,6 @@ def test_the_constant_eigenfunction_tells_no_distance(blob):
         distance(blob, 0, n_eigenpairs=1)
 
 
-def test_geodesic_cannot_be_truncated(blob):
-    with pytest.raises(InputError, match="n_eigenpairs is for spectral"):
-        distance(blob, 0, distance="geodesic", n_eigenpairs=10)
-
-
 @pytest.mark.parametrize(
     ("kind", "spoil", "message"),
     [
@@ -194,23 +189,6 @@ def test_distances_are_those_of_the_component_chosen(blob, blob_and_ball):
     np.testing.assert_allclose(found[blob.n_vertices :], distance(make_sphere(2), 0)[0], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "compute",
-    [
-        lambda mesh, **options: distance(mesh, 0, distance="diffusion", **options),
-        lambda mesh, **options: distance(mesh, 0, n_eigenpairs=5, **options),
-        lambda mesh, **options: make_metric("diffusion", make_surface(mesh), **options),
-        lambda mesh, **options: gram_metric("diffusion", make_surface(mesh), TIME, **options),
-    ],
-)
-def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch, compute):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    compute(make_sphere(1), cache=False)
-    assert list(tmp_path.rglob("*.*")) == []
-    compute(make_sphere(1))
-    assert list(tmp_path.rglob("*.*"))
-
-
 def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="blob: 642 vertices need about"):
@@ -223,7 +201,9 @@ def test_only_a_spectral_distance_can_be_truncated(blob):
 
 
 def test_unknown_kinds_and_times_without_end_are_refused(blob):
-    with pytest.raises(InputError, match="there is no distance 'euclidean'"):
+    with pytest.raises(
+        InputError, match="no distance 'euclidean'; choose one of biharmonic, commute"
+    ):
         make_metric("euclidean", make_surface(blob))
     for time in (np.inf, np.nan, 0, -1, "long"):
         with pytest.raises(InputError, match="time must be positive, not"):

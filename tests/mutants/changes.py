@@ -40,6 +40,11 @@ class Place:
     text: str
     at_import: bool  # whether it runs then: a constant, or what an argument is by default
 
+    @property
+    def lines(self) -> range:
+        """The lines of the statement."""
+        return range(self.first, self.last + 1)
+
 
 def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
     """Yield every change of a module with the changed tree, which is good until the next.

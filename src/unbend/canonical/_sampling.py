@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import first_largest, is_whole
-from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
-from unbend.distances import GEODESIC, check_kind, diffusion_time, make_metric
+from unbend.distances import check_kind, diffusion_time, make_metric, refuse_of_geodesics
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
@@ -26,7 +25,6 @@ def farthest_point_sampling(
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
-    cache: bool = True,
 ) -> IntArray:
     """Vertices spread evenly: each next one is the farthest from those before it.
 
@@ -41,7 +39,7 @@ def farthest_point_sampling(
     start : int, optional
         First sample; default: an end of the shape, where the first non-constant eigenfunction
         is largest, so that neither pose nor vertex order matters.
-    time, component, cache
+    time, component
         See :func:`unbend.distance`.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         Of spectral distances and of the default for `start`; see :func:`unbend.laplacian`.
@@ -73,15 +71,12 @@ def farthest_point_sampling(
     """
     check_kind(distance)
     diffused = diffusion_time(distance, time)
-    if distance in GEODESIC and start is not None:
-        refuse_given(
-            f"is for spectral distances, not {distance} ones; leave it out",
-            laplacian=None if laplacian == "auto" else laplacian,
-        )
+    if start is not None:  # else an eigenfunction chooses it
+        refuse_of_geodesics(distance, laplacian=laplacian != "auto")
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(distance, surface, time=diffused, sources=True, cache=cache)
+    metric = make_metric(distance, surface, time=diffused, sources=True)
     if start is None:
-        first = shape_end(eigenpairs(surface, 2, cache=cache))
+        first = shape_end(eigenpairs(surface, 2))
     else:
         if np.ndim(start) != 0:
             raise InputError(f"start must be one vertex, not {start!r}")

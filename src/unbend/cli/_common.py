@@ -44,7 +44,8 @@ BaseOption = Annotated[
 UpOption = Annotated[
     Axis,
     typer.Option(
-        "--up", help="The axis that points upward, to look at it; of two shapes the source's."
+        "--up",
+        help="The axis that points upward in pictures; for two shapes, the source's.",
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON to standard output.")]
@@ -59,17 +60,30 @@ ComponentOption = Annotated[
 
 LaplacianOption = Annotated[
     LaplacianKind,
-    typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
+    typer.Option("--laplacian", help="auto: robust for degenerate faces or non-manifold edges."),
 ]
 TimeOption = Annotated[
     float | None,
     typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
 ]
-RandomStateOption = Annotated[
-    int, typer.Option("--random-state", help="Seed of whatever is left to chance.")
-]
+RandomStateOption = Annotated[int, typer.Option("--random-state", help="Random seed.")]
+
+
+def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
+    if not keep:
+        from unbend.spectral import use_cache
+
+        ctx.with_resource(use_cache(gib=0))
+    return keep
+
+
 CacheOption = Annotated[
-    bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for the next time.")
+    bool,
+    typer.Option(
+        "--cache/--no-cache",
+        callback=_switch_cache,
+        help="Keep eigenpairs on disk for later runs.",
+    ),
 ]
 
 
@@ -102,7 +116,7 @@ def warn_if_doubtful(confidence: float) -> None:
         say(
             "warning",
             f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
-            "or look alike from both sides; judge it by unbend match --report",
+            "or be symmetric; check the match with unbend match --report",
         )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,6 +29,7 @@ from unbend.cli._common import (
 )
 
 if TYPE_CHECKING:
+    from unbend._types import FloatArray
     from unbend.canonical import CanonicalForm
     from unbend.mesh import Mesh
 
@@ -64,14 +68,14 @@ def canonical(
     up: UpOption = "y",
     n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the form keeps.")
+        DistanceKind, typer.Option("--distance", help="The distance that the form approximates.")
     ] = "biharmonic",
     method: Annotated[
         Method,
         typer.Option("--method", help="auto: exact where it exists (all but the geodesics)."),
     ] = "auto",
     weighting: Annotated[
-        Weighting, typer.Option("--weighting", help="Count vertices alike, or by their area.")
+        Weighting, typer.Option("--weighting", help="Weight vertices equally, or by their area.")
     ] = "uniform",
     n_eigenpairs: Annotated[
         int | None,
@@ -102,18 +106,18 @@ def canonical(
         Detail | None,
         typer.Option(
             "--detail",
-            help="preserved: write the surface itself, laid as rigidly as possible into the form's "
-            "pose, in place of the form.",
+            help="preserved: write the surface itself instead of the form, deformed as rigidly as "
+            "possible into the form's pose.",
         ),
     ] = None,
     random_state: RandomStateOption = 0,
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Unbend a mesh: its pose-free form, whose straight distances are the mesh's intrinsic ones.
+    """Compute the canonical form of a mesh: a pose-invariant version of the shape.
 
-    The form has the mesh's vertices, in their order, and is at unit area unless --keep-scale is
-    given.
+    The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
+    is given.
 
     \b
     Examples:
@@ -124,10 +128,25 @@ def canonical(
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """  # noqa: D301
-    from unbend.canonical import canonical_form
+    from unbend.canonical import canonical_form, lay_into_pose, sampled_canonical_form
+    from unbend.distances import SPECTRAL
     from unbend.errors import InputError
     from unbend.io import check_writable, read_mesh
 
+    exact = method == "exact" or (method == "auto" and distance in SPECTRAL)
+    make: Callable[..., CanonicalForm] = canonical_form if exact else sampled_canonical_form
+    given = {
+        "n_eigenpairs": n_eigenpairs,
+        "n_samples": n_samples,
+        "mu": mu,
+        "interpolation": interpolation,
+    }
+    sampling = {name: value for name, value in given.items() if value is not None}
+    if exact and sampling:
+        option = next(iter(sampling)).replace("_", "-")
+        raise InputError(f"--{option} is for sampled forms; add --method sampled, or leave it out")
+    if detail is not None and n_components < 3:
+        raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     if out is not None:
         suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
@@ -142,33 +161,33 @@ def canonical(
     with steps_on_stderr() as progress:
         progress("reading", 0)
         shape = read_mesh(mesh)
-        form = canonical_form(
+        form = make(
             shape,
             n_components=n_components,
             distance=distance,
-            method=method,
             weighting=weighting,
-            n_eigenpairs=n_eigenpairs,
-            n_samples=n_samples,
-            mu=mu,
-            interpolation=interpolation,
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
             keep_scale=keep_scale,
             random_state=random_state,
-            cache=cache,
-            detail=detail,
             progress=progress,
+            **sampling,
         )
+        posed = None
+        if detail is not None:
+            start = perf_counter()
+            posed = lay_into_pose(shape, form, progress=progress)
+            form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
+            posed = posed if keep_scale else posed / form.area**0.5
         if out is not None:
             progress("writing", 0)
-            write_form(out, shape, form)
+            write_form(out, shape, form.points if posed is None else posed)
         if figure is not None:
             from unbend.report.form_figures import draw_form
 
             progress("drawing", 0)
-            draw_form(shape, form, figure, up=up)
+            draw_form(shape, form, figure, posed=posed, up=up)
         if report is not None:
             from unbend.report.pages import form_page
 
@@ -176,10 +195,10 @@ def canonical(
                 shape,
                 form,
                 report,
+                posed=posed,
                 up=up,
                 keep_scale=keep_scale,
                 command=command_line(),
-                cache=cache,
                 progress=progress,
             )
     print_notes(shape.notes)
@@ -190,15 +209,14 @@ def canonical(
         _print_summary(shape, form, [path for path in (out, figure) if path], report)
 
 
-def write_form(out: str, shape: Mesh, form: CanonicalForm) -> None:
-    """Write a form, or the surface in its pose, in the format that the file's suffix names."""
+def write_form(out: str, shape: Mesh, points: FloatArray) -> None:
+    """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
 
     from unbend.io import atomic_write, write_mesh
     from unbend.mesh import Mesh
 
     suffix = Path(out).suffix.lower()
-    points = form.points if form.surface is None else form.surface
     if suffix in _MESH_SUFFIXES:
         # Faces outside the chosen component have lost their vertices: no viewer could draw them.
         there = np.isfinite(points.sum(axis=1))

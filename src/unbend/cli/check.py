@@ -36,10 +36,10 @@ class Verdict(NamedTuple):
 
 
 def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
-    """Tell what is wrong with a mesh and what unbend will do about it.
+    """Report problems of a mesh, and how unbend will handle them.
 
-    Exits with 0 if unbend can work with the mesh, perhaps with an option that is named, and with
-    2 if not.
+    The exit code is 0 if unbend can use the mesh, perhaps with an option that it names, and 2 if
+    not.
 
     \b
     Examples:

@@ -38,7 +38,7 @@ def demo(
     ] = "unbend-demo.png",
     as_json: JsonOption = False,
 ) -> None:
-    """Unbend a dog and a person in three poses each, and compare them before and after.
+    """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
     \b
     Examples:
@@ -46,7 +46,7 @@ def demo(
       unbend demo -o picture.png
     """  # noqa: D301
     from unbend.alignment import procrustes
-    from unbend.canonical import canonical_form
+    from unbend.canonical import canonical_form, lay_into_pose
     from unbend.datasets import make_biped, make_quadruped
     from unbend.io import check_writable
     from unbend.report.figures import CanonicalColumn, draw_canonical_forms, position_colors
@@ -59,9 +59,8 @@ def demo(
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
-                form = canonical_form(mesh, detail="preserved")
-                points, surface = form.points, form.surface
-                assert surface is not None  # detail was asked for
+                form = canonical_form(mesh)
+                points, surface = form.points, lay_into_pose(mesh, form)
                 if first is None:
                     first, upright = points, mesh.vertices
                     colors = position_colors(mesh.vertices)

@@ -50,7 +50,7 @@ def distance(
     ] = "biharmonic",
     n_eigenpairs: Annotated[
         int | None,
-        typer.Option("--n-eigenpairs", help="Truncate to so many; by default nothing is left out."),
+        typer.Option("--n-eigenpairs", help="Number of eigenpairs; by default no truncation."),
     ] = None,
     time: TimeOption = None,
     laplacian: LaplacianOption = "auto",
@@ -82,7 +82,6 @@ def distance(
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
-            cache=cache,
         )
     if out is not None:
         write_field(out, shape, sources, field)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from unbend.choices import Axis, MatchMethod, Partial
+from unbend.choices import Axis, Partial
 from unbend.cli._common import (
     CacheOption,
     ComponentOption,
@@ -43,15 +42,12 @@ def match(
     source: SourceArgument,
     target: TargetArgument,
     out: MapOutOption = None,
-    method: Annotated[
-        MatchMethod,
-        typer.Option("--method", help="icp: the paper's, fast, blind to which limb is which."),
-    ] = "progressive",
     partial: Annotated[
         Partial,
         typer.Option(
             "--partial",
-            help="Which may be a part, torn or seen from one side; auto: what ends at a rim.",
+            help="Which shape may be partial: torn, cut, or seen from one side; auto: those "
+            "with a boundary.",
         ),
     ] = "auto",
     landmarks: Annotated[
@@ -59,28 +55,24 @@ def match(
         typer.Option(
             "--landmarks",
             metavar="CSV",
-            help="Hints: a line for each, source vertex, target vertex, counted from 0.",
+            help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
         ),
     ] = None,
     n_matches: Annotated[
         int,
         typer.Option(
-            "--n-matches", metavar="N", help="Give the N best ways to match: MAP, MAP-2, MAP-3 ..."
+            "--n-matches", metavar="N", help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ..."
         ),
     ] = 1,
     n_eigenpairs: Annotated[
-        int | None,
-        typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape, by default 150."),
-    ] = None,
+        int, typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape.")
+    ] = 150,
     allow_mirror: Annotated[
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool | None,
-        typer.Option(
-            "--refine/--no-refine", help="Refine the map to the last vertex, as by default."
-        ),
-    ] = None,
+        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
+    ] = True,
     component: ComponentOption = None,
     figure: Annotated[
         str | None,
@@ -130,8 +122,8 @@ def match(
 ) -> None:
     """Match two shapes: find the target vertex of each source vertex.
 
-    The shapes may stand in different poses and be meshed in different ways. Nothing is left to
-    chance: the same meshes give the same map.
+    The shapes may have different poses and different meshes. Nothing is random: the same meshes
+    give the same map.
 
     \b
     Examples:
@@ -175,15 +167,13 @@ def match(
         truth = read_truth(truth_files, *n_vertices) if truth_files else None
         found = find_match(
             *shapes,
-            method=method,
             partial=partial,
             landmarks=hints,
             n_matches=n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=method != "icp" and any((figure, report, colored, _keeps_all(out))),
-            cache=cache,
+            barycentric=any((figure, report, colored, _keeps_all(out))),
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         seconds = time.perf_counter() - start
@@ -222,7 +212,6 @@ def match(
                 "figure": figure,
                 "colored": colored,
                 "report": report,
-                "method": method,
                 "source_vertices": len(found.source_to_target),
                 "target_vertices": len(found.target_to_source),
                 "matched": int((found.source_to_target >= 0).sum()),
@@ -252,7 +241,7 @@ def match(
     print_rows(summary(shapes, found, seconds))
     for i, one in enumerate(found.alternatives):
         where = f", {_numbered(out, i + 1)}" if out else ""
-        typer.echo(f"or, at confidence {one.confidence:.2f}, another way{where}")
+        typer.echo(f"or, at confidence {one.confidence:.2f}, another map{where}")
     print_written(out, figure, *(colored or ()))
     typer.echo(f"next: {_next_step(source, target, out, report)}")
 
@@ -264,7 +253,7 @@ def _truth_files(report: str | None, *paths: str | None) -> list[str]:
     given = [path for path in paths if path is not None]
     if given and (report is None or None in paths[:2]):
         raise InputError(
-            "a truth is shown by --report, and needs both --source-truth and --target-truth"
+            "ground truth is shown by --report, and needs both --source-truth and --target-truth"
         )
     return given
 
@@ -273,9 +262,9 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
     """Name the results."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
-    trust = "not estimated" if math.isnan(found.confidence) else f"{found.confidence:.2f}"
+    trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
-        trust += f" (the map's disorder allows at most {found.confidence_bound:.2f})"
+        trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     return {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
@@ -289,7 +278,7 @@ def describe_side(orientation: float) -> str:
     """Say whether a map keeps the surface right side out."""
     if abs(orientation) < _CLEAR_SIDE:
         return "unclear which side is out"
-    return "right side out" if orientation > 0 else "inside out, a mirror image"
+    return "right side out" if orientation > 0 else "inside out, a reflection"
 
 
 def write_result(out: str, found: Match) -> None:

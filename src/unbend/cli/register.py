@@ -31,10 +31,8 @@ _SUFFIXES = (".ply", ".obj", ".glb", ".off", ".stl")
 
 
 def register(
-    template: Annotated[
-        str, typer.Argument(metavar="TEMPLATE", help="The mesh to lay onto the scan.")
-    ],
-    scan: Annotated[str, typer.Argument(metavar="SCAN", help="The mesh to lay it onto.")],
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE", help="The mesh to deform.")],
+    scan: Annotated[str, typer.Argument(metavar="SCAN", help="The mesh to fit it to.")],
     out: Annotated[
         str,
         typer.Option(
@@ -60,10 +58,10 @@ def register(
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Lay a template onto a scan: its own vertices and faces, on the scan's surface.
+    """Register a template to a scan: deform it so that it lies on the scan's surface.
 
-    Where the scan has nothing the template goes on smoothly. The result is in the scan's
-    coordinates and unit.
+    The template keeps its vertices and faces, and its shape over holes of the scan. The result is
+    in the scan's coordinates and unit.
 
     \b
     Examples:
@@ -88,7 +86,7 @@ def register(
         progress("reading", 0)
         chosen = parse_component(component)
         shapes = [only_component(read_mesh(path), chosen) for path in (template, scan)]
-        match = found_match(map_file, base, shapes, cache, progress)
+        match = found_match(map_file, base, shapes, progress)
         found = lay(
             shapes[0],
             shapes[1],

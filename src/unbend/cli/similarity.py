@@ -55,7 +55,7 @@ def similarity(
         int, typer.Option("--n-components", help="Dimension that is compared.")
     ] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the forms keep.")
+        DistanceKind, typer.Option("--distance", help="The distance that the forms approximate.")
     ] = "biharmonic",
     component: ComponentOption = None,
     csv: Annotated[
@@ -80,9 +80,9 @@ def similarity(
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell how alike shapes are, whatever their poses: 1 for the same shape.
+    """Measure how similar shapes are, whatever their poses: 1 for the same shape.
 
-    The measure is the cosine of the canonical forms, aligned as well as they can be.
+    The measure is the cosine of the canonical forms after the best alignment.
 
     \b
     Examples:
@@ -110,7 +110,7 @@ def similarity(
         shapes = [only_component(read_mesh(path), chosen) for path in paths]
         if known:
             _check_sizes(shapes)
-        pairs = compare(shapes, known, matrix, n_components, distance, cache, progress)
+        pairs = compare(shapes, known, matrix, n_components, distance, progress)
         table = _matrix(pairs, len(shapes)) if matrix else None
         if csv is not None:
             _write_csv(csv, paths, pairs, table)
@@ -156,14 +156,14 @@ def compare(
     matrix: bool,
     n_components: int,
     distance: DistanceKind,
-    cache: bool,
     progress: Progress,
 ) -> list[Pair]:
     """Compare the first shape with the others, or all with all; each form is computed once."""
     import itertools
 
-    from unbend.canonical import canonical_form
+    from unbend.canonical import canonical_form, sampled_canonical_form
     from unbend.correspondence import similarity as likeness
+    from unbend.distances import SPECTRAL
     from unbend.matching import match
     from unbend.mesh import vertex_areas
 
@@ -175,12 +175,12 @@ def compare(
     forms = []
     for shape in shapes:
         progress(f"{shape.name}, canonical form", 0)
-        form = canonical_form(
+        make = canonical_form if distance in SPECTRAL else sampled_canonical_form
+        form = make(
             shape,
             n_components=n_components,
             distance=distance,
             weighting="uniform" if known else "area",
-            cache=cache,
         )
         forms.append(form)
     pairs = []
@@ -191,7 +191,6 @@ def compare(
             found = match(
                 shapes[i],
                 shapes[j],
-                cache=cache,
                 progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
                     f"{names}: {stage}", share
                 ),

@@ -67,7 +67,7 @@ def transfer(
     cache: CacheOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Carry values from the source's vertices to the target's: numbers are averaged, labels vote.
+    """Transfer values from source to target: numbers are averaged, labels by majority.
 
     \b
     Examples:
@@ -95,7 +95,7 @@ def transfer(
         array = read_values(values, n_vertices=shapes[0].n_vertices)
         chosen = value_kind(array, kind)
         check_storable(out, array, chosen)
-        found = found_match(map_file, base, shapes, cache, progress)
+        found = found_match(map_file, base, shapes, progress)
         progress("carrying", 0)
         carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
         write_values(out, carried, shapes[1], kind=chosen)
@@ -122,7 +122,7 @@ def transfer(
 
 
 def found_match(
-    map_file: str | None, base: int | None, shapes: list[Mesh], cache: bool, progress: Progress
+    map_file: str | None, base: int | None, shapes: list[Mesh], progress: Progress
 ) -> Match | IntArray:
     """Read the map, or match the shapes."""
     from unbend.correspondence import read_match
@@ -136,7 +136,6 @@ def found_match(
             source,
             target,
             barycentric=True,
-            cache=cache,
             progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
         )
         warn_if_doubtful(found.confidence)

@@ -25,7 +25,7 @@ _THREADS_PER_ITEM = 50  # see _plan
 _WORKER_BYTES = 2**29
 _HEARTBEAT_SECONDS = 0.5
 _PATIENCE_SECONDS = 60
-_DEADLY = "its worker crashed twice, perhaps out of memory; try fewer workers"
+_DEADLY = "the worker process crashed twice, perhaps out of memory; try fewer workers"
 _THREADS_OF = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 

@@ -66,7 +66,6 @@ class Task(NamedTuple):
     number: int
     mesh: MeshLike
     template: Mesh
-    cache: bool
 
 
 class Registered(NamedTuple):
@@ -88,7 +87,6 @@ def mean_shape(
     min_coverage: float = 0.5,
     workers: int | None = 0,
     scheduler: str | None = None,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> MeanShape:
     """Mean, principal components and variability of shapes, on the vertices of a template.
@@ -112,8 +110,6 @@ def mean_shape(
         Local processes; None: as many as the machine has processors for; 0: work in this one.
     scheduler : str, optional
         Address of a Dask scheduler, ``tcp://host:port``, whose workers to use.
-    cache : bool, default=True
-        Whether a match keeps eigenpairs on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with how far it is, in words, and the share that is done.
 
@@ -149,7 +145,7 @@ def mean_shape(
     template = as_mesh(template)
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
-    tasks = [Task(i, mesh, template, cache) for i, mesh in enumerate(meshes)]
+    tasks = [Task(i, mesh, template) for i, mesh in enumerate(meshes)]
     rows: dict[int, Registered | Failure] = {}
     tell = counted(progress, "shapes", len(tasks))
     if scheduler is not None and workers == 0:
@@ -190,7 +186,7 @@ def register_to(task: Task) -> Registered | Failure:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = register(task.template, as_mesh(task.mesh), cache=task.cache)
+            found = register(task.template, as_mesh(task.mesh))
     except Exception as error:  # of any kind: other shapes go on
         return Failure.of(name, error)
     return Registered(name, found.mesh.vertices, found.confidence, found.coverage)

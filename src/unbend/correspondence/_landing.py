@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
-from unbend.matching import closest_faces, walk
+from unbend.deformation import closest_faces, walk
 from unbend.mesh import faces_around, find_edges, vertex_normals
 
 _TURNED = 0.3  # cosine between normals below which two points are of different sides

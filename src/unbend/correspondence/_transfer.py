@@ -10,9 +10,10 @@ import numpy.typing as npt
 from unbend._arrays import array_of, first_largest, point_map_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
+from unbend.deformation import closest_faces
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, invert_map
-from unbend.matching import Match, closest_faces, warn_of_disorder
+from unbend.matching import Match, warn_of_disorder
 from unbend.mesh import Mesh, faces_around
 
 _GREY = 128
@@ -39,7 +40,7 @@ def transfer(
         Numbers, labels (whole numbers or text) or truth values per source vertex.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none,
-        which is turned round by :func:`unbend.invert_map` and needs `target`.
+        which is turned round by :func:`unbend.io.invert_map` and needs `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
@@ -184,7 +185,7 @@ def _preimages(
         _check_size("source", len(point_map), source)
         if target is None:
             raise InputError(
-                "a map given as an array leads from source to target: to turn it round, give the "
+                "a map given as an array maps from source to target: to invert it, give the "
                 "target's mesh too, or give a Match"
             )
         vertices = invert_map(point_map, target)

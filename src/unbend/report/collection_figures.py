@@ -18,7 +18,33 @@ _MOST_NAMES = 150  # more names would be too small to read
 def draw_distances(
     names: Sequence[str], distances: npt.ArrayLike, path: str | os.PathLike[str]
 ) -> None:
-    """Write a heat map of distances (n, n) beside the dendrogram that orders it, as `path` says."""
+    """Write a heat map of distances and the dendrogram that orders it, by average linkage.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the n shapes.
+    distances : (n, n) array_like of float
+        Symmetric, 0 on the diagonal.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+
+    Raises
+    ------
+    InputError
+        If the table does not fit the names.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.report import draw_distances
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
+    """
     table = np.asarray(distances, dtype=np.float64)
     n = len(names)
     if table.shape != (n, n) or n < 2:

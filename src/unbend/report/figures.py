@@ -98,7 +98,7 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
 
     Examples
     --------
-    >>> from unbend.report.figures import new_figure
+    >>> from unbend.report import new_figure
     >>> new_figure(4, 3).dpi
     150
     """
@@ -129,7 +129,7 @@ def position_colors(vertices: Any) -> FloatArray:
 
     Examples
     --------
-    >>> from unbend.report.figures import position_colors
+    >>> from unbend.report import position_colors
     >>> position_colors([[0, 0, 0], [1, 2, 4]]).round(2).tolist()
     [[0.18, 0.18, 0.18], [0.95, 0.95, 0.95]]
     """
@@ -173,7 +173,7 @@ def draw_mesh(
     Examples
     --------
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.figures import draw_mesh, new_figure, position_colors
+    >>> from unbend.report import draw_mesh, new_figure, position_colors
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> ax = new_figure(1, 1).add_subplot()
     >>> draw_mesh(ax, mesh, colors=position_colors(mesh.vertices), view="front")
@@ -220,7 +220,7 @@ def draw_canonical_forms(
     --------
     >>> import pathlib, tempfile
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.figures import draw_canonical_forms
+    >>> from unbend.report import draw_canonical_forms
     >>> shape = make_octopus(n_vertices=600)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "figure.png")
@@ -292,7 +292,7 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.figures import new_figure, save_figure
+    >>> from unbend.report import new_figure, save_figure
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
     """
@@ -358,7 +358,7 @@ def same_scale(axes: Sequence[Any]) -> None:
     Examples
     --------
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.report.figures import draw_mesh, new_figure, same_scale
+    >>> from unbend.report import draw_mesh, new_figure, same_scale
     >>> ball = make_sphere(2)
     >>> axes = new_figure(2, 1).subplots(1, 2)
     >>> for ax, size in zip(axes, (1, 2)):

@@ -8,8 +8,7 @@ import numpy as np
 
 from unbend._types import BoolArray, FloatArray
 from unbend.alignment import procrustes
-from unbend.canonical import CanonicalForm
-from unbend.errors import InputError
+from unbend.canonical import CanonicalForm, check_form
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
 from unbend.report.figures import (
@@ -27,12 +26,50 @@ _VIEW = (60.0, 15.0)
 
 
 def draw_form(
-    mesh: MeshLike, form: CanonicalForm, path: str | os.PathLike[str], *, up: str = "y"
+    mesh: MeshLike,
+    form: CanonicalForm,
+    path: str | os.PathLike[str],
+    *,
+    posed: FloatArray | None = None,
+    up: str = "y",
 ) -> None:
     """Write a picture of a shape beside its canonical form, in the same colours.
 
-    The form, of which the first three dimensions are drawn, is rotated or reflected onto the shape.
-    A form with its `surface` shows that too. See :func:`drawable` for `up` and errors.
+    The form is turned or mirrored as a whole to lie as the shape does, and drawn 2.5 pixels
+    thicker on each side than it is, for its limbs are threads. Each is drawn as large as its place
+    allows.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    form : CanonicalForm
+        Of that mesh; of more than three dimensions the first three are drawn.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+    posed : (n, 3) ndarray of float64, optional
+        The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be drawn too.
+    up : {"x", "y", "z"}, default="y"
+        The shape's axis that points upward.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import canonical_form
+    >>> from unbend.datasets import make_octopus
+    >>> from unbend.report import draw_form
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
     """
     mesh = drawable(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
@@ -41,8 +78,8 @@ def draw_form(
         (as_written(mesh.name), mesh.vertices, 0.0),
         ("its canonical form", places, FORM_THICKER),
     ]
-    if form.surface is not None:
-        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+    if posed is not None:
+        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
         columns.append(("the surface in its form's pose", laid, 0.0))
     colors = position_colors(np.where(inside[:, None], mesh.vertices, np.nan))
     figure = new_figure(4.0 * len(columns), 3.9)
@@ -57,13 +94,7 @@ def draw_form(
 def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
     """Check that a mesh has faces, that the form is of this mesh, and that `up` is an axis."""
     mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
-    if len(form.points) != mesh.n_vertices:
-        raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
-        )
+    check_form(mesh, form)
     check_up(up)
     return mesh
 

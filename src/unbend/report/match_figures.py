@@ -56,7 +56,7 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
 
     Examples
     --------
-    >>> from unbend.report.match_figures import pattern_colors
+    >>> from unbend.report import pattern_colors
     >>> pattern_colors([[0, 0, 0], [1, 2, 4]]).shape
     (2, 3)
     """
@@ -98,7 +98,7 @@ def match_colors(
 
     Examples
     --------
-    >>> from unbend import match_colors
+    >>> from unbend.report import match_colors
     >>> from unbend.datasets import make_sphere
     >>> ball = make_sphere(1)
     >>> ours, theirs = match_colors(ball, ball, range(42))
@@ -160,7 +160,7 @@ def draw_match(
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.match_figures import draw_match
+    >>> from unbend.report import draw_match
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "match.png")
@@ -221,7 +221,7 @@ def draw_error_curves(
     >>> import numpy as np
     >>> from unbend.datasets import make_sphere
     >>> from unbend import evaluate
-    >>> from unbend.report.match_figures import draw_error_curves
+    >>> from unbend.report import draw_error_curves
     >>> every = np.arange(162)
     >>> found = evaluate(every, make_sphere(2), every, every)
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -282,7 +282,7 @@ def draw_similarities(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.match_figures import draw_similarities
+    >>> from unbend.report import draw_similarities
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
     """

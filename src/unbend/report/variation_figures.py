@@ -21,8 +21,34 @@ def draw_variation(
 ) -> None:
     """Write rows of one shape as it changes, all at one scale; what moves most is brightest.
 
-    Each row has a name and its shapes from left to right, one for each caption and all with the
-    same vertices.
+    Parameters
+    ----------
+    rows : sequence of (str, sequence of Mesh)
+        A name for each row, and its shapes from left to right, with the same vertices.
+    captions : sequence of str
+        One for each column.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+
+    Raises
+    ------
+    InputError
+        If there are no rows, or a row has not one shape for each caption.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import Mesh
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.report import draw_variation
+    >>> ball = make_sphere(2)
+    >>> eggs = [Mesh(ball.vertices * [1, high, 1], ball.faces) for high in (0.8, 1, 1.2)]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_variation([("height", eggs)], ["-1", "0", "+1"], pathlib.Path(folder, "a.png"))
     """
     if not rows or any(len(meshes) != len(captions) for _, meshes in rows):
         raise InputError(f"each row needs {len(captions)} shapes, one for each caption")

@@ -19,7 +19,7 @@ from unbend.cli.collection import (
 )
 
 app = typer.Typer(
-    help="Keep many shapes, search them by shape, group and match them.",
+    help="Store many shapes; search, group and match them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )

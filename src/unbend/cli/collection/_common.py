@@ -39,7 +39,7 @@ WorkersOption = Annotated[
 ReportOption = Annotated[
     str | None,
     typer.Option(
-        "--report", metavar="HTML", help="Write a page of pictures that open, for a browser."
+        "--report", metavar="HTML", help="Write an interactive page of pictures, for a browser."
     ),
 ]
 SchedulerOption = Annotated[

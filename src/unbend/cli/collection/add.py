@@ -31,12 +31,11 @@ def add(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Describe shapes and keep what describes them; the files stay where they are.
+    """Describe shapes and store their descriptors; the files stay where they are.
 
-    A file whose content is there already is skipped, so the same command goes on where an
-    interrupted one was. A file that cannot be used is listed at the end, with exit code 1.
-    Identical files are one shape with several paths. Add a folder again after it was moved, to
-    bring the paths up to date.
+    Files whose content is stored already are skipped, so run the same command again to resume. A
+    file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
+    with several paths. After you move a folder, add it again to update the paths.
 
     \b
     Examples:

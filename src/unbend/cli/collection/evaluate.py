@@ -18,11 +18,11 @@ def evaluate(
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """Measure how well the descriptors find shapes of a class: every shape asks for its own kind.
+    """Measure how well the descriptors find shapes of the same class.
 
-    The measures are those of the Princeton Shape Benchmark, and mean average precision; 100 % is
-    best, but for the E-measure where classes are small. Shapes without a label do not count, nor
-    do shapes whose files are identical but have different labels.
+    Every labelled shape is a query. The measures are those of the Princeton Shape Benchmark, and
+    mean average precision. 100 % is best, except for the E-measure of small classes. Shapes
+    without a label are ignored, and so are identical files with different labels.
 
     \b
     Examples:

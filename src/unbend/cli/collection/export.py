@@ -23,9 +23,9 @@ def export(
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """Write what is kept of every shape into one table.
+    """Write the stored data of every shape into one table.
 
-    There is a row for each file; those of identical files have the same id.
+    There is a row for each file. Identical files have the same id.
 
     \b
     Examples:

@@ -27,7 +27,7 @@ def groups(
             "-n",
             metavar="N",
             min=1,
-            help="How many groups; by default the number that stands out most, of 2 to 50.",
+            help="Number of groups, by default the best of 2 to 50.",
         ),
     ] = None,
     csv: Annotated[
@@ -37,10 +37,10 @@ def groups(
     up: UpOption = "y",
     as_json: JsonOption = False,
 ) -> None:
-    """Put shapes that are alike into groups, whatever their poses, without labels.
+    """Group similar shapes, whatever their poses, without labels.
 
-    Average linkage of the descriptors' distances; the number of groups is the one of the largest
-    mean silhouette.
+    The groups are those of average linkage of the descriptors. By default their number has the
+    largest mean silhouette.
 
     \b
     Examples:

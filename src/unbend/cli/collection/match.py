@@ -26,7 +26,7 @@ def match(
             "-o",
             "--out",
             metavar="DIR",
-            help="Folder for a .npz file a pair, the table matches.csv, and the spectra.",
+            help="Folder for one .npz file per pair, the table matches.csv, and the spectra.",
         ),
     ],
     pairs: Annotated[
@@ -46,8 +46,8 @@ def match(
 ) -> None:
     """Match many pairs of shapes, as unbend match does one; each spectrum is computed once.
 
-    Pairs whose match is there already are skipped, so the same command goes on where an
-    interrupted one was. What cannot be matched is listed at the end, with exit code 1.
+    Pairs whose match exists are skipped, so run the same command again to resume. Shapes that
+    cannot be matched are listed at the end, with exit code 1.
 
     \b
     Examples:

@@ -18,9 +18,9 @@ def remove(
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """Take shapes out of a collection; their files stay where they are.
+    """Remove shapes from a collection; their files stay where they are.
 
-    A path takes only that path out of a shape that has several; an id takes out the shape.
+    A path removes only that path of a shape that has several. An id removes the shape.
 
     \b
     Examples:

@@ -25,29 +25,29 @@ _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy o
 
 def search(
     store: StoreArgument,
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="The mesh to look for.")],
-    n: Annotated[int, typer.Option("-n", metavar="N", min=1, help="How many to find.")] = 10,
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="The query: a mesh.")],
+    n: Annotated[int, typer.Option("-n", metavar="N", min=1, help="Number of results.")] = 10,
     rerank: Annotated[
         Rerank,
         typer.Option(
             "--rerank",
-            help="Rank the best again: by how their canonical forms align (hundredths of a second "
-            "each), or by match (seconds each).",
+            help="Order the best again: form, by aligned canonical forms (hundredths of a second "
+            "each), or match, by point maps (seconds each).",
         ),
     ] = "none",
     index: Annotated[
         bool,
         typer.Option(
             "--index",
-            help="Look at the likely shapes only, by an index that is made or brought up to date "
-            "first; worth it beyond 100,000 shapes.",
+            help="Use an index, which is created or updated first. It is faster beyond 100,000 "
+            "shapes.",
         ),
     ] = False,
     report: ReportOption = None,
     up: UpOption = "y",
     as_json: JsonOption = False,
 ) -> None:
-    """Find the shapes most like one, whatever the pose; it need not be in the collection.
+    """Find the most similar shapes, whatever their poses. The query need not be in the collection.
 
     \b
     Examples:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import FloatArray
 from unbend.io import atomic_write, check_writable
 
@@ -38,12 +39,12 @@ _PAGE = """<!doctype html>
 <h1>{heading}</h1>
 <p class="lead">{lead}</p>
 <p class="trouble" id="trouble" role="alert" hidden></p>
-<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+<noscript><p class="trouble">The shapes need JavaScript, which is disabled.</p></noscript>
 </header>
 <main>
 {body}
 </main>
-<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+<footer>Made by unbend {version}. This file contains everything that it shows and uses no
 network.</footer>
 <script type="application/json" id="data">{data}</script>
 <script>{script}</script>
@@ -136,16 +137,6 @@ def _digest(text: str) -> str:
 def section(heading: str, *blocks: str) -> str:
     """Section of HTML blocks under a heading of plain text."""
     return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
-
-
-def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
-    """Table of plain text; without heads, the first cell of each row is its head."""
-    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
-    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
-    for first, *others in rows:
-        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
-        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
-    return "<table>" + "\n".join(lines) + "</table>"
 
 
 def how_made(rows: Sequence[Sequence[str]], command: str) -> str:

@@ -88,7 +88,7 @@ def match_page(
     --------
     >>> import pathlib, tempfile
     >>> import numpy as np
-    >>> from unbend import match_page
+    >>> from unbend.report import match_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -168,7 +168,7 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
         trust = "" if math.isnan(one.confidence) else f", confidence {one.confidence:.2f}"
         maps[f"{i + 1}{trust}"] = one
     if match.mirrored is not None:
-        maps["mirror image"] = match.mirrored
+        maps["reflection"] = match.mirrored
     return maps
 
 

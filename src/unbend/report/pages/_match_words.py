@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from html import escape
 
+from unbend._display import table
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
@@ -16,7 +17,6 @@ from unbend.report.pages._document import (
     how_made,
     readout,
     section,
-    table,
 )
 from unbend.report.pages._shown import Shown
 
@@ -45,7 +45,7 @@ def pictures(
             side,
             f"{side.capitalize()}: {name}",
             f"The {side} shape, {name}, in three dimensions. The same place has the same colour on "
-            "both shapes; the numbers of a vertex and its partner are told below.",
+            "both shapes; the numbers of a vertex and its partner are shown below.",
             f"{side}-vertex",
         )
         for side, name in zip(("source", "target"), names, strict=True)
@@ -71,27 +71,27 @@ def forms() -> str:
         + "</div>",
         hint(
             '<span class="chip ours"></span>source '
-            '<span class="chip theirs"></span>target. Limbs are threads there; every surface is '
-            "drawn 1.5 pixels thicker on each side than it is."
+            '<span class="chip theirs"></span>target. Limbs of forms are thin; every surface is '
+            "drawn 1.5 pixels thicker on each side."
         ),
     )
 
 
 def errors(found: Evaluation, worst: float) -> str:
     """Section with the map's errors against the ground truth."""
-    curves = [("against the truth", found.curve())]
+    curves = [("against the ground truth", found.curve())]
     rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
     if found.map_min is not None:
-        curves.append(("mirror image allowed", found.curve("map-min")))
-        rows.append(("mean, mirror image allowed (dashed)", f"{found.mean('map-min'):.4f}"))
+        curves.append(("reflection allowed", found.curve("map-min")))
+        rows.append(("mean, reflection allowed (dashed)", f"{found.mean('map-min'):.4f}"))
     rows += [
         ("points counted", f"{len(found.direct):,}"),
         ("target covered", f"{found.coverage:.1%} of its area"),
     ]
     if found.overlap.iou < 1:
         rows += [
-            ("given a partner that have one", f"{found.overlap.precision:.1%}"),
-            ("with a partner that were given one", f"{found.overlap.recall:.1%}"),
+            ("share of partners found that exist", f"{found.overlap.precision:.1%}"),
+            ("share of existing partners found", f"{found.overlap.recall:.1%}"),
         ]
     x = "geodesic error, in units of the square root of the target's area"
     return section(
@@ -100,8 +100,8 @@ def errors(found: Evaluation, worst: float) -> str:
         table(rows),
         hint(
             f'Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
-            "Vertices that the truth does not name take the mean of their neighbours, and are grey "
-            "far from any that it names; the target shows the error of what is mapped to it."
+            "Vertices without ground truth take the mean of their neighbours, and are grey far "
+            "from any with ground truth; the target shows the error of the points mapped to it."
         ),
     )
 
@@ -138,7 +138,7 @@ def facts(
         told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
         rows.append((side, "; ".join([mesh.name, *told, *mesh.notes, *part.told(mesh)])))
     rows.append(
-        ("for display", "the target is turned as a whole, and brought to the source's size")
+        ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )
     if match is not None:
         known = not math.isnan(match.confidence)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from unbend.mesh import Mesh
+from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh
 from unbend.report.pages._document import Page, canvas, controls, make_page, readout
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, places_as_colors, show
@@ -17,8 +18,34 @@ _HINT = (
 )
 
 
-def mesh_page(mesh: Mesh) -> Page:
-    """Page of a mesh with faces, of which at most 20,000 vertices are drawn."""
+def mesh_page(mesh: MeshLike) -> Page:
+    """Put a mesh onto a page, which a notebook shows.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces. Of more than 20,000 vertices, so many
+        are drawn.
+
+    Returns
+    -------
+    Page
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.report import mesh_page
+    >>> mesh_page(make_sphere(2))
+    Page('sphere', 0.0 MB)
+    """
+    mesh = as_mesh(mesh)
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name} has no faces to draw")
     shown = show(mesh, _MOST_VERTICES)
     told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces", *mesh.notes, *shown.told(mesh)]
     return make_page(

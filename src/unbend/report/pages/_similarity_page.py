@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
+from unbend._display import table
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, check_writable
 from unbend.report.pages import _shapes as parts
-from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section, table
+from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section
 from unbend.report.pages._packing import pack_places
 from unbend.report.trees import apart, join_alike
 
@@ -82,7 +83,7 @@ def similarity_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import similarity_page
+    >>> from unbend.report import similarity_page
     >>> from unbend.datasets import make_quadruped
     >>> animals = [make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse")]
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -193,7 +194,7 @@ def search_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import search_page
+    >>> from unbend.report import search_page
     >>> from unbend.datasets import make_quadruped
     >>> dog, horse = (make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse"))
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -1,15 +1,72 @@
-"""Points on faces: against least squares over every choice of corners."""
+"""Closest points on a mesh: vertices found by descent, and points on faces, by other means."""
 
 import itertools
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
+from scipy.spatial.transform import Rotation
 
+from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.matching._kernels import closest_faces
+from unbend.deformation import ElasticSurface, closest_faces, walk
 from unbend.mesh import faces_around
 
 pytestmark = pytest.mark.kernels
+
+
+def _graph(mesh: Mesh) -> sp.csr_matrix:
+    return ElasticSurface(mesh.vertices, mesh.faces, np.ones(mesh.n_vertices)).edge_weights
+
+
+def _walk(left: np.ndarray, right: np.ndarray, guess: np.ndarray, graph) -> np.ndarray:
+    return walk(left, right, guess, graph, graph)
+
+
+@pytest.mark.parametrize("rows", [5, 1024])
+def test_a_walk_ends_where_no_neighbour_is_closer_and_goes_only_downhill(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unbend.deformation._kernels._ROWS", rows)
+    mesh = make_sphere(1)
+    n, graph = mesh.n_vertices, _graph(mesh)
+    rng = np.random.default_rng(0)
+    left, right = rng.normal(size=(2, n, 4))
+    guess = rng.integers(n, size=n)
+    found = _walk(left, right, guess, graph)
+    apart = np.linalg.norm(left[:, None] - right, axis=2)
+    near = graph.toarray() > 0
+    for i in range(n):
+        starts = [guess[i], *guess[near[i]]]
+        assert apart[i, found[i]] <= apart[i, starts].min()
+        assert apart[i, found[i]] <= apart[i, near[found[i]]].min()
+
+
+def test_a_walk_stays_where_nothing_is_closer() -> None:
+    mesh = make_sphere(1)
+    same = np.ones((mesh.n_vertices, 3))
+    guess = np.random.default_rng(0).integers(mesh.n_vertices, size=mesh.n_vertices)
+    np.testing.assert_array_equal(_walk(same, same, guess, _graph(mesh)), guess)
+
+
+def test_on_a_ball_a_walk_finds_the_nearest_point_from_anywhere() -> None:
+    # On a round triangulated ball whoever is not nearest has a neighbour that is nearer.
+    ball = make_sphere(2)
+    turned = ball.vertices @ Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix().T
+    found = _walk(turned, ball.vertices, np.zeros(ball.n_vertices, dtype=np.int64), _graph(ball))
+    apart = np.linalg.norm(turned[:, None] - ball.vertices, axis=2)
+    np.testing.assert_allclose(np.take_along_axis(apart, found[:, None], 1)[:, 0], apart.min(1))
+
+
+def test_several_walks_side_by_side_are_as_each_alone() -> None:
+    mesh = make_sphere(1)
+    graph, n, rng = _graph(mesh), mesh.n_vertices, np.random.default_rng(0)
+    rows = rng.integers(n, size=(n, 3))
+    left, right = rng.normal(size=(2, n, 3, 5))
+    walked = _walk(left, right, rows, graph)
+    for i in range(3):
+        one = (np.ascontiguousarray(each[:, i]) for each in (left, right, rows))
+        np.testing.assert_array_equal(walked[:, i], _walk(*one, graph))
 
 
 def _closest(
