@@ -2,20 +2,27 @@
 A scan from one side
 ====================
 
-A camera sees one side of an animal. Hidden points of the model must get no partner:
-``-1``, grey in the pictures. ``Match.overlap_target`` is the share of the model that was seen.
+A camera sees one side of an animal. The other side of the model must get no partner: ``-1``, grey
+in the pictures. ``Match.overlap_target`` is the share of the model that was seen.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, transfer
-from unbend.datasets import make_quadruped, seen_from
+from unbend import Mesh, match, transfer
+from unbend.datasets import make_quadruped
 from unbend.report import draw_mesh, match_page, position_colors
 
 model = make_quadruped("standing", n_vertices=1000)
-seen = seen_from(make_quadruped("walking", n_vertices=1600, meshing=1).mesh, (1, 0.2, 0.3))
-scan = seen.mesh
+whole = make_quadruped("walking", n_vertices=1600, meshing=1).mesh
+
+# %%
+# The camera sees the faces that are turned towards it.
+corners = whole.vertices[whole.faces]
+normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+towards = normals @ (1, 0.2, 0.3) > 0.1 * np.linalg.norm(normals, axis=1)
+used, faces = np.unique(whole.faces[towards], return_inverse=True)
+scan = Mesh(whole.vertices[used], faces.reshape(-1, 3), name="scan")
 print(scan)
 
 # %%

@@ -9,12 +9,13 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
+from testshapes.damage import keep
 from unbend import read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._common import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
-from unbend.datasets import keep, make_quadruped, rest_map
+from unbend.datasets import make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
 from unbend.report import match_colors
 

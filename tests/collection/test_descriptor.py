@@ -6,11 +6,13 @@ from scipy.linalg import logm
 from scipy.sparse.csgraph import connected_components
 
 from sheets import make_sheet, make_torus
+from testshapes.damage import cut_discs
+from testshapes.scanning import add_noise
 from unbend import Mesh, read_mesh
 from unbend.collection import descriptor
 from unbend.collection._descriptor import Basis, describe, make_basis, wave_kernel
 from unbend.collection._whole import whole_surface
-from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
+from unbend.datasets import make_biped, make_octopus, make_quadruped
 from unbend.errors import MeshError, SolverError, UnbendWarning
 
 

@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import keep
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
-from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.matching import _constants as constants
 from unbend.matching import _extrapolation
 from unbend.matching._extrapolation import _best_explained, extrapolate, patches_to_hold

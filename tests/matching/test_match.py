@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from sheets import lopsided, make_egg, make_twisted_ball
+from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
-from unbend.datasets import Damaged, keep, make_biped, make_quadruped, make_sphere, rest_map
+from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import match, prepare_spectrum, symmetry
 from unbend.matching._inputs import prepare_shape

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import keep
 from unbend._types import BoolArray, IntArray
-from unbend.datasets import keep, make_sphere
+from unbend.datasets import make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._shape import Shape

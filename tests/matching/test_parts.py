@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 
 from sheets import make_sheet
+from testshapes.damage import Damaged, cut, cut_discs, damaged_truth, keep
+from testshapes.scanning import add_components
 from unbend import Mesh, evaluate, match
-from unbend.datasets import (
-    Damaged,
-    add_components,
-    cut,
-    cut_discs,
-    damaged_truth,
-    keep,
-    make_biped,
-    make_octopus,
-    make_sphere,
-    rest_map,
-)
 from unbend.datasets import Shape as ShapeWithTruth
+from unbend.datasets import make_biped, make_octopus, make_sphere, rest_map
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from testshapes.damage import keep
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import Shape as Body
-from unbend.datasets import keep, make_biped, make_sphere, rest_map
+from unbend.datasets import make_biped, make_sphere, rest_map
 from unbend.matching import _plan, match
 from unbend.matching._extremities import find_extremities
 from unbend.matching._inputs import prepare_shape

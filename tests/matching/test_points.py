@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from sheets import make_sheet
+from testshapes.damage import cut
 from unbend import Mesh
-from unbend.datasets import cut, make_biped, make_sphere
+from unbend.datasets import make_biped, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching import _points
 from unbend.matching._extremities import Guess

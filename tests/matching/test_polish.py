@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_egg, make_sheet
+from testshapes.damage import keep
 from unbend import Mesh
-from unbend.datasets import keep, make_octopus, make_sphere, rest_map
+from unbend.datasets import make_octopus, make_sphere, rest_map
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import Sides, candidates, make_sides
 from unbend.matching._polish import (

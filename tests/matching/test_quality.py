@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import cut
 from unbend import match, register, transfer
-from unbend.datasets import cut, make_biped, make_quadruped
+from unbend.datasets import make_biped, make_quadruped
 from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape

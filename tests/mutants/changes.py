@@ -75,7 +75,7 @@ def _compiled(statement: ast.stmt, tree: ast.Module) -> bool | None:
     known = {a.name for one in imports if one.module == "unbend._compiled" for a in one.names}
     used = {one.id for one in ast.walk(statement) if isinstance(one, ast.Name)} & known
     is_function = isinstance(statement, ast.FunctionDef)
-    return None if "generated" in used else is_function and bool(used & {"compiled", "kernel"})
+    return None if "generated" in used else is_function and bool(used & {"compiled"})
 
 
 def _sites(

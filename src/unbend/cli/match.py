@@ -137,8 +137,8 @@ def match(
     """  # noqa: D301
     from unbend.errors import InputError
     from unbend.io import (
+        COLOR_SUFFIXES,
         MAP_SUFFIXES,
-        VALUE_MESH_SUFFIXES,
         check_writable,
         read_landmarks,
         read_mesh,
@@ -153,7 +153,7 @@ def match(
     if report is not None:
         check_writable(report, (".html",))
     for path in colored or ():
-        check_writable(path, VALUE_MESH_SUFFIXES)
+        check_writable(path, COLOR_SUFFIXES)
     if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
         raise InputError(f"--colored needs two files, and both are {colored[0]}")
     truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)

@@ -72,7 +72,7 @@ def register(
     """  # noqa: D301
     from unbend.correspondence import register as lay
     from unbend.io import (
-        VALUE_MESH_SUFFIXES,
+        COLOR_SUFFIXES,
         check_writable,
         read_mesh,
         value_colors,
@@ -98,7 +98,7 @@ def register(
         suffix = Path(out).suffix.lower()
         scalars = {"distance": found.distances} if suffix == ".ply" else None
         colors = None
-        if suffix in VALUE_MESH_SUFFIXES:
+        if suffix in COLOR_SUFFIXES:
             colors = value_colors(found.distances, limits=(0, found.tolerance))
         write_mesh(out, found.mesh, scalars=scalars, colors=colors)
     for shape in shapes:

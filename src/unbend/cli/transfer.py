@@ -79,7 +79,7 @@ def transfer(
     from unbend.correspondence import transfer as carry
     from unbend.correspondence import value_kind
     from unbend.io import (
-        VALUE_MESH_SUFFIXES,
+        COLOR_SUFFIXES,
         VALUE_SUFFIXES,
         check_storable,
         check_writable,
@@ -88,7 +88,7 @@ def transfer(
         write_values,
     )
 
-    check_writable(out, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
+    check_writable(out, VALUE_SUFFIXES + COLOR_SUFFIXES)
     with steps_on_stderr() as progress:
         progress("reading", 0)
         shapes = [read_mesh(path) for path in (source, target)]

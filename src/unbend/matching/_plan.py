@@ -212,12 +212,6 @@ def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     )
 
 
-def reregistered(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register the best once more, through all but the smallest data weights."""
-    starts = [one.registered for one in found[: 1 if unambiguous(sides, found) else BEAM // 2]]
-    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
-
-
 def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register what extrapolating the best candidates gives, twice."""
     coarse = sides.at(COARSE)
@@ -289,5 +283,4 @@ PLAN = [
     Step(COARSE, from_points, ambiguous_part, BEAM // 2),
     Step(MEDIUM, relaxed, part, BEAM // 2),
     Step(MEDIUM, extrapolated, ambiguous_part, BEAM),
-    Step(MEDIUM, reregistered, always, BEAM // 2),
 ]

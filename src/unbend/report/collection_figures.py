@@ -12,7 +12,7 @@ from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
 from unbend.report.trees import join_alike
 
-_MOST_NAMES = 150  # more could not be read
+_MOST_NAMES = 150  # more names would be too small to read
 
 
 def draw_distances(

@@ -1,4 +1,4 @@
-"""What the match page says around its pictures."""
+"""The text of the match page."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.pages._document import (
     canvas,
+    controls,
     curve_svg,
     hint,
+    how_made,
+    readout,
     section,
-    view_controls,
 )
 from unbend.report.pages._shown import Shown
 
@@ -27,7 +29,7 @@ _HINT = (
 def pictures(
     names: tuple[str, str], up: str, maps: tuple[str, ...], *, morphs: bool, errors: bool
 ) -> str:
-    """Make room for both shapes, with what moves and colours them."""
+    """Both shapes, with controls that move and colour them."""
     choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
     choice = f'<label>Map <select id="map">{choices}</select></label>' if len(maps) > 1 else ""
     morph = (
@@ -48,18 +50,18 @@ def pictures(
         )
         for side, name in zip(("source", "target"), names, strict=True)
     ]
-    return (
-        f'<div class="controls" role="group" aria-label="Controls">{choice}{morph}'
+    colors = (
         '<label>Colours <select id="paint"><option value="0">same place, same colour</option>'
         f'{error}<option value="2">plain</option></select></label>'
-        f"{view_controls(up)}</div>\n"
-        f'<div class="pair">{"".join(sides)}</div>\n'
-        f'<p class="readout" id="readout" aria-live="polite">{escape(_HINT)}</p>'
+    )
+    return (
+        controls(choice + morph + colors, up)
+        + f'<div class="pair">{"".join(sides)}</div>\n{readout(_HINT)}'
     )
 
 
 def forms() -> str:
-    """Make room for the canonical forms."""
+    """Section with both canonical forms."""
     described = "The canonical forms of both shapes, one over the other, "
     return section(
         "Canonical forms",
@@ -76,7 +78,7 @@ def forms() -> str:
 
 
 def errors(found: Evaluation, worst: float) -> str:
-    """Say how far the map is from the truth."""
+    """Section with the map's errors against the ground truth."""
     curves = [("against the ground truth", found.curve())]
     rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
     if found.map_min is not None:
@@ -105,7 +107,7 @@ def errors(found: Evaluation, worst: float) -> str:
 
 
 def hypotheses(match: Match) -> str:
-    """List what else the search considered."""
+    """Section with the other hypotheses of the search."""
     taken = min(one.energy for one in match.hypotheses)
     rows = [
         (
@@ -130,7 +132,7 @@ def hypotheses(match: Match) -> str:
 def facts(
     meshes: tuple[Mesh, Mesh], shown: tuple[Shown, Shown], match: Match | None, command: str
 ) -> str:
-    """Say what was matched, what was done to it, and by which command."""
+    """Section on what was matched, what was done to it, and by which command."""
     rows = []
     for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
         told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
@@ -150,5 +152,4 @@ def facts(
             ),
             ("residual of the aligned forms", f"{match.residual:.3f}"),
         ]
-    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
-    return section("How it was made", table(rows), made)
+    return how_made(rows, command)

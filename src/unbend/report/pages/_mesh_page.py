@@ -1,4 +1,4 @@
-"""A page on which one mesh turns."""
+"""A page with one mesh, shown in notebooks."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from html import escape
 
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
-from unbend.report.pages._document import Page, canvas, make_page, view_controls
+from unbend.report.pages._document import Page, canvas, controls, make_page, readout
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, places_as_colors, show
 
-# Notebooks keep what they show.
+# Notebooks are saved with what they show, so their pages must be small.
 _MOST_VERTICES = 20_000
 _HINT = (
     "Point at a place to read its vertex. Drag to turn, shift-drag to shift, wheel or + and - to "
@@ -52,10 +52,9 @@ def mesh_page(mesh: MeshLike) -> Page:
         title=mesh.name,
         heading=escape(mesh.name),
         lead="; ".join(told),
-        body=f"""<div class="controls" role="group" aria-label="Controls">
-{view_controls("y", several=False)}</div>
+        body=f"""{controls("", "y", several=False)}
 <div class="pair">{canvas("shape", mesh.name, f"The mesh {mesh.name}.", "vertex")}</div>
-<p class="readout" id="readout" aria-live="polite">{escape(_HINT)}</p>""",
+{readout(_HINT)}""",
         data={
             "shape": shown.packed(mesh.vertices)
             | {"colors": pack_places(places_as_colors(mesh, shown)[shown.ids])},
