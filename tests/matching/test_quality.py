@@ -113,7 +113,7 @@ def test_what_uses_a_match_in_disorder_says_so() -> None:
     poor = Match(every, every, np.eye(1), 0.68, 0.0, 0.1, confidence_bound=0.1)
     with pytest.warns(UnbendWarning, match=r"orientation \+0.68, confidence at most 0.10"):
         transfer(np.arange(25.0), poor, target=sheet)
-    with pytest.warns(UnbendWarning, match="in disorder"):
+    with pytest.warns(UnbendWarning, match="part of the map is wrong"):
         register(sheet, sheet, poor)
     good = replace(poor, confidence_bound=1.0)
     transfer(np.arange(25.0), good, target=sheet)
