@@ -24,36 +24,11 @@ class KrylovBasis:
     Block Lanczos without restarts and with full orthogonalisation. The operator has been applied
     to the first ``done`` columns, so ``op(Q[:, :done]) = Q T[:, :done]`` holds to rounding; the
     columns after them are the next block. T is kept whole, not as a band, which lets a random
-    block enter at any time.
+    block enter at any time. There is room for ``capacity`` columns; more is made when needed.
 
     One pass of orthogonalisation against a basis with Q^T Q = I + E leaves errors of E times the
     coefficients, over the length of what remains. These products of small matrices are carried
     along as an estimate of E, and only where it grows too large there is a second pass.
-
-    Parameters
-    ----------
-    operator : callable
-        Symmetric; takes (n, b) arrays.
-    n : int
-        Size of the operator.
-    block_size : int
-        Number of columns in the first block.
-    rng : numpy.random.Generator
-        Source of the starting block.
-    capacity : int
-        Number of columns to make room for; more are made when they are needed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.linalg._krylov import KrylovBasis
-    >>> diagonal = np.arange(9.0)[:, None]
-    >>> basis = KrylovBasis(lambda x: diagonal * x, 9, 2, np.random.default_rng(0))
-    >>> for _ in range(4):
-    ...     basis.grow()
-    >>> values, vectors, coupling = basis.ritz()
-    >>> vectors.shape, coupling.shape
-    ((8, 8), (1, 8))
     """
 
     def __init__(
@@ -90,13 +65,9 @@ class KrylovBasis:
     def ritz(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Diagonalise the projection.
 
-        Returns
-        -------
-        values : (done,) array, ascending
-        vectors : (done, done) array
-            Coordinates of the Ritz vectors in the basis.
-        coupling : (size - done, done) array
-            Coordinates of the residuals ``op(x) - value * x`` in the next block.
+        Returns the values (done,), ascending, the coordinates (done, done) of the Ritz vectors in
+        the basis, and those of the residuals ``op(x) - value * x`` in the next block (size - done,
+        done).
         """
         square = self._projection[: self.done, : self.done]
         if np.abs(square - square.T).max() > 1e-6 * np.abs(square).max():

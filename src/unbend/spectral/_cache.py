@@ -73,17 +73,7 @@ def cache_key(mesh: Mesh, *how: str | float) -> str:
 
 
 def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
-    """Return cached eigenvalues and eigenfunctions, or None.
-
-    Parameters
-    ----------
-    key : str
-        From :func:`cache_key`.
-
-    Returns
-    -------
-    tuple of (k,) and (n, k) ndarray of float64, or None
-    """
+    """Return the eigenvalues (k,) and eigenfunctions (n, k) kept under a key, or None."""
     path = _path(key)
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
@@ -120,13 +110,7 @@ def cache_info() -> CacheInfo:
 
 
 def clear_cache() -> int:
-    """Remove every cached spectrum; return how many there were.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be removed.
-    """
+    """Remove every cached spectrum; return how many there were. FileError if one cannot be."""
     count = 0
     for path, _, _ in _files():
         try:
