@@ -15,7 +15,7 @@ from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg.factorization import Factorization, factorize
-from unbend.linalg.tall import column_lengths, inner, rotate, scale_and_add, sparse_product
+from unbend.linalg.tall import column_lengths, inner, multiply, sparse_residuals
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
@@ -233,19 +233,18 @@ def _polish(
     rows = matrix.T  # the same, in compressed rows
     # Large arrays are kept: memory fresh from the system costs as much as the work.
     image = np.empty(vectors.shape)
-    sparse_product(rows, vectors, image)
-    scale_and_add(image, 1.0, -values, vectors)
+    sparse_residuals(rows, vectors, values, image)
     if (column_lengths(image[:, :k]) > tol * np.maximum(values[:k], floor) / 2).any():
         _correct(vectors, factor, image)
     worst = np.inf
     for step in range(steps):
         if step > 0:
             _correct(vectors, factor, image)
-        sparse_product(rows, vectors, image)
+        sparse_residuals(rows, vectors, 0.0, image)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
-        rotate(vectors, rotation)
-        sparse_product(rows, vectors, image)  # turned instead, it would not show what turning lost
-        scale_and_add(image, 1.0, -values, vectors)
+        multiply(vectors, rotation, out=vectors)
+        # Computed again: the rotated image would not show what the rotation of the vectors lost.
+        sparse_residuals(rows, vectors, values, image)
         lengths = column_lengths(image[:, :k])
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
         last, worst = worst, float((lengths / ranks).max())

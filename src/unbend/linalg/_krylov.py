@@ -9,7 +9,7 @@ import scipy.linalg
 
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg.tall import column_lengths, combine, inner
+from unbend.linalg.tall import column_lengths, inner, multiply, subtract_product
 
 Operator = Callable[[FloatArray], FloatArray]
 
@@ -77,7 +77,7 @@ class KrylovBasis:
 
     def combine(self, coordinates: FloatArray) -> FloatArray:
         """Form the vectors with these coordinates in the basis."""
-        return combine(None, self._columns[:, : len(coordinates)], coordinates)
+        return multiply(self._columns[:, : len(coordinates)], coordinates)
 
     def _append(self, block: FloatArray) -> FloatArray:
         """Append the block's new directions; return its coordinates in the basis so extended."""
@@ -90,11 +90,11 @@ class KrylovBasis:
         while True:
             step = inner(old, block)
             along += step @ beyond
-            combine(block, old, step)
+            subtract_product(block, old, step)
             # Rotate to the principal directions. The Gram matrix resolves short ones poorly, which
             # is why their lengths are measured anew.
             rotation = np.linalg.eigh(inner(block, block))[1][:, ::-1][:, :room]
-            block = combine(None, block, rotation)
+            block = multiply(block, rotation)
             lengths = column_lengths(block)
             alive = lengths > _LOST * before
             beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -10,73 +12,50 @@ from unbend._parallel import row_slices, run_all
 from unbend._types import FloatArray, SparseMatrix
 
 
+def _by_rows(work: Callable[[slice], Any], n: int) -> list[Any]:
+    return run_all(functools.partial(work, rows) for rows in row_slices(n))
+
+
 def inner(left: FloatArray, right: FloatArray) -> FloatArray:
     """Compute ``left.T @ right`` of tall arrays, (n, p) and (n, q) to (p, q)."""
-    parts = run_all(
-        functools.partial(lambda rows: left[rows].T @ right[rows], rows)
-        for rows in row_slices(len(left))
-    )
+    parts = _by_rows(lambda rows: left[rows].T @ right[rows], len(left))
     total: FloatArray = functools.reduce(np.add, parts)
     return total
 
 
-def combine(target: FloatArray | None, tall: FloatArray, small: FloatArray) -> FloatArray:
-    """Compute ``tall @ small``, (n, p) and (p, q) to (n, q), or subtract it from ``target``."""
-    if target is None:
-        result = np.empty((len(tall), small.shape[1]))
+def multiply(tall: FloatArray, small: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """Compute ``tall @ small``, (n, p) and (p, q) to (n, q); ``out`` may be ``tall``."""
+    result = np.empty((len(tall), small.shape[1])) if out is None else out
 
-        def work(rows: slice) -> None:
-            result[rows] = (small.T @ tall[rows].T).T  # transposed, BLAS is faster
-    else:
-        result = target
+    def work(rows: slice) -> None:
+        result[rows] = (small.T @ tall[rows].T).T  # transposed, BLAS is faster
 
-        def work(rows: slice) -> None:
-            result[rows] -= (small.T @ tall[rows].T).T
-
-    run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
+    _by_rows(work, len(tall))
     return result
 
 
-def rotate(tall: FloatArray, small: FloatArray) -> None:
-    """Replace tall columns (n, p) by ``tall @ small``, in place."""
+def subtract_product(target: FloatArray, tall: FloatArray, small: FloatArray) -> None:
+    """Subtract ``tall @ small`` from ``target``, in place."""
 
     def work(rows: slice) -> None:
-        tall[rows] = (small.T @ tall[rows].T).T
+        target[rows] -= (small.T @ tall[rows].T).T
 
-    run_all(functools.partial(work, rows) for rows in row_slices(len(tall)))
-
-
-def column_dots(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Compute the inner product of each column of (n, r) with the other's, to (r,)."""
-
-    def work(rows: slice) -> FloatArray:
-        return np.asarray(np.einsum("ij,ij->j", left[rows], right[rows]))
-
-    return np.asarray(sum(run_all(functools.partial(work, rows) for rows in row_slices(len(left)))))
+    _by_rows(work, len(tall))
 
 
 def column_lengths(block: FloatArray) -> FloatArray:
     """Compute the Euclidean norm of each column, (n, r) to (r,)."""
-    return np.asarray(np.sqrt(column_dots(block, block)))
+    parts = _by_rows(lambda rows: np.einsum("ij,ij->j", block[rows], block[rows]), len(block))
+    return np.asarray(np.sqrt(sum(parts)))
 
 
-def scale_and_add(
-    target: FloatArray, share: FloatArray | float, factor: FloatArray | float, other: FloatArray
+def sparse_residuals(
+    matrix: SparseMatrix, vectors: FloatArray, values: FloatArray | float, out: FloatArray
 ) -> None:
-    """Replace each column by a share of it and a multiple of the other's, in place."""
+    """Put ``matrix @ vectors - values * vectors`` into ``out``; the matrix is in CSR format."""
 
     def work(rows: slice) -> None:
-        if np.any(share != 1.0):
-            target[rows] *= share
-        target[rows] += factor * other[rows]
+        out[rows] = matrix[rows] @ vectors
+        out[rows] -= values * vectors[rows]
 
-    run_all(functools.partial(work, rows) for rows in row_slices(len(target)))
-
-
-def sparse_product(matrix: SparseMatrix, block: FloatArray, out: FloatArray) -> None:
-    """Put ``matrix @ block`` into ``out``; the matrix is in compressed rows."""
-
-    def work(rows: slice) -> None:
-        out[rows] = matrix[rows] @ block
-
-    run_all(functools.partial(work, rows) for rows in row_slices(len(out)))
+    _by_rows(work, len(out))
