@@ -30,7 +30,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 from sklearn.neighbors import NearestNeighbors
 
-from unbend import Collection, laplacian, read_mesh, write_mesh
+from unbend import laplacian, read_mesh, write_mesh
+from unbend.collection import Collection
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, make_row
 from unbend.datasets import make_biped, make_octopus, make_quadruped
 

@@ -4,7 +4,7 @@
 
 FILES are rows that benchmarks/match.py wrote (``--out``), refused maps left out. Prints how many
 maps are right of those in each of ten classes of confidence. Then fits the constants of
-`unbend.matching._judge.probabilities` by maximum likelihood, and prints how well the confidence
+`unbend.matching._score.probabilities` by maximum likelihood, and prints how well the confidence
 holds with them on the fifth of the maps that each of five fits did without.
 """
 
@@ -18,7 +18,7 @@ from match import SURE, WRONG, Row, calibration_error, read
 from scipy.optimize import minimize
 
 from unbend._types import FloatArray
-from unbend.matching._judge import probabilities
+from unbend.matching._score import probabilities
 
 START = (0.3, 0.03, 0.04)
 N_FOLDS = 5

@@ -29,7 +29,7 @@ from unbend.canonical import distance_coefficients, sampled_scaling, shape_end, 
 from unbend.distances import gram_metric
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.pseudoinverse import green_operator
-from unbend.spectral import Spectrum, Surface, make_surface
+from unbend.spectral import Spectrum, Surface, make_surface, use_cache
 
 COLUMNS = 496
 
@@ -79,11 +79,12 @@ def bench_eigenpairs(mesh: Mesh, k: int, repeats: int, mark: float) -> Row:
     return Row(what, mesh.n_vertices, ours, "SciPy eigsh", theirs, note, mark, gap < 1e-6)
 
 
+@use_cache(gib=0)
 def bench_pyfm(mesh: Mesh, k: int, repeats: int) -> Row:
     from pyFM.mesh import TriMesh
 
     ours, mine, theirs, other = alternate(
-        lambda: spectrum(mesh, k, area_kind="barycentric", cache=False),
+        lambda: spectrum(mesh, k, area_kind="barycentric"),
         lambda: TriMesh(np.array(mesh.vertices), np.array(mesh.faces)).process(k),
         repeats,
     )

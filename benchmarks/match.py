@@ -45,6 +45,7 @@ from unbend import Match, Mesh, evaluate, match
 from unbend._types import BoolArray, IntArray
 from unbend.errors import UnbendError
 from unbend.mesh import vertex_areas
+from unbend.spectral import use_cache
 
 Row = dict[str, Any]
 
@@ -53,6 +54,7 @@ SURE = 0.9
 N_POINTS = 200  # points of a map that are measured: its mean is known to one or two thousandths
 
 
+@use_cache(gib=0)
 def run(name: str, draw: Draw, how: str = "") -> Row:
     """Match a pair and measure the map; how is "", "barycentric" or "peer"."""
     warnings.simplefilter("ignore")
@@ -65,7 +67,7 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
         return row | measure(case, found, np.zeros(case.target.n_vertices, dtype=np.int64))
     try:
         with lines_that_run() as row["lines"]:
-            found = match(case.source, case.target, barycentric=how == "barycentric", cache=False)
+            found = match(case.source, case.target, barycentric=how == "barycentric")
     except UnbendError as error:
         cpu = time.process_time() - start
         return row | {"refused": str(error), "confidence": 0.0, "error": np.inf, "cpu": cpu}

@@ -21,12 +21,14 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from unbend import procrustes, register
+from unbend import register
 from unbend._types import FloatArray
+from unbend.alignment import procrustes
 from unbend.collection import shape_statistics
 from unbend.correspondence import Registration
 from unbend.datasets import Shape, make_body, random_proportions, rest_map
 from unbend.mesh import edge_ends, vertex_areas
+from unbend.spectral import use_cache
 
 POSE, TEMPLATE = "standing", 1000
 LEAST_CONFIDENCE, LEAST_COVERAGE = 0.5, 0.5  # as mean_shape's
@@ -36,12 +38,13 @@ def body(kind: str, number: int, n_vertices: int) -> Shape:
     return make_body(kind, number, POSE, n_vertices=n_vertices, meshing=number)
 
 
+@use_cache(gib=0)
 def lay(kind: str, n_vertices: int, number: int) -> tuple[Registration, FloatArray, float]:
     """Register the template to a body; and where its vertices truly belong."""
     warnings.simplefilter("ignore")
     start = time.process_time()
     template, one = (body(kind, i, n_vertices) for i in (TEMPLATE, number))
-    found = register(template.mesh, one.mesh, cache=False)
+    found = register(template.mesh, one.mesh)
     truth = one.mesh.vertices[rest_map(template, one)]
     return found, truth, time.process_time() - start
 

@@ -22,7 +22,8 @@ from pathlib import Path
 
 import numpy as np
 
-from unbend import Mesh, Registration, match, read_mesh, register
+from unbend import Mesh, match, read_mesh, register
+from unbend.correspondence import Registration
 from unbend.datasets import cut_discs, damaged_truth, make_body, rest_map, seen_from
 from unbend.mesh import find_edges, vertex_areas
 

@@ -8,9 +8,10 @@ it are distances along the surface. A dog that stands, gallops or sits has one a
 
 import matplotlib.pyplot as plt
 
-from unbend import Mesh, canonical_form, form_page, procrustes
+from unbend import Mesh, canonical_form
+from unbend.alignment import procrustes
 from unbend.datasets import make_quadruped
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, form_page, position_colors
 
 poses = ("standing", "galloping", "sitting")
 dogs = [make_quadruped(pose, n_vertices=2000).mesh for pose in poses]

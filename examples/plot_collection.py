@@ -12,8 +12,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from unbend import Collection, write_mesh
-from unbend.collection import find_groups
+from unbend import write_mesh
+from unbend.collection import Collection, find_groups
 from unbend.datasets import make_biped, make_quadruped
 
 folder = Path(tempfile.mkdtemp())

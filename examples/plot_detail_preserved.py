@@ -3,17 +3,18 @@ Forms that still look like the animal
 =====================================
 
 A canonical form keeps distances and nothing else: limbs become threads and faces vanish. With
-``detail="preserved"`` the surface itself is laid, as rigidly as possible, into the form's pose.
+``lay_into_pose`` the surface itself is laid, as rigidly as possible, into the form's pose.
 """
 
 import matplotlib.pyplot as plt
 
-from unbend import Mesh, canonical_form, procrustes
+from unbend import Mesh, canonical_form, lay_into_pose
+from unbend.alignment import procrustes
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, position_colors
 
 people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
-unbent = [canonical_form(one, detail="preserved").surface for one in people]
+unbent = [lay_into_pose(one, canonical_form(one)) for one in people]
 
 # %%
 # Three people in different poses become nearly the same person.

@@ -9,9 +9,9 @@ all ways into account, and is smooth. Neither knows the pose.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import canonical_form, distance, farthest_point_sampling, form_page
+from unbend import canonical_form, distance, farthest_point_sampling
 from unbend.datasets import make_quadruped
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh, form_page
 
 dog = make_quadruped("standing", n_vertices=3000)
 nose = int(dog.rest[:, 2].argmax())

@@ -8,9 +8,9 @@ all of them, and then vertices correspond: they have a mean, and directions in w
 
 import matplotlib.pyplot as plt
 
-from unbend import mean_shape
+from unbend.collection import mean_shape
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh, same_scale
+from unbend.report import draw_mesh, same_scale
 
 template = make_biped("standing", n_vertices=600).mesh
 girths = (0.8, 1.0, 1.3)

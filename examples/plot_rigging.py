@@ -10,9 +10,9 @@ one.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, match_page, transfer
+from unbend import match, transfer
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh, match_page
 
 rigged = make_biped("spread", n_vertices=1200)
 fresh = make_biped("walking", n_vertices=1000, meshing=1)

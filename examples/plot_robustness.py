@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 from unbend import evaluate, match
 from unbend.correspondence import THRESHOLDS
 from unbend.datasets import add_noise, cut_discs, damaged_truth, make_biped, rest_map, weld
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, position_colors
 
 whole = make_biped("standing", n_vertices=700)
 other = make_biped("walking", n_vertices=700, meshing=1)

@@ -2,8 +2,8 @@
 How alike are all of them? Clusters without labels
 ==================================================
 
-:func:`unbend.descriptor` makes 206 numbers of any shape, which see neither its pose nor its
-meshing. Distances between them are all that clustering needs.
+:func:`unbend.collection.descriptor` makes 206 numbers of any shape, which see neither its pose nor
+its meshing. Distances between them are all that clustering needs.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +11,8 @@ import numpy as np
 from scipy.cluster.hierarchy import dendrogram, linkage
 from scipy.spatial.distance import pdist, squareform
 
-from unbend import descriptor, similarity
+from unbend import similarity
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_octopus, make_quadruped
 
 makers = {

@@ -14,7 +14,8 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from unbend import SpectralMDS, descriptor
+from unbend.canonical import SpectralMDS
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_quadruped
 
 meshes, kinds = [], []
@@ -43,5 +44,6 @@ ax.set(xlabel="first principal component", ylabel="second")
 ax.legend()
 
 # %%
-# A canonical form is an estimator as well, with the parameters of ``canonical_form``.
+# A canonical form is an estimator as well, with the parameters of ``canonical_form`` and
+# ``sampled_canonical_form``.
 SpectralMDS(n_components=3, distance="biharmonic").fit_transform(meshes[0]).shape

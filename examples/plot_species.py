@@ -9,9 +9,9 @@ A few landmarks, roughly placed, say what is meant; the rest follows.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import evaluate, match, match_page, transfer
+from unbend import evaluate, match, transfer
 from unbend.datasets import make_quadruped, rest_map
-from unbend.report.figures import draw_mesh, position_colors
+from unbend.report import draw_mesh, match_page, position_colors
 
 dog = make_quadruped("standing", n_vertices=800)
 giraffe = make_quadruped("walking", species="giraffe", n_vertices=800, meshing=1)

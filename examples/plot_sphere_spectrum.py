@@ -9,9 +9,9 @@ That is how one sees what a mesh makes of them.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import canonical_form, form_page, spectrum
+from unbend import canonical_form, spectrum
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh, form_page
 
 sphere = make_sphere(4)  # 2,562 vertices, radius 1
 found = spectrum(sphere, 49)

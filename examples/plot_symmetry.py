@@ -9,9 +9,9 @@ A walking person is not a mirror image of itself in space, but it is within its 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match_page, symmetry
+from unbend import symmetry
 from unbend.datasets import make_biped
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh, match_page
 
 person = make_biped("walking", n_vertices=1000)
 found = symmetry(person.mesh)

@@ -13,9 +13,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from unbend import match, match_page, transfer, write_mesh
+from unbend import match, transfer, write_mesh
 from unbend.datasets import make_quadruped
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh, match_page
 
 standing = make_quadruped("standing", species="cat", n_vertices=2500)
 galloping = make_quadruped("galloping", species="cat", n_vertices=2000, meshing=1)

@@ -10,9 +10,9 @@ are in the file: trimesh merges them otherwise.)
 import matplotlib.pyplot as plt
 import trimesh
 
-from unbend import Mesh, canonical_form, diagnose, distance
+from unbend import Mesh, canonical_form, diagnose, distance, lay_into_pose
 from unbend.datasets import make_octopus
-from unbend.report.figures import draw_mesh
+from unbend.report import draw_mesh
 
 animal = make_octopus("crawling", n_vertices=1500).mesh
 body = trimesh.Trimesh(animal.vertices, animal.faces, process=False)
@@ -21,8 +21,8 @@ print(body, f"closed: {health.closed}, genus {health.genus}", sep="\n")
 
 # %%
 # The octopus in its canonical form, as a trimesh object again, that trimesh's own tools take.
-form = canonical_form(body, detail="preserved")
-unbent = trimesh.Trimesh(form.surface, body.faces, process=False)
+form = canonical_form(body)
+unbent = trimesh.Trimesh(lay_into_pose(body, form), body.faces, process=False)
 print(f"sides of the box: {body.extents.round(2)} as it crawls, {unbent.extents.round(2)} unbent")
 
 # %%

@@ -17,7 +17,8 @@ from paper.page import write_index, write_page
 from paper.run import Run
 from paper.targets import TARGETS, shapes_for
 from unbend.errors import InputError, UnbendError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
+from unbend.spectral import use_cache
 
 
 def parser() -> argparse.ArgumentParser:
@@ -60,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
 
 
+@use_cache(gib=0)
 def _reproduce(target: str, data: str, out: Path, quick: bool, jobs: int) -> int:
     if jobs < 1:
         raise InputError(f"--jobs must be at least 1, not {jobs}")

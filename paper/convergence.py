@@ -18,7 +18,7 @@ from unbend.canonical import (
 from unbend.choices import Interpolation
 from unbend.distances import make_metric, truncated_metric
 from unbend.errors import InputError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 from unbend.spectral import Spectrum, eigenpairs, make_surface
 
 WAYS: tuple[Interpolation, ...] = ("projection", "least-squares")
@@ -84,7 +84,7 @@ def sweep(shapes: Collection, name: str) -> Arrays:
     """
     surface = make_surface(shapes.mesh(name))
     exact = canonical_form(surface.mesh).points
-    whole = eigenpairs(surface, min(EIGENPAIRS[-1], surface.n_vertices), cache=False)
+    whole = eigenpairs(surface, min(EIGENPAIRS[-1], surface.n_vertices))
     rough = truncated_metric("biharmonic", whole, 1.0)
     # Farthest points: the first of them are what fewer samples would have been.
     samples = spread_samples(

@@ -59,7 +59,7 @@ def judge_all(run: Run, pairs: list[tuple[str, str]], n_rows: int) -> list[Array
 def find_match(shapes: Collection, source: str, target: str) -> Arrays:
     """Point map by the progressive matcher, everything at its default, spectra included."""
     start = perf_counter()
-    found = match(shapes.mesh(source), shapes.mesh(target), cache=False)
+    found = match(shapes.mesh(source), shapes.mesh(target))
     return {
         "source_to_target": found.source_to_target.astype(np.int32),
         "confidence": np.array(found.confidence),

@@ -8,7 +8,7 @@ from paper.collection import Collection
 from unbend._arrays import nearest_rows
 from unbend._types import FloatArray
 from unbend.mesh import Mesh
-from unbend.report.match_figures import pattern_colors
+from unbend.report import pattern_colors
 
 # From the files' axes to those of pictures, y up: TOSCA's shapes stand along z, our own along y.
 _UPRIGHT = {"TOSCA": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])}

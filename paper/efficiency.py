@@ -14,15 +14,14 @@ from typing import Any
 import numpy as np
 
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, PAPERS, SMDS
-from paper.forms import N_SAMPLES
+from paper.forms import N_SAMPLES, make_form
 from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere, single_thread
 from unbend._types import FloatArray, IntArray
-from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.mesh import Mesh
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 METHODS: dict[str, tuple[DistanceKind, Method]] = {
     name: FORMS[name] for name in (EXACT, PAPERS, SMDS)
@@ -123,16 +122,7 @@ def _resident(field: str) -> float:
 
 
 def _form(mesh: Mesh, name: str, n_samples: int) -> None:
-    distance, method = METHODS[name]
-    exact = method == "exact"
-    canonical_form(
-        mesh,
-        distance=distance,
-        method=method,
-        n_eigenpairs=None if exact else N_EIGENPAIRS,
-        n_samples=None if exact else n_samples,
-        cache=False,
-    )
+    make_form(mesh, *METHODS[name], N_EIGENPAIRS, n_samples)
 
 
 def _by_vertices(rows: list[dict[str, object]]) -> list[dict[str, object]]:

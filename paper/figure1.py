@@ -17,7 +17,7 @@ from unbend.alignment import procrustes
 from unbend.choices import DistanceKind, Method
 from unbend.errors import InputError
 from unbend.mesh import Mesh
-from unbend.report.figures import draw_mesh, new_figure, same_scale
+from unbend.report import draw_mesh, new_figure, same_scale
 from unbend.report.raster import view_rotation
 
 # The classes that the paper shows come first.

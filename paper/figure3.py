@@ -16,7 +16,7 @@ from paper.run import Arrays, Run, everywhere, piece
 from unbend._types import FloatArray
 from unbend.alignment import icp
 from unbend.mesh import Mesh
-from unbend.report.figures import draw_mesh, new_figure, same_scale
+from unbend.report import draw_mesh, new_figure, same_scale
 
 _SIGNS = np.array(list(itertools.product([1.0, -1.0], repeat=3)))
 _COLORS = np.array([[0.95, 0.60, 0.25], [0.35, 0.60, 0.90]])

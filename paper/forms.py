@@ -8,25 +8,33 @@ from paper.collection import Collection
 from paper.run import Arrays
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.canonical import canonical_form
+from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Method
+from unbend.mesh import Mesh
 
 N_SAMPLES = 200
+
+
+def make_form(
+    mesh: Mesh,
+    distance: DistanceKind,
+    method: Method,
+    n_eigenpairs: int,
+    n_samples: int = N_SAMPLES,
+) -> CanonicalForm:
+    """Three-dimensional canonical form of a mesh; an exact one takes no samples."""
+    if method == "exact":
+        return canonical_form(mesh, distance=distance)
+    return sampled_canonical_form(
+        mesh, distance=distance, n_eigenpairs=n_eigenpairs, n_samples=n_samples
+    )
 
 
 def form(
     shapes: Collection, name: str, distance: DistanceKind, method: Method, n_eigenpairs: int
 ) -> Arrays:
     """Three-dimensional canonical form of a shape, and the seconds it took."""
-    exact = method == "exact"
-    made = canonical_form(
-        shapes.mesh(name),
-        distance=distance,
-        method=method,
-        n_eigenpairs=None if exact else n_eigenpairs,
-        n_samples=None if exact else N_SAMPLES,
-        cache=False,
-    )
+    made = make_form(shapes.mesh(name), distance, method, n_eigenpairs)
     return {"points": made.points, "seconds": np.array(sum(made.seconds.values()))}
 
 

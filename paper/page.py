@@ -19,7 +19,7 @@ from paper.data import Described, make_folder
 from paper.result import Result
 from unbend._parallel import n_threads
 from unbend.io import atomic_write
-from unbend.report.figures import save_figure
+from unbend.report import save_figure
 
 _PACKAGES = ("unbend", "numpy", "scipy", "numba", "potpourri3d", "matplotlib")
 # Longer tables are in their CSV file only.

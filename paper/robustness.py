@@ -9,12 +9,11 @@ import numpy as np
 
 from paper.collection import Collection
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
-from paper.forms import N_SAMPLES, difference, form
+from paper.forms import difference, form, make_form
 from paper.perturbations import perturb
 from paper.result import Result
 from paper.robustness_page import draw, text
 from paper.run import Arrays, Run, everywhere, piece
-from unbend.canonical import canonical_form
 from unbend.choices import DistanceKind, Method
 from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_octopus, make_quadruped, rest_map
@@ -139,7 +138,7 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Damaged) -> Arrays:
         result[label], result[f"{label}, but for scale"] = np.array(moved)
     # On the clean shape distances are the same for all perturbations.
     try:
-        found = match(perturbed.mesh, clean, cache=False)
+        found = match(perturbed.mesh, clean)
     except MeshError:  # decimation may leave a surface with only one side
         return result | {"map error": np.array(np.nan), "confidence": np.array(0.0)}
     rows = np.random.default_rng(0).permutation(perturbed.mesh.n_vertices)[:_N_ROWS]
@@ -150,15 +149,7 @@ def compare(clean: Mesh, forms: Arrays, perturbed: Damaged) -> Arrays:
 
 
 def _form(mesh: Mesh, distance: DistanceKind, method: Method) -> np.ndarray:
-    exact = method == "exact"
-    return canonical_form(
-        mesh,
-        distance=distance,
-        method=method,
-        n_eigenpairs=None if exact else N_EIGENPAIRS,
-        n_samples=None if exact else N_SAMPLES,
-        cache=False,
-    ).points
+    return make_form(mesh, distance, method, N_EIGENPAIRS).points
 
 
 def _between_poses(run: Run, names: list[str]) -> dict[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paper.result import Figure
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 _COLORS = {"biharmonic": "C0", "S-MDS": "C3"}
 _UNITS = {

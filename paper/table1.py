@@ -25,7 +25,7 @@ from paper.table1_text import table1_text
 from unbend._types import FloatArray
 from unbend.correspondence import THRESHOLDS
 from unbend.errors import InputError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 # Percentages in the paper's Table 1, by method and column.
 PAPER_THRESHOLDS = (0.025, 0.05, 0.1, 0.15, 0.2)

@@ -28,7 +28,7 @@ from unbend.alignment import align
 from unbend.choices import DistanceKind
 from unbend.correspondence import aligned_cosine
 from unbend.errors import InputError
-from unbend.report.figures import new_figure
+from unbend.report import new_figure
 
 N_PROBES = 10
 

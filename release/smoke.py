@@ -80,7 +80,7 @@ def plot(folder: Path) -> None:
 def sklearn(folder: Path) -> None:
     """Fit the estimator."""
     dog = make_quadruped("standing", n_vertices=600).mesh
-    assert unbend.SpectralMDS().fit_transform((dog.vertices, dog.faces)).shape[1] == 3
+    assert unbend.canonical.SpectralMDS().fit_transform((dog.vertices, dog.faces)).shape[1] == 3
 
 
 def exact(folder: Path) -> None:
@@ -106,7 +106,7 @@ def collection(folder: Path) -> None:
     for species in ("dog", "giraffe"):
         animal = make_quadruped("walking", species=species, n_vertices=600)
         write_mesh(shapes / f"{species}.ply", animal.mesh)
-    store = unbend.Collection(folder / "store")
+    store = unbend.collection.Collection(folder / "store")
     assert store.add(shapes, workers=1).added == 2
     (hit,) = store.search(make_quadruped("galloping", n_vertices=500).mesh, n=1)
     assert Path(hit.path).name == "dog.ply"

@@ -1,6 +1,7 @@
 """What the tests share: where the real shapes are, and a few surfaces of our own."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import settings
 
 from unbend import Mesh
 from unbend.datasets import make_sphere
+from unbend.spectral import use_cache
 
 # Examples are drawn the same way in every run: a failure can be repeated.
 settings.register_profile("unbend", deadline=None, derandomize=True, max_examples=20)
@@ -19,6 +21,13 @@ settings.load_profile("unbend")
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Keep the tests out of the user's cache."""
     os.environ["UNBEND_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture
+def no_cache() -> Iterator[None]:
+    """Read no eigenpairs from disk, and keep none."""
+    with use_cache(gib=0):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -29,6 +29,7 @@ import numpy as np
 import unbend
 from corpus.good import beside, stone, store
 from unbend.datasets import make_biped
+from unbend.spectral import use_cache
 
 BEGIN = (sys.executable, "-m", "unbend")
 FIELD = "distance good.off --from 0 --n-eigenpairs 20 -o field.npy"
@@ -86,7 +87,7 @@ def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
 
 
 def _shape() -> str:
-    return min(one.path for one in unbend.Collection(store()))
+    return min(one.path for one in unbend.collection.Collection(store()))
 
 
 def fresh(folder: Path, command: str) -> None:
@@ -109,7 +110,7 @@ def written(folder: Path) -> dict[str, int]:
         if path.is_file() and path.suffix != ".part" and path.relative_to(folder).parts[0] != "own"
     }
     if (folder / "own").exists():
-        found |= {one.path: one.n_vertices for one in unbend.Collection(folder / "own")}
+        found |= {one.path: one.n_vertices for one in unbend.collection.Collection(folder / "own")}
     return found
 
 
@@ -274,7 +275,7 @@ def crowd(number: int) -> None:
             for one in meshes
         ]
         assert [one.wait() for one in several] == [0] * number
-        shapes = unbend.Collection(folder / "store")
+        shapes = unbend.collection.Collection(folder / "store")
         assert len(shapes) == number + 1, len(shapes)
         assert len({entry.path for entry in shapes}) == number + 1
         print(f"{number} processes, one collection: {len(shapes)} shapes, none twice", flush=True)
@@ -308,11 +309,12 @@ if "match" in sys.argv:
     shape = shape + shape[:, :1] ** 2 * [0, 0.3, 0]  # a stone turned over is the same stone
     turned[order] = shape @ turn * np.linalg.det(turn)
     meshes = (shape, stone().faces), (turned, order[stone().faces])
-    found = unbend.match(*meshes, cache=False)
+    found = unbend.match(*meshes)
     np.testing.assert_array_equal(found.source_to_target, order)
 """
 
 
+@use_cache(gib=0)
 def kernels(number: int, *parts: str) -> int:
     """Compile the same kernels in many processes at once, then load them in one more.
 
@@ -350,6 +352,7 @@ def first_runs(number: int) -> None:
         print(f"{done}, {seconds:.0f} s", flush=True)
 
 
+@use_cache(gib=0)
 def soak(n_forms: int, n_matches: int) -> None:
     """Compute in one process, and print what it holds now and then."""
     draw = np.random.default_rng(0)
@@ -361,13 +364,14 @@ def soak(n_forms: int, n_matches: int) -> None:
     for what, count in (("forms", n_forms), ("matches", n_matches)):
         for i in range(count):
             if what == "forms":
-                unbend.canonical_form(another(), cache=False)
+                unbend.canonical_form(another())
             else:
-                unbend.match(another(), stone(), cache=False)
+                unbend.match(another(), stone())
             if i % max(count // 10, 1) == 0 or i == count - 1:
                 print(f"{i + 1:6} {what:8} {_resident():12.1f} {_threads():8}", flush=True)
 
 
+@use_cache(gib=0)
 def bits(number: int, at_once: int = 4) -> None:
     """Match one pair in many processes, beside other load; all must give the same bytes."""
     code = (
@@ -375,7 +379,7 @@ def bits(number: int, at_once: int = 4) -> None:
         "from unbend import match, read_mesh\n"
         "def blas(): return [one['num_threads'] for one in threadpoolctl.threadpool_info()]\n"
         "before = blas()\n"
-        "found = match(read_mesh('left.ply'), read_mesh('right.ply'), cache=False)\n"
+        "found = match(read_mesh('left.ply'), read_mesh('right.ply'))\n"
         "assert blas() == before, 'BLAS was left with another number of threads'\n"
         "parts = [getattr(found, name) for name in found.__dataclass_fields__]\n"
         "sys.stdout.buffer.write(pickle.dumps(parts))\n"

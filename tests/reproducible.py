@@ -23,6 +23,7 @@ import unbend
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.linalg import factorization
+from unbend.spectral import use_cache
 
 Results = dict[str, npt.NDArray[Any]]
 
@@ -68,29 +69,28 @@ def shapes() -> tuple[Mesh, Mesh]:
     return found[0], found[1]
 
 
+@use_cache(gib=0)
 def compute(matching: bool = True) -> Results:
     """Compute every kind of result once, from nothing kept."""
     one, other = shapes()
     found: Results = {
         "laplacian": unbend.laplacian(one).stiffness.toarray(),
-        "spectrum": unbend.spectrum(one, 30, cache=False).eigenfunctions,
+        "spectrum": unbend.spectrum(one, 30).eigenfunctions,
     }
     for kind in ("biharmonic", "commute-time", "diffusion", "geodesic"):
-        found[kind] = unbend.distance(one, [0, 99], distance=kind, cache=False)  # type: ignore[arg-type]
+        found[kind] = unbend.distance(one, [0, 99], distance=kind)  # type: ignore[arg-type]
     forms = {
-        "exact": {},
-        "by area": {"weighting": "area"},
-        "sampled": {"method": "sampled", "n_eigenpairs": 40, "n_samples": 80},
+        "exact": unbend.canonical_form(one),
+        "by area": unbend.canonical_form(one, weighting="area"),
+        "sampled": unbend.sampled_canonical_form(one, n_eigenpairs=40, n_samples=80),
     }
-    for name, options in forms.items():
-        form = unbend.canonical_form(one, cache=False, **options)  # type: ignore[arg-type]
-        found[f"form, {name}"] = form.points
-    found["descriptor"] = unbend.descriptor(one)
+    found |= {f"form, {name}": form.points for name, form in forms.items()}
+    found["descriptor"] = unbend.collection.descriptor(one)
     found["alignment"] = unbend.align(found["form, exact"], found["form, sampled"]).rotation
     some = np.arange(one.n_vertices) % other.n_vertices
     found["morph"] = unbend.morph(one, other, some, 0.5).vertices
     if matching:
-        match = unbend.match(one, other, cache=False)
+        match = unbend.match(one, other)
         found["match"] = match.source_to_target
         found["functional map"] = np.abs(match.functional_map)
         found["confidence"] = np.array([match.confidence])

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from unbend import Collection, write_mesh
+from unbend import write_mesh
+from unbend.collection import Collection
 from unbend.datasets import make_sphere
 
 BALL = make_sphere(2)

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import match_colors, write_mesh
+from unbend import write_mesh
 from unbend.datasets import make_quadruped
 from unbend.mesh import vertex_normals
+from unbend.report import match_colors
 
 bpy = pytest.importorskip("bpy", reason="no Blender here: pip install bpy, for a Python it is for")
 

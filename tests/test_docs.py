@@ -142,7 +142,8 @@ def test_every_page_can_be_found():
 
 
 def test_every_public_name_is_in_the_reference():
-    for module, names in (("unbend", unbend.__all__), ("unbend.datasets", _public("datasets"))):
+    folders = {f"unbend.{name}": _public(name) for name in ("datasets", "report")}
+    for module, names in {"unbend": unbend.__all__, **folders}.items():
         text = (DOCS / "api" / "index.rst").read_text("utf-8")
         parts = re.split(r"^\.\. currentmodule:: (.*)$", text, flags=re.MULTILINE)
         listed = [

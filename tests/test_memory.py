@@ -75,7 +75,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
         canonical_form(blob)
     with pytest.raises(MeshError, match="fewer vertices"):
-        spectrum(blob, 10, cache=False)
+        spectrum(blob, 10)
     monkeypatch.setattr("unbend._memory.available_memory", lambda: None)
     check_memory("huge", 10**9)
 
@@ -92,7 +92,7 @@ def test_what_the_user_allows_is_all_that_counts(blob, monkeypatch, tmp_path):
     monkeypatch.setattr("unbend._memory._group_limits", lambda: [None, 2**20])
     monkeypatch.setenv(LIMIT_VARIABLE, "64")
     assert available_memory() > 32 * GIB
-    assert canonical_form(blob, cache=False).stress >= 0
+    assert canonical_form(blob).stress >= 0
     monkeypatch.setenv(LIMIT_VARIABLE, "0.001")
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* 0.0 GiB are free"):
         canonical_form(blob)

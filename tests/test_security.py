@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import unbend
-from unbend import Mesh, canonical_form, form_page, match_page
+from unbend import Mesh, canonical_form
 from unbend.datasets import make_sphere
 from unbend.datasets.fetch import TOSCA_REMESHED_URL
 from unbend.matching import Match
+from unbend.report import form_page, match_page
 from unbend.report.pages import mesh_page
 
 SOURCE = Path(unbend.__file__).parent
@@ -108,7 +109,7 @@ def _pages(name: str) -> Iterator[str]:
     found = Match(every, every, np.eye(3), 1.0, 0.0, 1.0)
     command = f"unbend match {name} {name}"
     yield mesh_page(mesh).html
-    yield form_page(mesh, canonical_form(mesh, cache=False), command=command, cache=False).html
+    yield form_page(mesh, canonical_form(mesh), command=command).html
     yield match_page(mesh, mesh, found, command=command).html
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import unbend
+from forms import form_of
 from unbend import Mesh
 from unbend.collection._entry import thumbnail
 from unbend.datasets import make_sphere
@@ -57,9 +58,12 @@ def diagnosis(case: Case) -> Iterator[Any]:
 
 
 def form(case: Case, **options: Any) -> Iterator[Any]:
-    found = unbend.canonical_form(case.mesh, **options)
+    found = form_of(case.mesh, **options)
     yield from (case.rows(found.points), found.eigenvalues, found.stress, found.area)
-    yield from () if found.surface is None else (case.rows(found.surface),)
+
+
+def pose(case: Case) -> Iterator[Any]:
+    yield case.rows(unbend.lay_into_pose(case.mesh, unbend.canonical_form(case.mesh)))
 
 
 def laplacians(case: Case) -> Iterator[Any]:
@@ -71,7 +75,7 @@ def laplacians(case: Case) -> Iterator[Any]:
 def spectrum(case: Case) -> Iterator[Any]:
     found = unbend.spectrum(case.mesh, 12)
     yield from (found.eigenvalues, case.rows(found.eigenfunctions))
-    values = unbend.interpolate(np.arange(5.0), np.arange(5) * 50 + case.first, found)
+    values = unbend.canonical.interpolate(np.arange(5.0), np.arange(5) * 50 + case.first, found)
     yield case.rows(values)
 
 
@@ -83,8 +87,8 @@ def distances(case: Case) -> Iterator[Any]:
         yield samples - case.first
 
 
-def matched(case: Case, **options: Any) -> Iterator[Any]:
-    found = unbend.match(case.mesh, case.other, **options)
+def matched(case: Case) -> Iterator[Any]:
+    found = unbend.match(case.mesh, case.other)
     yield from (case.rows(found.source_to_target) - case.first, found.confidence)
 
 
@@ -100,7 +104,8 @@ def carried(case: Case) -> Iterator[Any]:
     yield case.rows(found) - case.first
     yield case.rows(unbend.morph(case.mesh, case.other, case.same, 0.5).vertices)
     yield unbend.similarity(case.mesh, case.other, match=case.same)
-    yield from (case.rows(one) for one in unbend.match_colors(case.mesh, case.other, case.rolled))
+    colors = unbend.report.match_colors(case.mesh, case.other, case.rolled)
+    yield from (case.rows(one) for one in colors)
 
 
 def registration(case: Case) -> Iterator[Any]:
@@ -109,13 +114,13 @@ def registration(case: Case) -> Iterator[Any]:
 
 
 def mean(case: Case) -> Iterator[Any]:
-    found = unbend.mean_shape(case.others, case.mesh)
+    found = unbend.collection.mean_shape(case.others, case.mesh)
     yield from (case.rows(found.mean.vertices), found.statistics.variances, found.confidences)
     yield case.rows(found.statistics.variability)
 
 
 def measures(case: Case) -> Iterator[Any]:
-    yield unbend.descriptor(case.mesh)
+    yield unbend.collection.descriptor(case.mesh)
     yield case.rows(vertex_areas(case.mesh))
     yield case.rows(vertex_normals(case.mesh.vertices, case.mesh.faces))
     yield case.rows(used_vertices(case.mesh))
@@ -135,10 +140,10 @@ def files(case: Case) -> Iterator[Any]:
 def pages(case: Case) -> Iterator[Any]:
     two, table = [case.mesh, case.other], np.array([[0, 1.0], [1, 0]])
     for page in (
-        unbend.form_page(case.mesh, unbend.canonical_form(case.mesh)),
-        unbend.match_page(*two, case.rolled),
-        unbend.similarity_page(two, table),
-        unbend.search_page(case.mesh, two, [0.0, 1.0]),
+        unbend.report.form_page(case.mesh, unbend.canonical_form(case.mesh)),
+        unbend.report.match_page(*two, case.rolled),
+        unbend.report.similarity_page(two, table),
+        unbend.report.search_page(case.mesh, two, [0.0, 1.0]),
     ):
         (data,) = re.findall(r'id="data">(.*?)</script>', page.html)
         yield str(list(places_in(json.loads(data))))
@@ -171,13 +176,12 @@ CASES: dict[str, Callable[[Case], Iterator[Any]]] = {
     "diagnose": diagnosis,
     "canonical_form": form,
     "canonical_form, area": partial(form, weighting="area"),
-    "canonical_form, sampled": partial(form, distance="geodesic"),
-    "canonical_form, detail": partial(form, detail="preserved", keep_scale=True),
+    "sampled_canonical_form": partial(form, method="sampled", distance="geodesic"),
+    "lay_into_pose": pose,
     "laplacian": laplacians,
     "spectrum, interpolate": spectrum,
     "distance, farthest_point_sampling": distances,
     "match": matched,
-    "match, icp": partial(matched, method="icp"),
     "evaluate": errors,
     "transfer, morph, similarity, match_colors": carried,
     "register": registration,

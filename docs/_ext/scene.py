@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from unbend import match, match_page
+from unbend import match
 from unbend.datasets import make_quadruped
+from unbend.report import match_page
 
 
 def write_scene(path: Path) -> None:

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dense
-from unbend import Mesh, canonical_form, distance
+from forms import form_of
+from unbend import Mesh, canonical_form, distance, sampled_canonical_form
 from unbend.canonical import _canonical_form
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
@@ -16,7 +17,7 @@ METHODS = [
     {},
     {"weighting": "area"},
     {"method": "sampled", "n_eigenpairs": 30, "n_samples": 60},
-    {"distance": "geodesic", "n_eigenpairs": 30, "n_samples": 60},
+    {"method": "sampled", "distance": "geodesic", "n_eigenpairs": 30, "n_samples": 60},
     {"distance": "commute-time"},
     {"distance": "diffusion"},
 ]
@@ -28,7 +29,7 @@ METHODS = [
 def test_rigid_motion_and_scale_leave_the_form_alone(blob, options, rotation, scale):
     turn = scipy.spatial.transform.Rotation.random(rng=rotation).as_matrix()
     moved = Mesh(scale * (blob.vertices @ turn.T + 3), blob.faces)
-    before, after = canonical_form(blob, **options), canonical_form(moved, **options)
+    before, after = form_of(blob, **options), form_of(moved, **options)
     np.testing.assert_allclose(after.points, before.points, atol=1e-4)
     np.testing.assert_allclose(after.eigenvalues, before.eigenvalues, rtol=1e-4)
     assert after.area == pytest.approx(before.area * scale**2)
@@ -38,7 +39,7 @@ def test_rigid_motion_and_scale_leave_the_form_alone(blob, options, rotation, sc
 def test_permuting_vertices_permutes_the_form(blob, options):
     order = np.random.default_rng(5).permutation(blob.n_vertices)
     permuted = Mesh(blob.vertices[order], np.argsort(order)[blob.faces])
-    before, after = canonical_form(blob, **options), canonical_form(permuted, **options)
+    before, after = form_of(blob, **options), form_of(permuted, **options)
     np.testing.assert_allclose(after.points, before.points[order], atol=1e-4)
 
 
@@ -70,11 +71,17 @@ def test_stress_is_its_definition_on_all_pairs(blob):
 
 
 @pytest.mark.parametrize(
-    ("kind", "power"), [("biharmonic", 1), ("geodesic", 1), ("commute-time", 0), ("diffusion", -1)]
+    ("method", "kind", "power"),
+    [
+        ("exact", "biharmonic", 1),
+        ("sampled", "geodesic", 1),
+        ("exact", "commute-time", 0),
+        ("exact", "diffusion", -1),
+    ],
 )
-def test_keeping_the_scale_keeps_the_unit_of_the_distance(blob, kind, power):
+def test_keeping_the_scale_keeps_the_unit_of_the_distance(blob, method, kind, power):
     large = Mesh(blob.vertices * 10, blob.faces)
-    unit, kept = (canonical_form(large, distance=kind, keep_scale=k) for k in (False, True))
+    unit, kept = (form_of(large, method=method, distance=kind, keep_scale=k) for k in (False, True))
     factor = np.sqrt(unit.area) ** power
     np.testing.assert_allclose(kept.points, unit.points * factor)
     np.testing.assert_allclose((kept.points**2).sum(axis=0), kept.eigenvalues, rtol=1e-2)
@@ -90,15 +97,15 @@ def test_sphere_unbends_to_a_sphere():
 
 def test_geodesic_form_comes_closer_to_geodesic_distances(blob):
     """The stress of a geodesic form in 3-D is small on a shape of this kind."""
-    assert canonical_form(blob, distance="geodesic").stress < 0.15
+    assert sampled_canonical_form(blob, distance="geodesic").stress < 0.15
 
 
 def test_wolves_in_three_poses_have_one_form(real_data):
     """Biharmonic forms of one animal agree to 0.999, and better than geodesic ones."""
     wolves = [real_data / "tosca_original" / f"wolf{i}.off" for i in range(3)]
     similarity = {}
-    for kind in ("biharmonic", "geodesic"):
-        forms = [canonical_form(wolf, distance=kind).points for wolf in wolves]
+    for method, kind in (("exact", "biharmonic"), ("sampled", "geodesic")):
+        forms = [form_of(wolf, method=method, distance=kind).points for wolf in wolves]
         forms = [form - form.mean(axis=0) for form in forms]
         similarity[kind] = [
             (dense.aligned(a, b) * b).sum() / np.linalg.norm(a) / np.linalg.norm(b)
@@ -182,9 +189,7 @@ def test_point_cloud_form_is_close_to_the_surface_s(blob):
 
 def test_steps_are_timed_and_announced(blob):
     announced, begun = [], clock.perf_counter()
-    form = canonical_form(
-        blob, method="sampled", progress=lambda stage, share: announced.append(stage)
-    )
+    form = sampled_canonical_form(blob, progress=lambda stage, share: announced.append(stage))
     assert min(form.seconds.values()) >= 0
     assert sum(form.seconds.values()) <= clock.perf_counter() - begun
     assert list(form.seconds) == list(dict.fromkeys(announced))
@@ -197,19 +202,17 @@ def test_steps_are_timed_and_announced(blob):
         ({"n_components": 0}, "dimension must be 1 to 641"),
         ({"n_components": 642}, "dimension must be 1 to 641"),
         ({"method": "sampled", "n_eigenpairs": 5, "n_components": 5}, "must be 1 to 4"),
-        ({"method": "exact", "distance": "geodesic"}, 'use method="sampled"'),
-        ({"method": "quick"}, "method must be"),
+        ({"distance": "geodesic"}, "no exact form; use sampled_canonical_form"),
         ({"weighting": "none"}, "weighting must be"),
         ({"distance": "euclid"}, "there is no distance 'euclid'"),
         ({"interpolation": "x", "method": "sampled"}, "interpolation must be"),
         ({"mu": -1, "method": "sampled"}, "mu must be positive"),
         ({"time": 0.0, "distance": "diffusion"}, "time must be positive"),
         ({"time": 0.1}, "time is for diffusion distances, not biharmonic"),
-        ({"time": 0.1, "distance": "geodesic"}, "time is for diffusion distances, not geodesic"),
-        ({"n_eigenpairs": 100}, 'n_eigenpairs is for sampled forms; use method="sampled"'),
-        ({"n_samples": 200, "method": "exact"}, "n_samples is for sampled forms"),
-        ({"mu": 1e4, "weighting": "area"}, "mu is for sampled forms"),
-        ({"interpolation": "projection"}, "interpolation is for sampled forms"),
+        (
+            {"method": "sampled", "time": 0.1, "distance": "geodesic"},
+            "for diffusion distances, not geodesic",
+        ),
         ({"n_samples": 0, "method": "sampled"}, "n_samples must be a whole number of at least 2"),
         ({"n_samples": 2.5, "method": "sampled"}, "n_samples must be a whole number"),
         ({"n_samples": 3, "method": "sampled"}, "dimension must be 1 to 2 here, not 3"),
@@ -222,13 +225,13 @@ def test_steps_are_timed_and_announced(blob):
 )
 def test_bad_arguments_are_refused_in_one_sentence(blob, options, message):
     with pytest.raises(InputError, match=message) as error:
-        canonical_form(blob, **options)
+        form_of(blob, **options)
     assert "\n" not in str(error.value)
 
 
 def test_a_form_of_one_point_is_an_error(blob):
     with pytest.raises(SolverError, match="all points of the form coincide"):
-        canonical_form(blob, method="sampled", mu=1e-300)
+        sampled_canonical_form(blob, mu=1e-300)
 
 
 @pytest.mark.parametrize("options", METHODS)
@@ -246,12 +249,12 @@ def test_a_form_that_is_not_on_its_axes_is_an_error(blob, monkeypatch, options, 
         monkeypatch.setattr(
             _canonical_form,
             name,
-            lambda *args, route=route: (lambda way: way._replace(points=spoil(way.points)))(
-                route(*args)
-            ),
+            lambda *args, route=route, **sampling: (
+                lambda way: way._replace(points=spoil(way.points))
+            )(route(*args, **sampling)),
         )
     with pytest.raises(SolverError, match="of the largest eigenvalue"):
-        canonical_form(blob, **options)
+        form_of(blob, **options)
 
 
 @pytest.mark.parametrize("shift", [[1e-5, -1e-5, 0], [0, 0, -1e-5]])
@@ -272,19 +275,19 @@ def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, sh
 
 def test_no_more_samples_and_eigenpairs_than_vertices_are_used(blob):
     small = Mesh(make_sphere(1).vertices * [1, 1.5, 2] + 0.1, make_sphere(1).faces)
-    form = canonical_form(small, method="sampled")
+    form = sampled_canonical_form(small)
     for options in ({"n_samples": 42}, {"n_eigenpairs": 42}):
-        same = canonical_form(small, method="sampled", **options)
+        same = sampled_canonical_form(small, **options)
         np.testing.assert_array_equal(form.points, same.points)
     for options in ({"n_samples": 100}, {"n_eigenpairs": 50}):
-        other = canonical_form(blob, method="sampled", **options)
-        assert abs(other.points - canonical_form(blob, method="sampled").points).max() > 0
+        other = sampled_canonical_form(blob, **options)
+        assert abs(other.points - sampled_canonical_form(blob).points).max() > 0
 
 
 def test_what_is_not_said_is_as_documented(blob):
     documented = {"n_eigenpairs": 100, "n_samples": 200, "mu": 1e4, "interpolation": "projection"}
-    found = canonical_form(blob, method="sampled")
-    same = canonical_form(blob, method="sampled", **documented)
+    found = sampled_canonical_form(blob)
+    same = sampled_canonical_form(blob, **documented)
     np.testing.assert_array_equal(found.points, same.points)
     for seed in range(3):
         form = canonical_form(blob, random_state=seed)
@@ -293,14 +296,14 @@ def test_what_is_not_said_is_as_documented(blob):
 
 def test_two_samples_span_a_line(blob):
     options = {"n_samples": 2, "n_eigenpairs": 2, "n_components": 1}
-    form = canonical_form(blob, method="sampled", **options)
+    form = sampled_canonical_form(blob, **options)
     assert np.corrcoef(form.points[:, 0], canonical_form(blob).points[:, 0])[0, 1] ** 2 > 0.9
 
 
 def test_coordinates_of_distances_that_are_not_euclidean_are_left_out_and_counted(blob):
     mesh = Mesh(blob.vertices, blob.faces, name="bent")
     with pytest.warns(UnbendWarning, match="^bent: .* leading eigenvalues are negative") as told:
-        form = canonical_form(mesh, distance="geodesic", n_eigenpairs=50, n_components=45)
+        form = sampled_canonical_form(mesh, distance="geodesic", n_eigenpairs=50, n_components=45)
     negative = form.eigenvalues < 0
     sentence = f"{negative.sum()} of the 45 leading eigenvalues are negative"
     assert sentence in str(told[0].message)
@@ -312,30 +315,13 @@ def test_coordinates_of_distances_that_are_not_euclidean_are_left_out_and_counte
 @pytest.mark.parametrize("method", ["exact", "sampled"])
 def test_every_stage_is_begun_and_ended(blob, method):
     told = {}
-    canonical_form(
+    form_of(
         blob, method=method, progress=lambda stage, share: told.setdefault(stage, []).append(share)
     )
     assert len(told) > 1
     for shares in told.values():
         assert (shares[0], shares[-1]) == (0, 1)
         assert shares == sorted(shares)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"distance": "diffusion", "method": "exact"},
-        {"distance": "diffusion", "method": "sampled"},
-        {"weighting": "area"},
-        {"method": "sampled"},
-    ],
-)
-def test_nothing_is_kept_unless_it_may_be(blob, tmp_path, monkeypatch, options):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    canonical_form(blob, cache=False, **options)
-    assert list(tmp_path.rglob("*.*")) == []
-    canonical_form(blob, **options)
-    assert list(tmp_path.rglob("*.*"))
 
 
 def test_a_form_that_does_not_fit_into_memory_is_refused_with_the_remedy(blob, monkeypatch):
@@ -355,7 +341,7 @@ def test_what_rounding_leaves_of_no_extent_is_not_taken_for_distances_that_are_n
         pytest.warns(UnbendWarning, match="degenerate faces"),
         pytest.warns(UnbendWarning, match="too thin"),
     ):
-        form = canonical_form((np.array(needle), np.array(faces)), cache=False)
+        form = canonical_form((np.array(needle), np.array(faces)))
     assert form.eigenvalues[0] > 0
     assert (form.eigenvalues[1:] == 0).all()
     assert not any("Euclidean" in note for note in form.notes)

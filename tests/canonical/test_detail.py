@@ -1,15 +1,16 @@
 """The surface in its form's pose: itself, but for its pose, whatever that was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unbend import Mesh, canonical_form, procrustes
-from unbend.canonical._detail import lay_into_pose
+from unbend import Mesh, canonical_form, lay_into_pose
+from unbend.alignment import procrustes
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
-from unbend.mesh import edge_ends, vertex_areas
-from unbend.spectral import make_surface
+from unbend.mesh import edge_ends
 
 
 def apart(points, others, reflect=False):
@@ -20,7 +21,7 @@ def apart(points, others, reflect=False):
 
 
 def laid(mesh, **options):
-    return canonical_form(mesh, detail="preserved", **options).surface
+    return lay_into_pose(mesh, canonical_form(mesh, **options))
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +39,7 @@ def unbent(dogs):
 
 def test_a_sphere_is_its_own_form_and_stays_as_it_is():
     ball = make_sphere(3)
-    unit = np.sqrt(vertex_areas(ball).sum())
-    assert apart(laid(ball), ball.vertices / unit) < 5e-3
+    assert apart(laid(ball), ball.vertices) < 5e-3
 
 
 def test_poses_of_one_shape_become_nearly_one(dogs, unbent):
@@ -51,16 +51,13 @@ def test_poses_of_one_shape_become_nearly_one(dogs, unbent):
 def test_the_surface_is_kept(dogs, unbent):
     for dog, points in zip(dogs, unbent, strict=True):
         i, j = edge_ends(dog.faces, 1500).T
-        unit = np.sqrt(vertex_areas(dog).sum())
-        before = np.linalg.norm(dog.vertices[i] - dog.vertices[j], axis=1) / unit
+        before = np.linalg.norm(dog.vertices[i] - dog.vertices[j], axis=1)
         stretch = np.linalg.norm(points[i] - points[j], axis=1) / before
         assert abs(np.median(stretch) - 1) < 0.03
         assert np.percentile(stretch, 5) > 0.8
         assert np.percentile(stretch, 95) < 1.2
         # The right side stays out, and limbs keep their girth: the volume is about the same.
-        assert volume(points, dog.faces) == pytest.approx(
-            volume(dog.vertices, dog.faces) / unit**3, rel=0.25
-        )
+        assert volume(points, dog.faces) == pytest.approx(volume(dog.vertices, dog.faces), rel=0.25)
 
 
 def volume(points, faces):
@@ -72,23 +69,17 @@ def test_motions_and_units_change_nothing_and_mirrors_mirror(blob):
     plain = laid(blob)
     turn = Rotation.from_rotvec([0.3, 1.0, -2.0]).as_matrix()
     moved = Mesh(40 * blob.vertices @ turn.T + 7, blob.faces)
-    assert apart(laid(moved), plain) < 1e-6
-    area = vertex_areas(moved).sum()
-    np.testing.assert_allclose(laid(moved, keep_scale=True), np.sqrt(area) * laid(moved))
+    assert apart(laid(moved), 40 * plain) < 1e-6
+    np.testing.assert_allclose(laid(moved, keep_scale=True), laid(moved), atol=1e-6)
     mirrored = laid(Mesh(blob.vertices * [1, 1, -1], blob.faces))
     assert apart(mirrored * [1, 1, -1], plain) < 1e-6
     assert apart(mirrored, plain) > 0.01
 
 
 def test_where_the_form_lies_and_its_unit_change_nothing(blob):
-    surface = make_surface(blob)
-    form = canonical_form(blob).points
-
-    def laid_into(form):
-        parts = blob.vertices / np.sqrt(surface.area), blob.faces, surface.operator.areas
-        return lay_into_pose(*parts, form, lambda stage, share: None)
-
-    assert apart(laid_into(3 * form + [5, -7, 9]), laid_into(form)) < 1e-6
+    form = canonical_form(blob)
+    elsewhere = replace(form, points=3 * form.points + [5, -7, 9])
+    assert apart(lay_into_pose(blob, elsewhere), lay_into_pose(blob, form)) < 1e-6
 
 
 def test_of_more_dimensions_the_first_three_are_the_pose(blob):
@@ -96,14 +87,9 @@ def test_of_more_dimensions_the_first_three_are_the_pose(blob):
 
 
 def test_the_share_that_is_done_grows_to_all_of_it():
-    surface, told = make_surface(make_sphere(1)), []
-    points = surface.mesh.vertices
+    ball, told = make_sphere(2), []
     lay_into_pose(
-        points / np.sqrt(surface.area),
-        surface.mesh.faces,
-        surface.operator.areas,
-        points,
-        lambda stage, share: told.append((stage, share)),
+        ball, canonical_form(ball), progress=lambda stage, share: told.append((stage, share))
     )
     assert {stage for stage, _ in told} == {"detail"}
     np.testing.assert_allclose(
@@ -119,25 +105,20 @@ def test_what_is_no_part_of_the_surface_is_nan(blob):
     np.testing.assert_allclose(found[:-1], laid(blob), atol=1e-9)
 
 
-def test_the_form_itself_is_the_same(blob):
-    plain, detailed = canonical_form(blob), canonical_form(blob, detail="preserved")
-    np.testing.assert_array_equal(plain.points, detailed.points)
-    assert plain.surface is None
-    assert "detail" in detailed.seconds
+def test_only_the_component_of_the_form_is_laid(blob, blob_and_ball):
+    with pytest.warns(match="component 0 of 2"):
+        form = canonical_form(blob_and_ball, component="largest")
+    found = lay_into_pose(blob_and_ball, form)
+    assert np.isnan(found[blob.n_vertices :]).all()
+    np.testing.assert_allclose(found[: blob.n_vertices], laid(blob), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"detail": "kept"}, 'must be "preserved"'),
-        ({"detail": "preserved", "n_components": 2}, "at least 3 dimensions"),
-    ],
-)
-def test_what_does_not_go_together_is_refused(blob, options, message):
-    with pytest.raises(InputError, match=message):
-        canonical_form(blob, **options)
-
-
-def test_points_have_no_detail(blob):
-    with pytest.raises(InputError, match="detail needs faces"):
-        canonical_form(blob.vertices, detail="preserved")
+def test_what_does_not_go_together_is_refused(blob):
+    form = canonical_form(blob)
+    for mesh, given, message in (
+        (blob, canonical_form(blob, n_components=2), "needs a form of 3 dimensions, not 2"),
+        (blob.vertices, form, "has no faces"),
+        (make_sphere(1), form, "the form has 642 points, but sphere has 42 vertices"),
+    ):
+        with pytest.raises(InputError, match=message):
+            lay_into_pose(mesh, given)

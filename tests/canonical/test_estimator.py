@@ -7,7 +7,8 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import estimator_checks_generator
 
-from unbend import SpectralMDS, canonical_form
+from unbend import canonical_form, sampled_canonical_form
+from unbend.canonical import SpectralMDS
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
 
@@ -68,15 +69,22 @@ def test_is_the_function_behind_it(blob):
     assert fitted.stress_ == form.stress
 
 
-def test_takes_all_that_canonical_form_takes():
-    ours, theirs = (
+def test_takes_all_that_canonical_forms_take(blob):
+    ours, exact, sampled = (
         {name: one.default for name, one in inspect.signature(taker).parameters.items()}
-        for taker in (SpectralMDS, canonical_form)
+        for taker in (SpectralMDS, canonical_form, sampled_canonical_form)
     )
-    del theirs["mesh"]
-    assert ours == theirs
+    assert exact.items() <= sampled.items()
+    del sampled["mesh"]
+    assert ours == sampled | {"method": "exact"}
+    options = {"distance": "geodesic", "n_samples": 50, "n_eigenpairs": 40}
+    fitted = SpectralMDS(method="sampled", **options).fit(blob)
+    form = sampled_canonical_form(blob, **options)
+    np.testing.assert_array_equal(fitted.embedding_, form.points)
+    with pytest.raises(InputError, match='method must be "exact" or "sampled"'):
+        SpectralMDS(method="quick").fit(blob)
     told = []
-    options = {"distance": "diffusion", "time": 0.5, "cache": False}
+    options = {"distance": "diffusion", "time": 0.5}
     SpectralMDS(**options, progress=lambda stage, share: told.append(stage)).fit(make_sphere(2))
     assert "scaling" in told
 
@@ -92,4 +100,4 @@ def test_a_missing_extra_is_named(monkeypatch):
     import unbend
 
     with pytest.raises(ImportError, match="pip install scikit-learn"):
-        unbend.SpectralMDS()
+        unbend.canonical.SpectralMDS()

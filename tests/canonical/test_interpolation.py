@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from unbend import farthest_point_sampling, interpolate, spectrum
-from unbend.canonical import distance_coefficients
+from unbend import farthest_point_sampling, spectrum
+from unbend.canonical import distance_coefficients, interpolate
 from unbend.canonical._interpolation import _factor, interpolation_operator
 from unbend.distances import make_metric
 from unbend.errors import InputError, SolverError, UnbendWarning

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import dense
-from unbend import canonical_form, laplacian
+from forms import form_of
+from unbend import canonical_form, laplacian, sampled_canonical_form
 from unbend.canonical import sampled_scaling
 from unbend.canonical._mds import area_scaling, exact_scaling
 from unbend.datasets import make_quadruped, make_sphere
@@ -62,8 +63,8 @@ def test_all_samples_and_all_eigenpairs_leave_nothing_to_approximate(
 ):
     # As mu grows the sampled values are met exactly.
     everything = {"n_eigenpairs": blob.n_vertices, "n_samples": blob.n_vertices, "mu": 1e12}
-    sampled = canonical_form(
-        blob, method="sampled", weighting=weighting, interpolation=interpolation, **everything
+    sampled = sampled_canonical_form(
+        blob, weighting=weighting, interpolation=interpolation, **everything
     )
     exact = canonical_form(blob, weighting=weighting)
     np.testing.assert_allclose(sampled.eigenvalues, exact.eigenvalues, rtol=1e-6)
@@ -75,7 +76,7 @@ def test_the_paper_s_sampling_comes_within_a_thousandth_on_cats(real_data, name)
     mesh = real_data / "tosca_remeshed" / f"{name}.off"
     exact = canonical_form(mesh)
     for interpolation in ("projection", "least-squares"):
-        sampled = canonical_form(mesh, method="sampled", interpolation=interpolation)
+        sampled = sampled_canonical_form(mesh, interpolation=interpolation)
         assert dense.relative_error(sampled.points, exact.points) < 1e-3
 
 
@@ -126,7 +127,7 @@ def test_third_moments_are_positive_where_the_farthest_point_is_not():
 def test_a_diffusion_time_is_that_of_both_methods(time):
     dog = make_quadruped("galloping", n_vertices=800).mesh
     exact, sampled = (
-        canonical_form(dog, distance="diffusion", time=time, method=method).eigenvalues
+        form_of(dog, distance="diffusion", time=time, method=method).eigenvalues
         for method in ("exact", "sampled")
     )
     np.testing.assert_allclose(sampled, exact, rtol=0.05)

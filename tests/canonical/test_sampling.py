@@ -101,15 +101,6 @@ def test_all_samples_are_of_the_component_chosen(blob, blob_and_ball):
     )
 
 
-@pytest.mark.parametrize("options", [{}, {"distance": "diffusion", "start": 0}])
-def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch, options):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    farthest_point_sampling(make_sphere(1), 3, cache=False, **options)
-    assert list(tmp_path.rglob("*.*")) == []
-    farthest_point_sampling(make_sphere(1), 3, **options)
-    assert list(tmp_path.rglob("*.*"))
-
-
 def test_points_in_one_place_are_taken_once_each():
     found = spread_samples(lambda sources: np.zeros((1, 5)), 5, 5, 2)
     assert sorted(found.indices.tolist()) == [0, 1, 2, 3, 4]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from unbend import canonical_form, read_mesh, write_mesh
+from unbend import canonical_form, read_mesh, sampled_canonical_form, write_mesh
 from unbend.cli import app
 
 runner = CliRunner()
@@ -70,7 +70,7 @@ def test_prints_aligned_rows_and_the_next_step(mesh):
 def test_samples_or_eigenpairs_ask_for_the_form_of_the_paper(mesh, blob, options):
     words = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
     found = json.loads(run(mesh, "--json", *words).stdout)
-    form = canonical_form(blob, method="sampled", **options)
+    form = sampled_canonical_form(blob, **options)
     assert found["eigenvalues"] == list(form.eigenvalues)
     assert (found["n_vertices"], found["n_faces"]) == (642, 1280)
     assert (found["method"], found["distance"]) == ("sampled", "biharmonic")
@@ -85,11 +85,10 @@ def test_every_option_reaches_the_library(mesh, blob, tmp_path):
         "--laplacian robust --keep-scale --no-cache"
     )
     assert run(mesh, "-o", out, *options.split()).exit_code == 0
-    form = canonical_form(
+    form = sampled_canonical_form(
         blob,
         n_components=2,
         distance="diffusion",
-        method="sampled",
         weighting="area",
         n_eigenpairs=40,
         n_samples=70,

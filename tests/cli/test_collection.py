@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend import Collection, read_match
+from unbend import read_match
 from unbend.cli import app
+from unbend.collection import Collection
 
 
 def run(*arguments: object) -> Any:

@@ -7,9 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend import Collection
 from unbend.cli import app
-from unbend.collection import Failure, MeanShape, retrieval_measures, shape_statistics
+from unbend.collection import Collection, Failure, MeanShape, retrieval_measures, shape_statistics
 
 
 def run(*arguments):

@@ -9,13 +9,14 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
-from unbend import match_colors, read_mesh, write_mesh
+from unbend import read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
 from unbend.datasets import keep, make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
+from unbend.report import match_colors
 
 SOURCE = make_quadruped("standing", n_vertices=800)
 TARGET = make_quadruped("walking", n_vertices=700, meshing=1)

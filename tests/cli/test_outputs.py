@@ -15,8 +15,9 @@ import typer.main
 from typer.testing import CliRunner
 
 from stones import write_stones
-from unbend import Collection, write_map
+from unbend import write_map
 from unbend.cli import app
+from unbend.collection import Collection
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {

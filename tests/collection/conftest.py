@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from stones import write_stones
-from unbend import Collection
+from unbend.collection import Collection
 
 
 @pytest.fixture(scope="session")

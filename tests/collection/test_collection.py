@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from stones import BALL, rows_of, write_stones
-from unbend import Collection, Mesh, read_mesh, write_mesh
-from unbend.collection import Failure, _adding, _collection, _store, descriptor
+from unbend import Mesh, read_mesh, write_mesh
+from unbend.collection import Collection, Failure, _adding, _collection, _store, descriptor
 from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, MissingExtraError
 

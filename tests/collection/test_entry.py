@@ -29,8 +29,8 @@ def stone() -> Mesh:
 
 
 def test_the_form_is_the_exact_canonical_form_at_farthest_points() -> None:
-    exact = canonical_form(stone(), weighting="area", cache=False).points
-    pairs = spectrum(stone(), 8, cache=False)
+    exact = canonical_form(stone(), weighting="area").points
+    pairs = spectrum(stone(), 8)
     found = sample_form(Basis(pairs.eigenvalues, pairs.eigenfunctions, pairs.areas))
     assert found.shape == (FORM_POINTS, 3)
     # Rows of the exact form, but for the axes' signs; none is far from all that were taken.

@@ -102,7 +102,7 @@ def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():
         make_biped("standing", n_vertices=700, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
         for i, length in enumerate(lengths)
     ]
-    found = mean_shape([one.mesh for one in bodies], template.mesh, cache=False)
+    found = mean_shape([one.mesh for one in bodies], template.mesh)
     assert found.left_out == ()
     weights = vertex_areas(template.mesh)
     true = shape_statistics(

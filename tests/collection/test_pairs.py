@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from stones import BALL
-from unbend import Collection, Mesh, match, read_match, write_mesh
-from unbend.collection import _pairs
+from unbend import Mesh, match, read_match, write_mesh
+from unbend.collection import Collection, _pairs
 from unbend.errors import FileError, InputError
 
 
@@ -44,7 +44,7 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
     pairs = [(row["source"], row["target"]) for row in rows]
     assert pairs == [(str(paths[i]), str(paths[j])) for i, j in ((0, 1), (0, 2), (1, 2))]
     found = read_match(out / rows[2]["file"])
-    alone = match(paths[1], paths[2], cache=False)
+    alone = match(paths[1], paths[2])
     np.testing.assert_array_equal(found.source_to_target, alone.source_to_target)
     np.testing.assert_allclose(found.functional_map, alone.functional_map, atol=1e-6)
     np.testing.assert_allclose(float(rows[2]["confidence"]), alone.confidence)

@@ -14,8 +14,8 @@ import pyarrow as pa
 import pytest
 
 from stones import BALL, rows_of, write_stones
-from unbend import Collection, write_mesh
-from unbend.collection import DESCRIPTOR_VERSION, Added, _adding, find_file
+from unbend import write_mesh
+from unbend.collection import DESCRIPTOR_VERSION, Added, Collection, _adding, find_file
 from unbend.collection._engine import Outcome
 from unbend.collection._store import Store
 from unbend.errors import FileError, InputError, UnbendWarning

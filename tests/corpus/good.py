@@ -39,7 +39,7 @@ def beside(folder: Path) -> None:
 @functools.cache
 def store() -> str:
     """Make a collection of two shapes, once, in a folder that goes with this process."""
-    from unbend import Collection
+    from unbend.collection import Collection
 
     folder = tempfile.TemporaryDirectory()
     _KEPT.append(folder)

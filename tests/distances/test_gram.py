@@ -194,23 +194,6 @@ def test_distances_are_those_of_the_component_chosen(blob, blob_and_ball):
     np.testing.assert_allclose(found[blob.n_vertices :], distance(make_sphere(2), 0)[0], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "compute",
-    [
-        lambda mesh, **options: distance(mesh, 0, distance="diffusion", **options),
-        lambda mesh, **options: distance(mesh, 0, n_eigenpairs=5, **options),
-        lambda mesh, **options: make_metric("diffusion", make_surface(mesh), **options),
-        lambda mesh, **options: gram_metric("diffusion", make_surface(mesh), TIME, **options),
-    ],
-)
-def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch, compute):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    compute(make_sphere(1), cache=False)
-    assert list(tmp_path.rglob("*.*")) == []
-    compute(make_sphere(1))
-    assert list(tmp_path.rglob("*.*"))
-
-
 def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="blob: 642 vertices need about"):

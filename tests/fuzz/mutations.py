@@ -12,11 +12,13 @@ import numpy.typing as npt
 from corpus.good import stone
 from unbend import Mesh, canonical_form, distance, match, transfer
 from unbend.errors import UnbendError, UnbendWarning
+from unbend.spectral import use_cache
 
 _Array = npt.NDArray[Any]
 _Arrays = tuple[_Array, _Array]
 
 
+@use_cache(gib=0)
 def shapes(data: bytes) -> None:
     """Break a mesh as the bytes say, four a step, and compute with what is left."""
     vertices, faces = stone().vertices.copy(), stone().faces.copy()
@@ -43,7 +45,7 @@ def seeds(family: str) -> Iterator[bytes]:
 
 def _check_form(mesh: Mesh) -> None:
     try:
-        form = canonical_form(mesh, component="largest", cache=False)
+        form = canonical_form(mesh, component="largest")
     except UnbendError:
         return
     assert form.points.shape == (mesh.n_vertices, 3)
@@ -55,7 +57,7 @@ def _check_form(mesh: Mesh) -> None:
 def _check_distance(mesh: Mesh) -> None:
     sources = [0, mesh.n_vertices - 1]
     try:
-        rows = distance(mesh, sources, component="largest", cache=False)
+        rows = distance(mesh, sources, component="largest")
     except UnbendError:
         return
     largest = np.nanmax(rows)
@@ -68,7 +70,7 @@ def _check_distance(mesh: Mesh) -> None:
 
 def _check_match(mesh: Mesh) -> None:
     try:
-        found = match(mesh, stone(), method="icp", cache=False)
+        found = match(mesh, stone(), n_eigenpairs=10, refine=False)
         carried = transfer(np.linspace(0, 1, mesh.n_vertices), found, source=mesh, target=stone())
     except UnbendError:
         return

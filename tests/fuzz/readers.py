@@ -12,18 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from unbend import (
-    Match,
-    Mesh,
-    diagnose,
-    read_functional_map,
-    read_map,
-    read_match,
-    read_mesh,
-    read_values,
-)
+from unbend import Match, Mesh, diagnose, read_map, read_match, read_mesh
+from unbend.correspondence import read_functional_map
 from unbend.errors import UnbendError
-from unbend.io import read_landmarks
+from unbend.io import read_landmarks, read_values
 from unbend.preparation import prepare
 
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))

@@ -10,12 +10,12 @@ from unbend import Mesh
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import (
-    Tips,
+    Extremities,
     _costs,
     _of_logarithms,
     _of_trunks,
     _whitening,
-    find_tips,
+    find_extremities,
     guess_limbs,
     limb_maps,
 )
@@ -25,12 +25,14 @@ from unbend.matching._shape import Shape
 
 def test_a_person_has_five_tips() -> None:
     body = make_biped("walking", n_vertices=1500)
-    tips = find_tips(prepare_shape(body.mesh, 60, True)[1])
-    named = [body.parts[label] for label in body.labels[tips.vertices]]
+    extremities = find_extremities(prepare_shape(body.mesh, 60, True)[1])
+    named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
-    np.testing.assert_allclose(tips.ways, tips.ways.T)
-    assert (tips.ways[~np.eye(5, dtype=bool)] > 0.3).all()
-    np.testing.assert_allclose(tips.ways, tips.fields[tips.vertices], atol=1e-12)
+    np.testing.assert_allclose(extremities.distances, extremities.distances.T)
+    assert (extremities.distances[~np.eye(5, dtype=bool)] > 0.3).all()
+    np.testing.assert_allclose(
+        extremities.distances, extremities.fields[extremities.vertices], atol=1e-12
+    )
 
 
 def test_a_star_has_a_tip_on_every_ray() -> None:
@@ -39,15 +41,15 @@ def test_a_star_has_a_tip_on_every_ray() -> None:
     rays = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     reach = 1 + 2 * np.exp(-12 * (1 - ball.vertices @ rays.T)).sum(axis=1)
     star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40, True)[1]
-    tips = find_tips(star)
-    ends = star.vertices[tips.vertices]
+    extremities = find_extremities(star)
+    ends = star.vertices[extremities.vertices]
     ends /= np.linalg.norm(ends, axis=1, keepdims=True)
     order = (rays @ ends.T).argmax(axis=1)  # the tip of each ray
     assert sorted(order) == list(range(len(ends)))
     assert (rays * ends[order]).sum(axis=1).min() > 0.99
     # All ways between rays side by side are about equal, and so are the longer ones.
-    ways = tips.ways[np.ix_(order, order)]
-    beside, beyond = (np.diag(np.roll(ways, -step, axis=1)) for step in (1, 2))
+    distances = extremities.distances[np.ix_(order, order)]
+    beside, beyond = (np.diag(np.roll(distances, -step, axis=1)) for step in (1, 2))
     for alike in (beside, beyond):
         assert alike.max() < 1.1 * alike.min()
     assert beyond.min() > beside.max()
@@ -63,34 +65,38 @@ def _spiky(rays: np.ndarray) -> Shape:
 
 def test_every_most_remote_place_is_a_tip_the_most_remote_first() -> None:
     shape = _spiky(np.random.default_rng(4).normal(size=(9, 3)))
-    tips = find_tips(shape)
+    extremities = find_extremities(shape)
     remote = ((shape.basis / shape.eigenvalues) ** 2).sum(axis=1)
-    assert (np.diff(remote[tips.vertices]) < 0).all()
-    apart = tips.ways[np.triu_indices(len(tips.vertices), 1)]
+    assert (np.diff(remote[extremities.vertices]) < 0).all()
+    apart = extremities.distances[np.triu_indices(len(extremities.vertices), 1)]
     assert 0.22 < apart.min() < 0.4
     highest = np.ones(len(remote), dtype=bool)
     i, j = shape.edge_weights.nonzero()
     highest[i[remote[i] < remote[j]]] = False
-    np.testing.assert_array_equal(np.sort(tips.vertices), np.flatnonzero(highest))
+    np.testing.assert_array_equal(np.sort(extremities.vertices), np.flatnonzero(highest))
 
 
 def test_there_are_at_most_ten_tips() -> None:
-    assert len(find_tips(_spiky(make_sphere(0).vertices)).vertices) == 10
+    assert len(find_extremities(_spiky(make_sphere(0).vertices)).vertices) == 10
 
 
 def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
     fields = np.random.default_rng(0).random((7, 4))
-    ways = np.random.default_rng(1).random((4, 4))
-    few = Tips(np.array([5, 1, 6, 2]), ways, fields).taken(np.array([3, 0]), np.array([4, 1, 2]))
+    distances = np.random.default_rng(1).random((4, 4))
+    few = Extremities(np.array([5, 1, 6, 2]), distances, fields).taken(
+        np.array([3, 0]), np.array([4, 1, 2])
+    )
     np.testing.assert_array_equal(few.vertices, [2, 5])
-    np.testing.assert_array_equal(few.ways, [[ways[3, 3], ways[3, 0]], [ways[0, 3], ways[0, 0]]])
+    np.testing.assert_array_equal(
+        few.distances, [[distances[3, 3], distances[3, 0]], [distances[0, 3], distances[0, 0]]]
+    )
     np.testing.assert_array_equal(few.fields, fields[[4, 1, 2]][:, [3, 0]])
 
 
 def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
     body = make_octopus("floating", n_vertices=1500)
-    tips = find_tips(prepare_shape(body.mesh, 60, True)[1])
-    named = [body.parts[label] for label in body.labels[tips.vertices]]
+    extremities = find_extremities(prepare_shape(body.mesh, 60, True)[1])
+    named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
 
 
@@ -101,26 +107,26 @@ def test_limbs_of_other_lengths_change_little() -> None:
     trunk = np.abs(body[:, None] - body)
     limbs = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
 
-    def ways(lengths: np.ndarray) -> np.ndarray:
+    def distances(lengths: np.ndarray) -> np.ndarray:
         return (trunk + lengths[:, None] + lengths) * (1 - np.eye(5))
 
     order = rng.permutation(5)
-    grown = 3.0 * ways(limbs * [1.5, 0.8, 0.8, 1.2, 1.2])[np.ix_(order, order)]
+    grown = 3.0 * distances(limbs * [1.5, 0.8, 0.8, 1.2, 1.2])[np.ix_(order, order)]
 
-    def tips(lengths: np.ndarray) -> Tips:
-        return Tips(np.arange(5), lengths, np.empty((0, 5)))
+    def extremities(lengths: np.ndarray) -> Extremities:
+        return Extremities(np.arange(5), lengths, np.empty((0, 5)))
 
-    found = guess_limbs(tips(ways(limbs)), tips(grown), 60)
+    found = guess_limbs(extremities(distances(limbs)), extremities(grown), 60)
     right = [k for k, one in enumerate(found) if (order[one.target] == one.source).all()]
     assert right[0] < 20
-    exact = guess_limbs(tips(ways(limbs)), tips(2 * ways(limbs)), 60)[0]
+    exact = guess_limbs(extremities(distances(limbs)), extremities(2 * distances(limbs)), 60)[0]
     assert (exact.source == exact.target).all()
     assert len(exact.source) == 5
     assert exact.size == pytest.approx(2)
     # The other way round, things are half as long.
-    assert guess_limbs(tips(2 * ways(limbs)), tips(ways(limbs)[:4, :4]), 60)[
-        0
-    ].size == pytest.approx(0.5)
+    assert guess_limbs(
+        extremities(2 * distances(limbs)), extremities(distances(limbs)[:4, :4]), 60
+    )[0].size == pytest.approx(0.5)
 
 
 def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
@@ -128,19 +134,19 @@ def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
     heights = np.array([0, 0, 0.5, 1.2, 1.2])
     trunk = np.abs(heights[:, None] - heights)
 
-    def tips(limbs: list[float], order: np.ndarray, size: float) -> Tips:
+    def extremities(limbs: list[float], order: np.ndarray, size: float) -> Extremities:
         lengths = np.array(limbs)
-        ways = size * (trunk + lengths[:, None] + lengths) * (1 - np.eye(5))
-        return Tips(np.arange(5), ways[np.ix_(order, order)], np.empty((0, 5)))
+        distances = size * (trunk + lengths[:, None] + lengths) * (1 - np.eye(5))
+        return Extremities(np.arange(5), distances[np.ix_(order, order)], np.empty((0, 5)))
 
     every, order = np.arange(5), np.random.default_rng(1).permutation(5)
-    one = tips([0.2, 0.9, 0.3, 1.5, 0.6], every, 1.0)
-    other = tips([1.4, 0.3, 1.0, 0.2, 0.9], order, 1.3)
+    one = extremities([0.2, 0.9, 0.3, 1.5, 0.6], every, 1.0)
+    other = extremities([1.4, 0.3, 1.0, 0.2, 0.9], order, 1.3)
     rows, columns = np.triu_indices(5, 1)
     deviations = {}
     for image in itertools.permutations(range(5)):
-        taken = other.ways[np.ix_(image, image)][rows, columns]
-        deviation = _of_trunks(5, one.ways[rows, columns][None], taken[None])
+        taken = other.distances[np.ix_(image, image)][rows, columns]
+        deviation = _of_trunks(5, one.distances[rows, columns][None], taken[None])
         deviations[tuple(heights[order[list(image)]])] = float(deviation[0])
     best = min(deviations, key=lambda heights: deviations[heights])
     assert best in {tuple(heights), tuple(1.2 - heights)}
@@ -153,13 +159,15 @@ def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
 @pytest.mark.parametrize("deviation", [_of_logarithms, _of_trunks])
 def test_no_assignment_deviates_less_than_the_first(deviation) -> None:
     rng = np.random.default_rng(2)
-    ours, theirs = (ways + ways.T for ways in rng.random((2, 6, 6)) + 1)
+    ours, theirs = (distances + distances.T for distances in rng.random((2, 6, 6)) + 1)
     rows = np.array(list(itertools.product(range(-1, 6), repeat=5)))
     once = [np.unique(row[row >= 0]).size == (row >= 0).sum() >= 3 for row in rows]
     costs = _costs(ours[:5, :5], theirs, rows[once], deviation)
     empty = np.empty((0, 6))
     guesses = guess_limbs(
-        Tips(np.arange(5), ours[:5, :5], empty[:, :5]), Tips(np.arange(6), theirs, empty), 1
+        Extremities(np.arange(5), ours[:5, :5], empty[:, :5]),
+        Extremities(np.arange(6), theirs, empty),
+        1,
     )
     rows = np.full((len(guesses), 5), -1)
     for row, one in zip(rows, guesses, strict=True):
@@ -175,13 +183,13 @@ def test_a_point_keeps_its_share_of_a_limb() -> None:
     share, limb = np.meshgrid(np.linspace(0, 1, 11), np.arange(5))
     share, limb = share.ravel(), limb.ravel()
 
-    def tree(lengths: np.ndarray, size: float) -> Tips:
+    def tree(lengths: np.ndarray, size: float) -> Extremities:
         apart = np.abs(heights[limb][:, None] - heights) + 0.1
         elsewhere = (1 - share[:, None]) * lengths[limb][:, None] + apart + lengths
         own = limb[:, None] == np.arange(5)
         fields = size * np.where(own, share[:, None] * lengths, elsewhere)
-        tips = np.flatnonzero(share == 0)
-        return Tips(tips, fields[tips], fields)
+        extremities = np.flatnonzero(share == 0)
+        return Extremities(extremities, fields[extremities], fields)
 
     one = tree(np.array([0.5, 0.7, 0.3, 0.6, 0.9]), 1.0)
     other = tree(np.array([1.2, 0.3, 0.9, 0.4, 0.5]), 1.5)
@@ -190,7 +198,7 @@ def test_a_point_keeps_its_share_of_a_limb() -> None:
         assert np.abs(share[point_map] - share).max() <= 0.11
 
 
-def _tree(limbs: list[float], heights: np.ndarray, stations: np.ndarray) -> Tips:
+def _tree(limbs: list[float], heights: np.ndarray, stations: np.ndarray) -> Extremities:
     """Limbs on a trunk at some heights, eleven points along each, then some of the trunk."""
     lengths, n = np.array(limbs), len(limbs)
     begin, share = np.repeat(heights, 11), np.tile(np.linspace(0, 1, 11), n)
@@ -199,8 +207,8 @@ def _tree(limbs: list[float], heights: np.ndarray, stations: np.ndarray) -> Tips
     fields = down[:, None] + np.abs(np.concatenate([begin, stations])[:, None] - heights) + lengths
     own = np.arange(len(limb)), limb
     fields[own] = share * lengths[limb]
-    tips = 11 * np.arange(n)
-    return Tips(tips, fields[tips], fields)
+    extremities = 11 * np.arange(n)
+    return Extremities(extremities, fields[extremities], fields)
 
 
 def test_a_point_keeps_its_share_of_a_trunk() -> None:
@@ -230,36 +238,40 @@ def test_the_order_of_tips_does_not_matter() -> None:
     goals = other.fields, one.fields
     for order in ([4, 2, 0, 1, 3], [0, 3, 1, 4, 2], [2, 0, 4, 3, 1]):
         every = np.arange(len(one.fields))
-        again = limb_maps(*(tips.taken(np.array(order), every) for tips in (one, other)))
+        again = limb_maps(
+            *(extremities.taken(np.array(order), every) for extremities in (one, other))
+        )
         for maps, same, fields in zip(again, expected, goals, strict=True):
             assert np.abs(fields[maps] - fields[same]).mean() < 0.005  # ties go either way
 
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
     bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
-    tips = [find_tips(prepare_shape(body.mesh, 60, True)[1]) for body in bodies]
-    labels = [body.labels[one.vertices] for body, one in zip(bodies, tips, strict=True)]
-    guesses = guess_limbs(*tips, 200)
+    extremities = [find_extremities(prepare_shape(body.mesh, 60, True)[1]) for body in bodies]
+    labels = [body.labels[one.vertices] for body, one in zip(bodies, extremities, strict=True)]
+    guesses = guess_limbs(*extremities, 200)
     right = [(labels[0][one.source] == labels[1][one.target]).sum() for one in guesses]
     assert max(right) == 9
 
 
 def test_either_shape_may_lack_most_tips() -> None:
-    ways = np.random.default_rng(0).random((6, 6)) + 1
-    ways = (ways + ways.T) * (1 - np.eye(6))
-    tips = Tips(np.arange(6), ways, np.empty((0, 6)))
-    assert min(len(one.source) for one in guess_limbs(tips, tips, 5000)) == 3
-    pairs = [(*one.source, -1, *one.target) for one in guess_limbs(tips, tips, 60)]
+    distances = np.random.default_rng(0).random((6, 6)) + 1
+    distances = (distances + distances.T) * (1 - np.eye(6))
+    extremities = Extremities(np.arange(6), distances, np.empty((0, 6)))
+    assert min(len(one.source) for one in guess_limbs(extremities, extremities, 5000)) == 3
+    pairs = [(*one.source, -1, *one.target) for one in guess_limbs(extremities, extremities, 60)]
     assert len(set(pairs)) == len(pairs)
 
 
 def test_landmarks_hold_what_they_name() -> None:
-    ways = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
-    ways = (ways[:, None] + ways) * (1 - np.eye(5))
-    tips = Tips(np.arange(5), ways, np.empty((0, 5)))
-    swapped = Tips(np.arange(5), ways[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5)))
+    distances = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
+    distances = (distances[:, None] + distances) * (1 - np.eye(5))
+    extremities = Extremities(np.arange(5), distances, np.empty((0, 5)))
+    swapped = Extremities(
+        np.arange(5), distances[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5))
+    )
     # Said to correspond: 0 to 0, though the ways say 0 to 1.
-    found = guess_limbs(tips, swapped, 60, 1)
+    found = guess_limbs(extremities, swapped, 60, 1)
     assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
     assert any(
         dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
@@ -268,14 +280,14 @@ def test_landmarks_hold_what_they_name() -> None:
 
 
 def test_landmarks_hold_all_together_then_each_alone_then_none() -> None:
-    ways = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
-    ways = (ways[:, None] + ways) * (1 - np.eye(5))
+    distances = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
+    distances = (distances[:, None] + distances) * (1 - np.eye(5))
     cycle = [1, 2, 0, 3, 4]
-    tips = Tips(np.arange(5), ways, np.empty((0, 5)))
-    cycled = tips._replace(ways=ways[np.ix_(cycle, cycle)])
+    extremities = Extremities(np.arange(5), distances, np.empty((0, 5)))
+    cycled = extremities._replace(distances=distances[np.ix_(cycle, cycle)])
     held = [
         set(one.source[one.source == one.target]) & {0, 1}
-        for one in guess_limbs(tips, cycled, 1, 2)
+        for one in guess_limbs(extremities, cycled, 1, 2)
     ]
     assert held[0] == {0, 1}
     assert held[-1] == set()
@@ -283,9 +295,9 @@ def test_landmarks_hold_all_together_then_each_alone_then_none() -> None:
     assert {1} in held
 
 
-def _random_tips(n: int, seed: int) -> Tips:
-    ways = np.random.default_rng(seed).random((n, n)) + 1
-    return Tips(np.arange(n), (ways + ways.T) * (1 - np.eye(n)), np.empty((0, n)))
+def _random_tips(n: int, seed: int) -> Extremities:
+    distances = np.random.default_rng(seed).random((n, n)) + 1
+    return Extremities(np.arange(n), (distances + distances.T) * (1 - np.eye(n)), np.empty((0, n)))
 
 
 def test_as_many_are_guessed_as_asked_for_or_as_there_are() -> None:
@@ -308,8 +320,8 @@ def test_a_guess_is_as_much_longer_as_the_middle_one_of_all_ways() -> None:
     for sides in ((one, other), (other, one)):
         for guess in guess_limbs(*sides, 20):
             mine, theirs = (
-                tips.ways[np.ix_(taken, taken)]
-                for tips, taken in zip(sides, guess[:2], strict=True)
+                extremities.distances[np.ix_(taken, taken)]
+                for extremities, taken in zip(sides, guess[:2], strict=True)
             )
             ratios = (theirs / np.where(mine, mine, 1))[mine > 0]  # each way twice
             middle = np.exp(np.median(np.log(ratios)))
@@ -317,13 +329,13 @@ def test_a_guess_is_as_much_longer_as_the_middle_one_of_all_ways() -> None:
 
 
 def test_of_equally_good_guesses_the_first_in_order_comes_first() -> None:
-    ways = 1 - np.eye(5)
-    alike = Tips(np.arange(5), ways, np.empty((0, 5)))
+    distances = 1 - np.eye(5)
+    alike = Extremities(np.arange(5), distances, np.empty((0, 5)))
     assert guess_limbs(alike, alike, 1)[0].target.tolist() == [0, 1, 2, 3, 4]
 
 
 def test_three_ways_may_differ_too() -> None:
-    one, other = _random_tips(3, 0).ways, _random_tips(3, 1).ways
+    one, other = _random_tips(3, 0).distances, _random_tips(3, 1).distances
     straight = np.array([[0, 1, 2]])
     for deviation in (_of_logarithms, _of_trunks):
         assert _costs(one, 2 * one, straight, deviation)[0] == pytest.approx(0, abs=1e-9)
@@ -333,18 +345,18 @@ def test_three_ways_may_differ_too() -> None:
 def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
     rng = np.random.default_rng(3)
     rows = rng.random((8, 10)) + np.linspace(0.2, 3, 8)[:, None] * np.arange(10)
-    ways, lengths = rows[:4], rows[4:]
+    distances, lengths = rows[:4], rows[4:]
     whitening = _whitening(5, constants.LIMB_LENGTH)
-    many, one = (part / np.sqrt((part**2).mean(axis=1))[:, None] for part in (ways, lengths))
+    many, one = (part / np.sqrt((part**2).mean(axis=1))[:, None] for part in (distances, lengths))
     sizes = np.geomspace(0.01, 100, 20000)
     apart = (sizes[:, None, None] * many - one) @ whitening
     least = np.sqrt((apart**2).mean(axis=2)).min(axis=0)
-    np.testing.assert_allclose(_of_trunks(5, lengths, ways), least, rtol=1e-4)
+    np.testing.assert_allclose(_of_trunks(5, lengths, distances), least, rtol=1e-4)
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
     shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True)[1]
-    ends = find_tips(shape)
+    ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
     # Ways to a tip are shortest ways: 0 there, no longer than straight on to a neighbour.
@@ -352,7 +364,7 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     i, j = shape.edge_weights.nonzero()
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
-    smooth = find_tips(prepare_shape(blob, 60, True)[1])
+    smooth = find_extremities(prepare_shape(blob, 60, True)[1])
     assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3
 
 
@@ -368,8 +380,8 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
 
 def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
     shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True)[1]
-    ends = find_tips(shape).vertices
+    ends = find_extremities(shape).vertices
     for landmark in ends:
-        found = find_tips(replace(shape, landmarks=np.array([landmark]))).vertices
+        found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices
         assert found[0] == landmark
         assert sorted(found) == sorted(ends)

@@ -55,7 +55,7 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     np.testing.assert_array_equal(found.local(np.arange(12)), nearest)
     with pytest.raises(InputError, match="both: no face uses vertex 12; name another"):
         found.local([0, 12])
-    assert found.stands_for[12] == -1
+    assert found.representatives[12] == -1
     np.testing.assert_array_equal(found.own_faces, len(small.faces) + np.arange(80))
     apart = np.linalg.norm(np.diff(found.shape.vertices, axis=0), axis=1)
     before = np.linalg.norm(np.diff(large.vertices, axis=0), axis=1)
@@ -125,12 +125,12 @@ def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
         found = prepare_shape(mesh, 10, False)
     n = len(found.kept)
     images = np.random.default_rng(0).permutation(n)
-    within = np.arange(n) % 5 != 2
-    whole = expand(images, within, found, found)
+    overlap = np.arange(n) % 5 != 2
+    whole = expand(images, overlap, found, found)
     assert whole.dtype == np.int64
-    assert np.flatnonzero(whole < 0).tolist() == sorted([0, 21, *found.kept[~within]])
+    assert np.flatnonzero(whole < 0).tolist() == sorted([0, 21, *found.kept[~overlap]])
     assert whole.min() == -1
-    np.testing.assert_array_equal(whole[found.kept[within]], found.kept[images[within]])
+    np.testing.assert_array_equal(whole[found.kept[overlap]], found.kept[images[overlap]])
     values = np.arange(2.0 * n).reshape(n, 2)
     rows = expand_rows(values, found, np.nan)
     np.testing.assert_array_equal(rows[found.kept], values)

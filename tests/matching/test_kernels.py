@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unbend.alignment import nearest_rotation
-from unbend.matching._judge import largest_traces
+from unbend.matching._score import largest_traces
 from unbend.matching._shape import farthest_points
 
 pytestmark = pytest.mark.kernels

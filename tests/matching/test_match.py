@@ -1,7 +1,5 @@
 """Matching: truths on shapes whose correspondence is known, and on real ones where given."""
 
-import tracemalloc
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,14 +7,13 @@ import numpy as np
 import pytest
 
 from sheets import lopsided, make_egg, make_twisted_ball
-from unbend import Mesh, align, read_mesh, spectrum
+from unbend import Mesh, read_mesh
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
 from unbend.datasets import Damaged, keep, make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import match, prepare_spectrum, symmetry
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._match import _match_by_icp
 from unbend.matching._plan import candidates, make_sides
 from unbend.matching._polish import refined
 from unbend.mesh import vertex_areas
@@ -129,17 +126,6 @@ def test_progress_ends_where_fewer_matches_are_found_than_asked_for(blob: Mesh) 
     assert told[-1] == ("refine", 1.0)
 
 
-def test_icp_needs_no_table_of_all_pairs() -> None:
-    ball = make_sphere(4)  # 2,562 vertices: a table has 26 MB in single precision
-    egg = Mesh(lopsided(ball.vertices), ball.faces)
-    match(egg, egg, method="icp")  # compiles
-    tracemalloc.start()
-    match(egg, egg, method="icp")
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 4 * len(ball.vertices) ** 2
-
-
 def test_symmetric_shape_and_its_mirror_image() -> None:
     dog = make_quadruped("standing", n_vertices=1000)
     image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
@@ -209,10 +195,9 @@ def test_open_surface_and_small_mesh() -> None:
     assert len(found.functional_map) <= len(used) // 2
 
 
-def test_quick_and_icp_variants(blob: Mesh) -> None:
+def test_a_map_that_is_not_refined_is_right_too(blob: Mesh) -> None:
     every = np.arange(blob.n_vertices)
     assert _share_right(match(blob, blob, refine=False).source_to_target, blob, every) == 1
-    assert _share_right(match(blob, blob, method="icp").source_to_target, blob, every) > 0.95
 
 
 @pytest.mark.filterwarnings("ignore:the map is in disorder")
@@ -230,25 +215,6 @@ def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> No
     assert all(0 < share <= 1 for _, share in told)
 
 
-def test_icp_aligns_forms_of_three_functions_and_tells_how_well(blob: Mesh) -> None:
-    ball = make_sphere(2)
-    egg = Mesh(ball.vertices * [1, 1.3, 2.2], ball.faces)
-    found = match(blob, egg, method="icp")
-    mine, other = (spectrum(mesh, 4) for mesh in (blob, egg))
-    forms = [
-        one.eigenfunctions[:, 1:] / one.eigenvalues[1:] / np.sqrt(one.areas.sum())
-        for one in (mine, other)
-    ]
-    size = np.sqrt((other.areas / other.areas.sum()) @ (forms[1] ** 2).sum(axis=1))
-    assert found.residual == pytest.approx(align(*forms).residual / size, rel=0.01)
-    assert found.functional_map.shape == (4, 4)
-    assert (len(found.source_to_target), len(found.target_to_source)) == (642, 162)
-    back = match(egg, blob, method="icp")
-    assert back.target_to_source.shape == found.source_to_target.shape
-    landed = egg.vertices[found.source_to_target]
-    assert np.linalg.norm(landed - egg.vertices[back.target_to_source], axis=1).mean() < 0.1
-
-
 def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
     faces = blob.faces.copy()
     some = np.random.default_rng(0).random(len(faces)) < 0.2
@@ -260,9 +226,9 @@ def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
 
 def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
     first, second = blob.faces[10, :2]
-    tip = 1.02 * blob.vertices[[first, second]].mean(axis=0)
+    extremity = 1.02 * blob.vertices[[first, second]].mean(axis=0)
     fin = Mesh(
-        np.concatenate([blob.vertices, [tip]]),
+        np.concatenate([blob.vertices, [extremity]]),
         np.concatenate([blob.faces, [[first, second, blob.n_vertices]]]),
     )
     with pytest.warns(UnbendWarning, match="non-manifold edge"):
@@ -271,29 +237,10 @@ def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
     assert _share_right(found.source_to_target[:-1], blob, every) == 1
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"barycentric": True},
-        {"mirrored": True},
-        {"allow_mirror": True},
-        {"refine": True},
-        {"refine": False},
-        {"n_eigenpairs": 150},
-        {"n_matches": 2},
-        {"partial": "none"},
-        {"landmarks": [(0, 0)]},
-    ],
-)
-def test_options_that_icp_cannot_use_are_refused(blob: Mesh, options: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match=f'{next(iter(options))} is for method="progressive"'):
-        match(blob, blob, method="icp", **options)
-
-
 def test_a_small_twist_that_leaves_one_side_is_no_hindrance() -> None:
     twisted, _ = make_twisted_ball(4)
     points, egg = lopsided(twisted.vertices), make_egg(3)
-    found = match(Mesh(points, twisted.faces), egg, cache=False)
+    found = match(Mesh(points, twisted.faces), egg)
     off = np.linalg.norm(egg.vertices[found.source_to_target] - points, axis=1)
     assert off.mean() < 0.1
 
@@ -303,8 +250,6 @@ def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:
         match(moebius_strip, blob)
     with pytest.raises(InputError, match="needs faces"):
         match(blob.vertices, blob)
-    with pytest.raises(InputError, match="method"):
-        match(blob, blob, method="magic")
     with pytest.raises(InputError, match="n_eigenpairs"):
         match(blob, blob, n_eigenpairs=2)
     with pytest.raises(InputError, match="partial must be one of auto, none"):
@@ -499,20 +444,6 @@ def test_a_functional_map_is_of_as_many_functions_as_asked_for(n_eigenpairs: int
     )
 
 
-def test_eigenpairs_are_kept_on_disk_unless_asked_not_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    egg = make_egg(2)
-    match(egg, egg, n_eigenpairs=20, refine=False, cache=False)
-    symmetry(egg, n_eigenpairs=20, refine=False, cache=False)
-    assert not list(tmp_path.rglob("*.*"))
-    match(egg, egg, n_eigenpairs=20, refine=False)
-    (kept,) = tmp_path.rglob("*.*")
-    symmetry(egg, n_eigenpairs=20, refine=False)
-    assert list(tmp_path.rglob("*.*")) == [kept]
-
-
 @pytest.mark.parametrize("wrong", [3, 4.5, True])
 def test_a_symmetry_needs_four_functions(blob: Mesh, wrong: Any) -> None:
     with pytest.raises(InputError, match="n_eigenpairs must be a whole number of at least 4"):
@@ -530,27 +461,3 @@ def test_landmarks_that_are_no_pairs_are_refused_and_so_are_too_many() -> None:
         match(egg, egg, n_eigenpairs=20, landmarks=[(i, i) for i in range(8)])
     found = match(egg, egg, n_eigenpairs=20, refine=False, landmarks=[(i, i) for i in range(7)])
     assert found.missed_landmarks == ()
-
-
-def test_icp_takes_as_many_functions_as_both_shapes_have() -> None:
-    corners = np.concatenate([np.eye(3), -np.eye(3)]) * [1, 1.5, 2.5]
-    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    few = Mesh(corners, np.array(faces))
-    ball = make_sphere(2)
-    egg = Mesh(ball.vertices * [1, 1.5, 2.5], ball.faces)
-    for pair in ((few, egg), (egg, few)):
-        found = match(*pair, method="icp")
-        assert found.functional_map.shape == (3, 3)
-        assert found.residual < 2
-
-
-def test_icp_turns_the_form_of_the_source_onto_that_of_the_target(blob: Mesh) -> None:
-    """Of a shape and itself, by functions of one frequency that are others' sums."""
-    ours = prepare_shape(blob, 4, True)
-    shape = replace(ours.shape, eigenvalues=np.full(3, 2.0))
-    turned = replace(shape, basis=shape.basis @ _rotation(4))
-    found = _match_by_icp(ours._replace(shape=shape), ours._replace(shape=turned))
-    np.testing.assert_array_equal(found.source_to_target, np.arange(blob.n_vertices))
-    np.testing.assert_array_equal(found.target_to_source, np.arange(blob.n_vertices))
-    assert found.residual < 1e-6
-    assert found.orientation > 0.9

@@ -10,7 +10,7 @@ from sheets import make_sheet
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_sphere
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._partners import keep_matched, leads_back
+from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._shape import Shape
 
 BALL = make_sphere(3)
@@ -40,11 +40,11 @@ def bitten(request: pytest.FixtureRequest) -> Bitten:
     return _bitten(request.param)
 
 
-def _kept(one: Bitten, within: BoolArray, times: float = 1.0, near: float = 0.3) -> BoolArray:
-    size = np.full(within.shape[1], times * one.size)
+def _kept(one: Bitten, overlap: BoolArray, times: float = 1.0, near: float = 0.3) -> BoolArray:
+    size = np.full(overlap.shape[1], times * one.size)
     nearest = cKDTree(one.whole.vertices[one.origin]).query(one.whole.vertices)[1]
-    point_maps = nearest[:, None].repeat(within.shape[1], axis=1)
-    return keep_matched(one.whole, one.part, within, size, point_maps, near)
+    point_maps = nearest[:, None].repeat(overlap.shape[1], axis=1)
+    return keep_matched(one.whole, one.part, overlap, size, point_maps, near)
 
 
 def _cap(shape: Shape, direction: tuple[float, float, float], least: float) -> BoolArray:
@@ -56,8 +56,8 @@ def test_a_rim_is_as_long_as_its_circle(bitten: Bitten) -> None:
     height = bitten.whole.vertices[~bitten.cap[:, 0], 2].max() * np.sqrt(4 * np.pi)
     circle = 2 * np.pi * np.sqrt(1 - height**2) / np.sqrt(4 * np.pi)
     # A rim along edges goes in zigzags.
-    assert 0.95 * circle < bitten.part.rim_length / bitten.size < 1.35 * circle
-    assert bitten.whole.rim_length == 0
+    assert 0.95 * circle < bitten.part.boundary_length / bitten.size < 1.35 * circle
+    assert bitten.whole.boundary_length == 0
 
 
 @pytest.mark.kernels
@@ -79,10 +79,10 @@ def test_an_outline_much_longer_than_the_rim_is_none(bitten: Bitten) -> None:
 def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
     square = prepare_shape(make_sheet(12), 20, False, partial=True).shape
     half = (square.vertices[:, axis] > 0)[:, None]
-    for rim, kept in ((0.33, True), (0.34, False)):
-        square.__dict__["rim_length"] = rim
-        within = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None], 0.3)
-        np.testing.assert_array_equal(within, ~half | kept)
+    for length, kept in ((0.33, True), (0.34, False)):
+        square.__dict__["boundary_length"] = length
+        overlap = keep_matched(square, square, ~half, np.ones(1), np.arange(144)[:, None], 0.3)
+        np.testing.assert_array_equal(overlap, ~half | kept)
 
 
 @pytest.mark.kernels
@@ -120,19 +120,19 @@ def test_without_a_rim_nothing_is_without_partner_unless_all_is(bitten: Bitten) 
 
 
 def test_nothing_that_was_given_is_changed(bitten: Bitten) -> None:
-    within = ~_cap(bitten.whole, (0.0, 0.0, -1.0), 0.1)
-    before = within.copy()
-    _kept(bitten, within, 10.0)
-    np.testing.assert_array_equal(within, before)
+    overlap = ~_cap(bitten.whole, (0.0, 0.0, -1.0), 0.1)
+    before = overlap.copy()
+    _kept(bitten, overlap, 10.0)
+    np.testing.assert_array_equal(overlap, before)
 
 
 def test_a_map_and_its_inverse_lead_back_and_others_do_not(bitten: Bitten) -> None:
     n = len(bitten.whole.vertices)
     forward = np.random.default_rng(0).permutation(n)[:, None]
     backward = np.argsort(forward, axis=0)
-    assert leads_back(bitten.whole, forward, backward).all()
+    assert cycle_consistent(bitten.whole, forward, backward).all()
     away = np.linalg.norm(bitten.whole.vertices - bitten.whole.vertices[5], axis=1)
     for edges, others in ((1.9, []), (2.3, [5])):
         backward[forward[5]] = np.argmin(np.abs(away - edges * bitten.whole.edge))
-        off = ~leads_back(bitten.whole, forward, backward)
+        off = ~cycle_consistent(bitten.whole, forward, backward)
         assert off.ravel().nonzero()[0].tolist() == others

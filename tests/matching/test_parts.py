@@ -27,7 +27,7 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
     Pose,
     Registered,
-    bearable,
+    limited,
     register,
 )
 from unbend.matching._shape import Shape, make_shape
@@ -48,18 +48,18 @@ def test_the_rim_of_a_sheet_leads_outward() -> None:
     sheet = _sheet()
     flat = sheet.vertices * [1, 1, 0]
     shape = make_shape(flat, sheet.faces, *np.ones((2, 81)), np.ones((81, 2)), partial=True)
-    rim = shape.conormals(flat)
-    on_rim = np.abs(flat).max(axis=1) == 1
-    np.testing.assert_array_equal(np.linalg.norm(rim, axis=1) > 0, on_rim)
+    conormals = shape.conormals_in(flat)
+    on_boundary = np.abs(flat).max(axis=1) == 1
+    np.testing.assert_array_equal(np.linalg.norm(conormals, axis=1) > 0, on_boundary)
     out = np.where(np.abs(flat) == 1, flat, 0)  # straight off a side, slanting off a corner
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1)
-    np.testing.assert_allclose(rim, out, atol=1e-9)
+    np.testing.assert_allclose(conormals, out, atol=1e-9)
 
 
 def test_only_a_part_has_a_rim(blob: Mesh) -> None:
     half = _sheet()
-    assert not prepare_shape(half, 20, True).shape.rim.any()
-    assert prepare_shape(half, 20, True, partial=True).shape.rim.any()
+    assert not prepare_shape(half, 20, True).shape.conormals.any()
+    assert prepare_shape(half, 20, True, partial=True).shape.conormals.any()
     assert not prepare_shape(blob, 20, True, partial=True).shape.partial
 
 
@@ -94,12 +94,12 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
         Pose(moved, turns, truth, size),
         Pose(back, turns[: len(back)].copy(), np.ones(len(back), dtype=bool), 1 / size),
     )
-    (found,) = register(whole, part, [start], constants.LOOSE + constants.PULLS[1:], 8)
-    overlap = (found.source.within & truth).sum() / (found.source.within | truth).sum()
+    (found,) = register(whole, part, [start], constants.LOOSE + constants.DATA_WEIGHTS[1:], 8)
+    overlap = (found.source.overlap & truth).sum() / (found.source.overlap | truth).sum()
     assert overlap > 0.98
-    assert found.target.within.all()
+    assert found.target.overlap.all()
     assert abs(found.source.size / size - 1) < 0.02
-    both = found.source.within & truth
+    both = found.source.overlap & truth
     off = np.linalg.norm(part.vertices[found.forward] - part.vertices[there], axis=1)
     assert off[both].mean() < 0.01
 
@@ -107,21 +107,23 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
     whole, part = (prepare_shape(one, 20, True, True).shape for one in (SOURCE.mesh, torn))
-    assert bearable(whole, whole, constants.PULLS) == constants.PULLS
+    assert limited(whole, whole, constants.DATA_WEIGHTS) == constants.DATA_WEIGHTS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
-    assert constants.PULLS[0] < most < constants.PULLS[2]
-    pulls = bearable(whole, part, constants.PULLS)
-    assert pulls == bearable(part, whole, constants.PULLS)
-    assert list(pulls) == sorted({min(pull, most) for pull in constants.PULLS})
-    assert bearable(part, whole, constants.PULLS, 2)[-1] == pytest.approx(most / 4)
+    assert constants.DATA_WEIGHTS[0] < most < constants.DATA_WEIGHTS[2]
+    data_weights = limited(whole, part, constants.DATA_WEIGHTS)
+    assert data_weights == limited(part, whole, constants.DATA_WEIGHTS)
+    assert list(data_weights) == sorted(
+        {min(data_weight, most) for data_weight in constants.DATA_WEIGHTS}
+    )
+    assert limited(part, whole, constants.DATA_WEIGHTS, 2)[-1] == pytest.approx(most / 4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_half_a_body_is_found_on_the_whole_one(seed: int) -> None:
     direction = np.random.default_rng(seed).standard_normal(3)
     half = cut(TARGET.mesh, TARGET.mesh.vertices @ direction, 0.5)
-    found = match(SOURCE.mesh, half.mesh, cache=False)
+    found = match(SOURCE.mesh, half.mesh)
     measured = evaluate(found, half.mesh, np.arange(len(TRUTH)), damaged_truth(TRUTH, None, half))
     assert measured.mean() < 0.06  # of the half's sqrt(area)
     assert measured.overlap.iou > 0.8
@@ -133,7 +135,7 @@ def test_a_limb_that_is_missing_gets_no_partner(side: str) -> None:
     torn = keep(torn_side.mesh, torn_side.labels != torn_side.parts.index("left_arm"))
     pair = [torn.mesh, TARGET.mesh] if side == "source" else [SOURCE.mesh, torn.mesh]
     left: list[Damaged | None] = [torn, None] if side == "source" else [None, torn]
-    found = match(*pair, cache=False)
+    found = match(*pair)
     truth = damaged_truth(TRUTH, *left)
     measured = evaluate(found, pair[1], np.arange(len(truth)), truth)
     assert measured.mean() < 0.03
@@ -142,14 +144,14 @@ def test_a_limb_that_is_missing_gets_no_partner(side: str) -> None:
     gone = vertex_areas(torn.mesh).sum() / vertex_areas(torn_side.mesh).sum()
     assert abs(other - gone) < 0.03
     # Whole shapes have partners everywhere, also where that is asked for of parts.
-    everywhere = match(*pair, partial="none", cache=False)
+    everywhere = match(*pair, partial="none")
     assert (everywhere.source_to_target >= 0).all()
     assert everywhere.overlap_source == everywhere.overlap_target == 1
 
 
 def test_a_hole_is_left_out_on_the_other_side_alone() -> None:
     torn = cut_discs(TARGET.mesh, 0.1, 1, random_state=5)
-    found = match(SOURCE.mesh, torn.mesh, partial="target", cache=False)
+    found = match(SOURCE.mesh, torn.mesh, partial="target")
     truth = damaged_truth(TRUTH, None, torn)
     measured = evaluate(found, torn.mesh, np.arange(900), truth)
     assert measured.mean() < 0.03
@@ -158,14 +160,14 @@ def test_a_hole_is_left_out_on_the_other_side_alone() -> None:
     assert found.overlap_target == 1
     assert 0.85 < found.overlap_source < 0.95
     matched = found.source_to_target >= 0
-    fine = match(SOURCE.mesh, torn.mesh, partial="target", barycentric=True, cache=False)
+    fine = match(SOURCE.mesh, torn.mesh, partial="target", barycentric=True)
     np.testing.assert_array_equal(fine.faces >= 0, matched)
     np.testing.assert_array_equal(np.isfinite(fine.weights).all(axis=1), matched)
 
 
 def test_alternatives_are_other_limbs_and_share_the_probability() -> None:
     octopus = make_octopus("floating", n_vertices=700).mesh
-    found = match(octopus, octopus, n_matches=3, cache=False)
+    found = match(octopus, octopus, n_matches=3)
     assert len(found.alternatives) == 2
     images = [octopus.vertices[one.source_to_target] for one in (found, *found.alternatives)]
     areas = vertex_areas(octopus)
@@ -192,7 +194,7 @@ def test_hints_settle_which_arm_is_which() -> None:
     ends = [_end(octopus, arm) for arm in arms]
     # Turned by one arm; a hint may be given twice.
     hints = [(ends[i], ends[i + 1]) for i in (0, 1, 0)]
-    found = match(octopus.mesh, octopus.mesh, landmarks=hints, cache=False)
+    found = match(octopus.mesh, octopus.mesh, landmarks=hints)
     assert found.missed_landmarks == ()
     unit = np.sqrt(vertex_areas(octopus.mesh).sum())
     for source, target in hints:
@@ -204,7 +206,7 @@ def test_a_wrong_hint_is_outvoted_and_named() -> None:
     arm, head = _end(SOURCE, "left_arm"), _end(SOURCE, "head")
     hints = [(arm, TRUTH[arm]), (head, TRUTH[_end(SOURCE, "left_leg")])]
     with pytest.warns(UnbendWarning, match="landmark 1 is left aside"):
-        found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints, cache=False)
+        found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints)
     assert found.missed_landmarks == (1,)
     assert evaluate(found, TARGET.mesh, np.arange(900), TRUTH).mean() < 0.03
 
@@ -212,7 +214,7 @@ def test_a_wrong_hint_is_outvoted_and_named() -> None:
 def test_small_components_go_along() -> None:
     whole = add_components(SOURCE.mesh, eyeballs=2, cloth=0, random_state=0)
     with pytest.warns(UnbendWarning, match="its largest component is matched, 900 of"):
-        found = match(whole.mesh, TARGET.mesh, cache=False)
+        found = match(whole.mesh, TARGET.mesh)
     assert (found.source_to_target >= 0).all()
     eyes = np.arange(900, whole.mesh.n_vertices)
     body = whole.mesh.vertices[:900]
@@ -220,7 +222,7 @@ def test_small_components_go_along() -> None:
     np.testing.assert_array_equal(found.source_to_target[eyes], found.source_to_target[beside])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        turned = match(TARGET.mesh, whole.mesh, cache=False)
+        turned = match(TARGET.mesh, whole.mesh)
     assert (turned.source_to_target < 900).all()
     assert (turned.target_to_source[eyes] >= 0).all()
 
@@ -236,8 +238,6 @@ def test_what_cannot_be_hinted_is_said(blob: Mesh) -> None:
         match(blob, blob, landmarks=[(0, blob.n_vertices)])
     with pytest.raises(InputError, match="give at most 7 landmarks"):
         match(blob, blob, landmarks=[(i, i) for i in range(8)])
-    with pytest.raises(InputError, match='landmarks is for method="progressive"'):
-        match(blob, blob, method="icp", landmarks=[(0, 0)])
     loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces)
     with (
         pytest.warns(UnbendWarning, match="unreferenced"),
@@ -250,7 +250,7 @@ def test_a_mirror_image_has_the_mirrored_rim() -> None:
     half = _sheet()
     shape = prepare_shape(half, 20, True, partial=True).shape
     mirror = shape.reflected()
-    np.testing.assert_allclose(mirror.rim, shape.rim * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(mirror.conormals, shape.conormals * [-1, 1, 1], atol=1e-12)
     fresh: Shape = replace(mirror)
     np.testing.assert_allclose(fresh.edge, mirror.edge)
     np.testing.assert_allclose(fresh.patch_sizes, mirror.patch_sizes)

@@ -11,9 +11,8 @@ from unbend._types import IntArray
 from unbend.datasets import Shape as Body
 from unbend.datasets import keep, make_biped, make_sphere, rest_map
 from unbend.matching import _plan, match
-from unbend.matching._extremities import find_tips
+from unbend.matching._extremities import find_extremities
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, judge
 from unbend.matching._plan import (
     COARSE,
     MEDIUM,
@@ -22,14 +21,15 @@ from unbend.matching._plan import (
     ambiguous_part,
     best,
     candidates,
-    clear,
     from_extremities,
     from_points,
     make_sides,
     moved,
     part,
+    unambiguous,
 )
 from unbend.matching._registration import Registered, mapped_start
+from unbend.matching._score import Candidate, scored
 from unbend.matching._shape import Shape, make_proxy
 
 SOURCE = make_biped("standing", n_vertices=600)
@@ -108,17 +108,17 @@ def test_asked_for_several_ways_the_plan_finds_more_and_the_same_first(bodies: S
     quick, thorough = candidates(bodies), candidates(bodies._replace(thorough=True))
     assert len(quick) < len(thorough)
     assert best(bodies, MEDIUM, [thorough[0], quick[0]]) == [thorough[0]]
-    assert not clear(bodies._replace(thorough=True), [_candidate(0.1), _candidate(0.9)])
+    assert not unambiguous(bodies._replace(thorough=True), [_candidate(0.1), _candidate(0.9)])
 
 
 def test_a_part_is_found_on_the_whole(parts: Sides) -> None:
     first = candidates(parts)[0].registered
     assert _error(first.forward, TARGET, TRUTH[WITHOUT_ARM.origin]) < 0.05
     arm = TARGET.labels == TARGET.parts.index("left_arm")
-    end = arm & (first.target.within == 0)
+    end = arm & (first.target.overlap == 0)
     areas = parts.target.shape.areas
     assert areas[end].sum() > 0.7 * areas[arm].sum()
-    assert parts.source.shape.areas @ first.source.within > 0.95
+    assert parts.source.shape.areas @ first.source.overlap > 0.95
 
 
 @pytest.mark.parametrize("step", PLAN[1:], ids=lambda step: step.stage.__name__)
@@ -151,7 +151,9 @@ def test_rounding_does_not_choose_what_is_looked_at(boxes: list[Shape]) -> None:
     coarse = make_proxy(first, 200)
     for shape in others:
         np.testing.assert_array_equal(shape.samples, first.samples)
-        np.testing.assert_array_equal(find_tips(shape).vertices, find_tips(first).vertices)
+        np.testing.assert_array_equal(
+            find_extremities(shape).vertices, find_extremities(first).vertices
+        )
         np.testing.assert_array_equal(make_proxy(shape, 200).kept, coarse.kept)
 
 
@@ -197,9 +199,9 @@ def test_the_mirror_image_of_the_target_is_taken_at_every_level(box: Sides) -> N
 def test_clear_is_what_is_good_and_far_ahead(
     box: Sides, costs: list[float], expected: bool
 ) -> None:
-    ways = [_candidate(cost, side) for cost, side in zip(costs, (1, -1), strict=False)]
-    assert clear(box, ways) == expected
-    assert not clear(box, [_candidate(0.1, -0.5)])  # inside out
+    distances = [_candidate(cost, side) for cost, side in zip(costs, (1, -1), strict=False)]
+    assert unambiguous(box, distances) == expected
+    assert not unambiguous(box, [_candidate(0.1, -0.5)])  # inside out
 
 
 @pytest.mark.parametrize("level", [COARSE, MEDIUM])
@@ -215,7 +217,7 @@ def test_the_best_lead_to_different_places_the_cheapest_first(box: Sides, level:
 
 def test_a_right_map_stays_right_on_its_way_to_the_other_level_and_back(bodies: Sides) -> None:
     truth = mapped_start(*bodies.at(MEDIUM), TRUTH, rest_map(TARGET, SOURCE), 1.0)
-    begun = judge(*bodies.at(MEDIUM), truth)
+    begun = scored(*bodies.at(MEDIUM), truth)
     coarse = moved(bodies, [begun], COARSE)
     (again,) = moved(bodies, coarse, MEDIUM)
     kept = [one.proxies[COARSE].kept for one in (bodies.source, bodies.target)]
@@ -267,11 +269,11 @@ def test_what_leads_to_the_same_place_is_left_out_whatever_the_vertices(
     for level in (COARSE, MEDIUM):
         shapes = sides.at(level)
         trees = [cKDTree(one.vertices) for one in shapes[::-1]]
-        ways = []
+        distances = []
         for signs in ([1, 1, 1], [1, 1, 1], [-1, -1, 1]):
             there, back = (
                 tree.query(one.vertices * signs)[1] for tree, one in zip(trees, shapes, strict=True)
             )
             start = mapped_start(*shapes, there, back, 1.0)
-            ways.append(replace(_candidate(0.1), registered=start))
-        assert best(sides, level, ways) == ways[::2]
+            distances.append(replace(_candidate(0.1), registered=start))
+        assert best(sides, level, distances) == distances[::2]

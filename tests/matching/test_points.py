@@ -34,13 +34,13 @@ def shape_of(mesh: Mesh, partial: bool = True) -> Shape:
 
 def test_points_are_far_from_each_other_and_near_to_everything():
     points = find_points(shape_of(make_sphere(3)), 30)
-    apart = points.ways[~np.eye(30, dtype=bool)].min()
+    apart = points.distances[~np.eye(30, dtype=bool)].min()
     assert points.fields.min(axis=1).max() <= apart
-    np.testing.assert_allclose(points.ways, points.ways.T)
+    np.testing.assert_allclose(points.distances, points.distances.T)
 
 
 def test_no_more_points_than_vertices():
-    assert find_points(shape_of(make_sphere(0)), 30).ways.shape == (12, 12)
+    assert find_points(shape_of(make_sphere(0)), 30).distances.shape == (12, 12)
 
 
 def test_around_a_point_of_a_plane_is_a_flat_disc():
@@ -75,7 +75,7 @@ def test_a_point_of_a_fin_which_faces_nowhere_is_described_all_the_same():
 def test_surroundings_end_at_rims():
     body = make_sheet(21)
     points = find_points(shape_of(body), 30)
-    nearest = points.fields[shape_of(body).on_rim].min(axis=0)
+    nearest = points.fields[shape_of(body).on_boundary].min(axis=0)
     assert (points.whole.sum(axis=1) == (nearest[:, None] > RADII).sum(1)).all()
     assert find_points(shape_of(body, partial=False), 30).whole.all()
 
@@ -135,7 +135,7 @@ def test_a_part_is_smaller_than_the_whole():
 def test_ways_are_those_of_the_fields():
     points = find_points(shape_of(make_biped("walking", n_vertices=600).mesh), 10)
     own = points.fields.argmin(axis=0)
-    np.testing.assert_allclose(points.ways, points.fields[own], atol=1e-12)
+    np.testing.assert_allclose(points.distances, points.fields[own], atol=1e-12)
 
 
 def test_around_a_point_of_a_sphere_is_a_cap():
@@ -174,18 +174,18 @@ def planted(count: int, step: int, copies: int = 1) -> tuple[Points, Points, np.
     """
     chance = np.random.default_rng(count)
     places = chance.uniform(0, 0.4, size=(count, 3))
-    ways = np.linalg.norm(places[:, None] - places, axis=2)
+    distances = np.linalg.norm(places[:, None] - places, axis=2)
     order = chance.permutation(count)
     looks = chance.uniform(size=(count, 9, 6))
     theirs = chance.uniform(size=(copies * count, 9, 6))
     for i in range(max(0, -step), min(9, 9 - step)):
         theirs[-count:, i + step] = looks[order, i]
     far = np.full((copies, count, copies, count), 9.0)
-    far[range(copies), :, range(copies)] = 2 ** (step / 4) * ways[order][:, order]
+    far[range(copies), :, range(copies)] = 2 ** (step / 4) * distances[order][:, order]
     n = copies * count
     whole = np.ones((n, 9), dtype=bool)
     return (
-        Points(ways, ways, looks, whole[:count]),
+        Points(distances, distances, looks, whole[:count]),
         Points(far.reshape(n, n), far.reshape(n, n), theirs, whole),
         order,
     )
@@ -237,7 +237,7 @@ def test_what_only_one_has_is_not_gathered():
     other = np.linalg.norm(elsewhere[:, None] - elsewhere, axis=2)
     common = order < 10
     theirs = theirs._replace(
-        ways=np.where(common[:, None] & common, theirs.ways, other),
+        distances=np.where(common[:, None] & common, theirs.distances, other),
         surroundings=np.where(
             common[:, None, None], theirs.surroundings, chance.uniform(size=(20, 9, 6))
         ),
@@ -259,7 +259,7 @@ def slab(facing: list[float]) -> SimpleNamespace:
         normals=np.concatenate(normals),
         areas=np.full(len(facing) * len(x), 1 / len(x)),
         edge=1 / 40,
-        on_rim=np.zeros(len(facing) * len(x), dtype=bool),
+        on_boundary=np.zeros(len(facing) * len(x), dtype=bool),
     )
 
 
@@ -302,13 +302,13 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
     for a, (i, j) in enumerate(pairs):
         for b, (k, o) in enumerate(pairs):
             if i != k and j != o:
-                here, there = ours.ways[i, k] * longer, theirs.ways[j, o] / longer
+                here, there = ours.distances[i, k] * longer, theirs.distances[j, o] / longer
                 deviation = abs(here - there) / max(min(here, there), constants.PATCH)
                 alike = np.exp(-(unlike[i, j] + unlike[k, o]) / 2 / (2 * usual))
                 near = np.exp(-(here + there) / 2 / (4 * constants.LIMB))
                 support[a, b] = max(1 - (deviation / _points._DEVIATION) ** 2, 0) * near * alike
     of_point = [[a for a, pair in enumerate(pairs) if pair[0] == i] for i in range(n)]
-    ways = set()
+    distances = set()
     for begun in range(len(pairs)):
         shares = np.arange(len(pairs)) == begun
         for _ in range(_points._ROUNDS):
@@ -317,9 +317,9 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
                 shares[own] *= (shares[own] / (shares[own].max() or 1)) ** 2
             shares /= np.linalg.norm(shares) or 1
         best = [own[int(shares[own].argmax())] for own in of_point]
-        ways.add(tuple(a for a in best if shares[a] > _points._HALF * shares.max()))
+        distances.add(tuple(a for a in best if shares[a] > _points._HALF * shares.max()))
     found = []
-    for way in map(list, ways):
+    for way in map(list, distances):
         if way:
             strength = support[np.ix_(way, way)].sum(axis=1)
             kept = [a for a, own in zip(way, strength, strict=True) if own >= np.median(strength)]
@@ -333,12 +333,15 @@ def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[
 def test_pairs_are_gathered_that_support_each_other(step):
     ours, theirs, _ = planted(13, step)
     chance = np.random.default_rng(3)
-    ways = theirs.ways * (1 + np.triu(chance.normal(0, 0.2, theirs.ways.shape), 1))
+    distances = theirs.distances * (1 + np.triu(chance.normal(0, 0.2, theirs.distances.shape), 1))
     looks = theirs.surroundings + chance.normal(0, 0.8, theirs.surroundings.shape)
     # Far apart but for some, and shaken, so that most beginnings lead elsewhere.
-    ours, ways = ours._replace(ways=6 * ours.ways), 6 * np.maximum(ways, ways.T)
-    ways[range(0, 12, 2), range(1, 12, 2)] = ways[range(1, 12, 2), range(0, 12, 2)] = 0.01
-    shaken = theirs._replace(ways=ways, surroundings=looks)
+    ours, distances = (
+        ours._replace(distances=6 * ours.distances),
+        6 * np.maximum(distances, distances.T),
+    )
+    distances[range(0, 12, 2), range(1, 12, 2)] = distances[range(1, 12, 2), range(0, 12, 2)] = 0.01
+    shaken = theirs._replace(distances=distances, surroundings=looks)
     expected = gathered(ours, shaken, step)
     found = [
         (total, list(zip(guess.source.tolist(), guess.target.tolist(), strict=True)))

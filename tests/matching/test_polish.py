@@ -11,17 +11,16 @@ from sheets import make_egg, make_sheet
 from unbend import Mesh
 from unbend.datasets import keep, make_octopus, make_sphere, rest_map
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, fine_energy, judge
 from unbend.matching._plan import Sides, candidates, make_sides
 from unbend.matching._polish import (
     _as_most_around,
-    _fine_energy,
-    grown_start,
     refined,
-    settled,
+    reranked,
     with_partners,
+    zoomout_start,
 )
 from unbend.matching._registration import Registered, mapped_start
+from unbend.matching._score import Candidate, scored
 
 
 def candidate(energy: float) -> Candidate:
@@ -43,7 +42,7 @@ def _bumpy_boxes(partial: bool) -> tuple[Sides, Candidate, Candidate]:
     first, second = (keep(Mesh(one, ball.faces), wanted) for one in (points, bent))
     shapes = [prepare_shape(one.mesh, 30, False, partial).shape for one in (first, second)]
     right, wrong = (
-        judge(*shapes, mapped_start(*shapes, way, way, 1.0))
+        scored(*shapes, mapped_start(*shapes, way, way, 1.0))
         for way in (np.arange(len(first.origin)), first.image[turn[first.origin]])
     )
     return make_sides(*shapes), right, wrong
@@ -54,7 +53,7 @@ def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(partial: bool) -
     sides, right, wrong = _bumpy_boxes(partial)
     assert sides.partial == partial
     ranks = [replace(wrong, energy=0.3), replace(right, energy=0.301), replace(wrong, energy=0.9)]
-    found, fine = settled(sides, ranks)
+    found, fine = reranked(sides, ranks)
     assert [one.registered for one in found] == [ranks[i].registered for i in (1, 0, 2)]
     assert found[0].energy < found[1].energy == pytest.approx(0.3)
     assert found[2] is ranks[2]  # it costs more, and is not looked at
@@ -73,7 +72,7 @@ def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were
 ) -> None:
     sides, right, wrong = _bumpy_boxes(partial)
     ranks = [replace(wrong, energy=1e-4), replace(right, energy=1.1e-4)]
-    found, fine = settled(sides, ranks)
+    found, fine = reranked(sides, ranks)
     expected = ranks if partial else ranks[::-1]
     assert [one.registered for one in found] == [one.registered for one in expected]
     assert (found == ranks) == partial
@@ -82,7 +81,7 @@ def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were
 
 def test_what_is_far_ahead_is_not_looked_at_again() -> None:
     ranks = [candidate(0.1), candidate(0.2)]
-    assert settled(SimpleNamespace(partial=False), ranks) == (ranks, {})
+    assert reranked(SimpleNamespace(partial=False), ranks) == (ranks, {})
 
 
 def test_small_eyes_tell_which_arm_is_which() -> None:
@@ -93,7 +92,7 @@ def test_small_eyes_tell_which_arm_is_which() -> None:
     ours, theirs = (prepare_shape(one.mesh, 100, False).shape for one in (source, target))
     sides = make_sides(ours, theirs)
     right, *others = candidates(sides)
-    found, fine = settled(sides, [*others[:2], right])
+    found, fine = reranked(sides, [*others[:2], right])
     off = target.mesh.vertices[fine[found[0]].registered.forward] - truth
     assert np.linalg.norm(off, axis=1).mean() < 0.05
     assert found[0].registered is right.registered
@@ -111,11 +110,11 @@ def test_the_polish_mends_half_a_map(torn: bool) -> None:
     both = [prepare_shape(one, 30, False, True).shape for one in (box, bent)]
     every = np.arange(len(box.vertices))
     half = np.where(box.vertices[:, 0] > 0, np.roll(every, 1), every)
-    begun = judge(*both, mapped_start(*both, half, half, 1.0))
+    begun = scored(*both, mapped_start(*both, half, half, 1.0))
     found = refined(make_sides(*both), begun)
     off = both[1].vertices[found.registered.forward] - both[1].vertices
     assert np.linalg.norm(off, axis=1).mean() < 0.5 * both[1].edge
-    assert found.energy == pytest.approx(judge(*both, found.registered).energy, rel=1e-6)
+    assert found.energy == pytest.approx(scored(*both, found.registered).energy, rel=1e-6)
     assert found.energy < 0.5 * begun.energy
 
 
@@ -126,7 +125,7 @@ def test_a_map_grows_as_far_as_both_have_functions() -> None:
     every = np.arange(egg.n_vertices)
     near = mapped_start(many, few, every, every, 1.0)
     for sides in ((many, few), (few, many), (many, many)):
-        found = grown_start(*sides, near)
+        found = zoomout_start(*sides, near)
         np.testing.assert_array_equal(found.forward, every)
         np.testing.assert_array_equal(found.backward, every)
         # Poses are as smooth as so many functions are.
@@ -142,7 +141,7 @@ def test_a_map_that_is_nearly_right_grows_to_be_right() -> None:
         cKDTree(goal.vertices).query(chance.normal(one.vertices, 0.05))[1]
         for one, goal in ((few, many), (many, few))
     )
-    found = grown_start(few, many, mapped_start(few, many, forward, backward, 1.0))
+    found = zoomout_start(few, many, mapped_start(few, many, forward, backward, 1.0))
     before, after = (
         np.linalg.norm(many.vertices[way] - few.vertices, axis=1).mean()
         for way in (forward, found.forward)
@@ -165,7 +164,7 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
         (make_sides(few, mirrored).reflected(), True),
     ):
         start = mapped_start(few, many, forward, backward, 1.0)
-        begun = replace(judge(few, many, start), reflected=reflected)
+        begun = replace(scored(few, many, start), reflected=reflected)
         as_it_is, found = (refined(sides, begun, polish=one) for one in (False, True))
         assert as_it_is.energy == pytest.approx(begun.energy, rel=1e-4)
         np.testing.assert_array_equal(as_it_is.registered.forward, forward)
@@ -175,8 +174,7 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
             assert one.reflected == reflected
             assert one.orientation > 0.95
             assert one.energy < 0.12
-            told = fine_energy(few, many, one.registered)
-            assert _fine_energy(sides, one) == pytest.approx(told, rel=1e-4)
+            assert scored(few, many, one.registered).energy == pytest.approx(one.energy, rel=1e-4)
 
 
 def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
@@ -189,18 +187,18 @@ def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
     assert (ragged != most).sum() > 5
     away = np.abs(beyond) > 0.1
     pose = mapped_start(sheet, sheet, *[np.arange(225)] * 2, 1.0).source
-    poses = [pose._replace(within=one) for one in (ragged, np.ones(225, dtype=bool))]
+    poses = [pose._replace(overlap=one) for one in (ragged, np.ones(225, dtype=bool))]
     begun = replace(candidate(0.1), registered=Registered(np.arange(225), np.arange(225), *poses))
     level = SimpleNamespace(shape=sheet)
     sides = SimpleNamespace(source=level, target=level)
     found = with_partners(begun, sides, 0.2).registered
-    np.testing.assert_array_equal(found.source.within[away], most[away])
-    assert found.target.within.all()
+    np.testing.assert_array_equal(found.source.overlap[away], most[away])
+    assert found.target.overlap.all()
     assert found.forward is begun.registered.forward
     assert found.backward is begun.registered.backward
     assert found.source.places is pose.places
     # Three tenths have none; if that is less than is to have none, all have one.
-    assert with_partners(begun, sides, 0.4).registered.source.within.all()
+    assert with_partners(begun, sides, 0.4).registered.source.overlap.all()
 
 
 def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
@@ -211,13 +209,13 @@ def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
     whole, part = (prepare_shape(one, 10, False, partial=True).shape for one in (ball, bitten.mesh))
     back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
     poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
-    poses = [poses[0]._replace(within=~(upper | lower)), poses[1]._replace(within=back >= 0)]
+    poses = [poses[0]._replace(overlap=~(upper | lower)), poses[1]._replace(overlap=back >= 0)]
     begun = replace(candidate(0.1), registered=Registered(ahead, back, *poses))
     levels = [SimpleNamespace(shape=shape) for shape in (whole, part)]
     found = with_partners(begun, SimpleNamespace(source=levels[0], target=levels[1]), 0.0)
     middle = np.abs(ball.vertices[:, 2] - 0.6) > 0.2
-    np.testing.assert_array_equal(found.registered.source.within[middle], ~upper[middle])
-    assert found.registered.target.within.all()
+    np.testing.assert_array_equal(found.registered.source.overlap[middle], ~upper[middle])
+    assert found.registered.target.overlap.all()
 
 
 def test_half_of_those_around_is_not_most() -> None:

@@ -12,8 +12,8 @@ from unbend.datasets import cut, make_biped, make_quadruped
 from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import Candidate, confidence_bound
 from unbend.matching._registration import Pose, Registered
+from unbend.matching._score import Candidate, confidence_bound
 from unbend.matching._shape import Shape
 
 SIDE = 41
@@ -29,15 +29,15 @@ def bound(
     forward: np.ndarray,
     backward: np.ndarray,
     orientation: float = 1.0,
-    within: np.ndarray | None = None,
+    overlap: np.ndarray | None = None,
 ) -> float:
     poses = [
         Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.ones(n, dtype=bool))
         for one in shapes
         for n in [len(one.areas)]
     ]
-    if within is not None:
-        poses = [one._replace(within=within) for one in poses]
+    if overlap is not None:
+        poses = [one._replace(overlap=overlap) for one in poses]
     found = Registered(forward, backward, *poses)
     nothing = np.zeros(0, dtype=bool)
     return confidence_bound(*shapes, Candidate(found, 0.0, orientation, False, nothing, 1.0))
@@ -81,7 +81,7 @@ def test_only_what_has_a_partner_counts(sheet: Shape) -> None:
     left = every < SIDE**2 // 2
     back = np.where(left, every, every[::-1])
     assert bound((sheet, sheet), every, back) == 0
-    assert bound((sheet, sheet), every, back, within=left) == 1
+    assert bound((sheet, sheet), every, back, overlap=left) == 1
 
 
 def test_shapes_of_very_different_resolution_are_not_crowded() -> None:

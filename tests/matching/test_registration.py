@@ -12,16 +12,15 @@ from unbend.alignment import Pairs
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import judge
 from unbend.matching._registration import (
     _POSITIONS,
     Pose,
     Registered,
     _closest,
     _Moving,
-    bearable,
     landing_places,
     lift,
+    limited,
     lower,
     mapped_start,
     register,
@@ -29,6 +28,7 @@ from unbend.matching._registration import (
     smooth_start,
     spectral_residual,
 )
+from unbend.matching._score import scored
 from unbend.matching._search import orthogonal_maps
 from unbend.matching._shape import Shape, make_proxy
 
@@ -46,7 +46,7 @@ def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
 
 def _registered(source: Shape, target: Shape, functional_map: np.ndarray) -> Registered:
     (found,) = register(
-        source, target, [rough_start(source, target, functional_map)], constants.PULLS, 8
+        source, target, [rough_start(source, target, functional_map)], constants.DATA_WEIGHTS, 8
     )
     return found
 
@@ -99,7 +99,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
     turns = np.tile(np.eye(3), (700, 1, 1))
     pose = Pose(standing.vertices, turns, every >= 0)
     (found,) = register(
-        standing, standing, [Registered(every, every, pose, pose)], constants.PULLS, 8
+        standing, standing, [Registered(every, every, pose, pose)], constants.DATA_WEIGHTS, 8
     )
     np.testing.assert_array_equal(found.forward, every)
     np.testing.assert_array_equal(found.backward, every)
@@ -114,7 +114,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
 def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
     source, target = (_shape(make(pose, n_vertices=700).mesh) for pose in ("standing", "walking"))
     start = rough_start(source, target, _same_numbers(source, target, 12))
-    (found,) = register(source, target, [start], constants.PULLS, 8)
+    (found,) = register(source, target, [start], constants.DATA_WEIGHTS, 8)
     for point_map, pose, own, goal in (
         (found.forward, found.source, source, target),
         (found.backward, found.target, target, source),
@@ -125,7 +125,7 @@ def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
         assert turned > 0.02  # the poses do differ
         np.testing.assert_allclose(np.linalg.det(pose.rotations), 1)
     assert _mean_error(found.forward, target) < _mean_error(start.forward, target)
-    assert judge(source, target, found).energy < 0.05
+    assert scored(source, target, found).energy < 0.05
 
 
 def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
@@ -152,14 +152,14 @@ def test_poses_side_by_side_do_not_mind_each_other(
 ) -> None:
     ours, theirs = (replace(one, partial=partial) for one in (standing, walking))
     starts = [rough_start(ours, theirs, _same_numbers(standing, walking, k)) for k in (12, 30, 20)]
-    together = register(ours, theirs, starts, constants.PULLS, 8)
+    together = register(ours, theirs, starts, constants.DATA_WEIGHTS, 8)
     for start, found in zip(starts, together, strict=True):
-        (alone,) = register(ours, theirs, [start], constants.PULLS, 8)
+        (alone,) = register(ours, theirs, [start], constants.DATA_WEIGHTS, 8)
         assert _agree(found.forward, alone.forward, walking)
         assert _agree(found.backward, alone.backward, standing)
         np.testing.assert_allclose(found.source.places, alone.source.places, atol=0.01)
         assert found.source.size == pytest.approx(alone.source.size, abs=1e-3)
-    assert register(ours, theirs, [], constants.PULLS, 8) == []
+    assert register(ours, theirs, [], constants.DATA_WEIGHTS, 8) == []
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself
@@ -191,7 +191,7 @@ def test_motions_of_a_shape_do_not_matter(
     assert _agree(again.backward, found.backward, standing)
     apart = np.linalg.norm(again.source.places - found.source.places @ turn.T, axis=1)
     assert apart.mean() < 0.004
-    one, two = judge(standing, walking, found), judge(standing, moved, again)
+    one, two = scored(standing, walking, found), scored(standing, moved, again)
     assert two.energy == pytest.approx(one.energy, abs=0.005)
     assert two.orientation == pytest.approx(one.orientation, abs=0.01)
 
@@ -244,8 +244,8 @@ def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
     np.testing.assert_array_equal(start.backward, every)
     turns = np.tile(np.eye(3), (len(every), 1, 1))
     np.testing.assert_allclose(start.source.rotations, turns, atol=1e-6)
-    assert [one.within.dtype for one in start[2:]] == [bool, bool]
-    assert start.source.within.all()
+    assert [one.overlap.dtype for one in start[2:]] == [bool, bool]
+    assert start.source.overlap.all()
     smooth = shape.basis @ shape.position_coefficients
     np.testing.assert_allclose(start.source.places, smooth, atol=1e-9)
     assert np.linalg.norm(smooth - shape.vertices, axis=1).max() < 0.05
@@ -256,10 +256,10 @@ def test_what_is_lifted_and_lowered_again_is_as_it_was(standing: Shape, walking:
     ours, theirs = (one.shape for one in coarse)
     start = _registered(ours, theirs, _same_numbers(standing, walking, 12)[:12, :12])
     half = np.arange(300) % 2 == 0
-    start = start._replace(source=start.source._replace(within=half, size=1.2))
+    start = start._replace(source=start.source._replace(overlap=half, size=1.2))
     fine = lift(start, *coarse, standing, walking)
     assert fine.source.size == 1.2
-    np.testing.assert_array_equal(fine.source.within, half[coarse[0].parents])
+    np.testing.assert_array_equal(fine.source.overlap, half[coarse[0].parents])
     again = lower(fine, *coarse)
     np.testing.assert_array_equal(again.forward, start.forward)
     np.testing.assert_array_equal(again.backward, start.backward)
@@ -279,7 +279,7 @@ def test_maps_begin_with_poses_that_are_turned_and_for_parts_larger(
     assert found.source.size == (1.3 if partial else 1.0)
     assert found.target.size == pytest.approx(1 / found.source.size)
     for pose, shape, motion in ((found.source, turned, turn), (found.target, ours, turn.T)):
-        assert pose.within.all()
+        assert pose.overlap.all()
         np.testing.assert_allclose(pose.rotations, np.tile(motion, (700, 1, 1)), atol=1e-6)
         smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
@@ -291,7 +291,7 @@ def test_how_much_longer_things_are_is_the_median_of_what_has_partners(standing:
     turns = np.tile(_turn(1), (700, 1, 1))
     # The upper half grown by two, the lower one by one and a half; several poses side by side.
     grown = standing.vertices * np.where(upper, 2, 1.5)[:, None] @ _turn(1).T
-    poses = [Pose(grown, turns, within) for within in (upper, ~upper, every)]
+    poses = [Pose(grown, turns, overlap) for overlap in (upper, ~upper, every)]
     moving = _Moving(standing, standing, poses)
     moving.covariances = standing.averaged(standing.covariances(moving.places))
     larger, smaller, both = moving.stretch()
@@ -316,7 +316,7 @@ def test_forms_are_compared_where_there_are_partners_by_functions_of_both(
 ) -> None:
     every = np.arange(700)
     whole = Pose(standing.vertices, np.tile(np.eye(3), (700, 1, 1)), every >= 0)
-    none = whole._replace(within=every < 0)
+    none = whole._replace(overlap=every < 0)
     few = replace(standing, eigenvalues=standing.eigenvalues[:20], basis=standing.basis[:, :20])
     for ours, theirs in ((standing, few), (few, standing)):
         assert spectral_residual(ours, theirs, Registered(every, every, whole, whole)) < 2e-3
@@ -351,23 +351,25 @@ def test_what_lands_on_a_rim_does_not_pull() -> None:
     ]
     _closest(*moving, *(one[:, None] for one in maps))
     for one, goal, way in zip(moving, (theirs, ours), maps, strict=True):
-        np.testing.assert_array_equal(one.within[:, 0], ~goal.on_rim[way])
+        np.testing.assert_array_equal(one.overlap[:, 0], ~goal.on_boundary[way])
 
 
 def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: Shape) -> None:
     """And what is whole has one where that leads back."""
     part = replace(standing, partial=True)
-    part.__dict__.update(rim_length=np.inf, off_rim=np.zeros(700))  # it may lack anything
+    part.__dict__.update(
+        boundary_length=np.inf, boundary_distances=np.zeros(700)
+    )  # it may lack anything
     every = np.arange(700)
     shuffled = np.random.default_rng(0).permutation(700)
     start = mapped_start(part, walking, every, shuffled, 1.0)
-    (found,) = register(part, walking, [start], constants.PULLS[:1], 1)
-    assert found.source.within.all()
+    (found,) = register(part, walking, [start], constants.DATA_WEIGHTS[:1], 1)
+    assert found.source.overlap.all()
     returned = walking.vertices[found.forward[found.backward]]
     off = np.linalg.norm(walking.vertices - returned, axis=1) / walking.edge
     assert (off > 3).any()
-    assert not found.target.within[off > 3].any()
-    assert found.target.within[off < 1].all()
+    assert not found.target.overlap[off > 3].any()
+    assert found.target.overlap[off < 1].all()
 
 
 @pytest.mark.parametrize(("ours", "theirs"), [(True, False), (False, True)])
@@ -382,7 +384,7 @@ def test_maps_begin_as_they_are_and_of_their_size_if_either_is_a_part(
     np.testing.assert_array_equal(found.backward, order)
     assert found.source.size == 1.3
     for pose, shape in ((found.source, source), (found.target, target)):
-        assert pose.within.dtype == bool
+        assert pose.overlap.dtype == bool
         smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
         np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
 
@@ -407,16 +409,16 @@ def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
     fine, coarse = (
         prepare_shape(make_sheet(side), 10, False, partial=True).shape for side in (13, 7)
     )
-    pulls = (1.0, 10.0, 3000.0, 9000.0)
+    data_weights = (1.0, 10.0, 3000.0, 9000.0)
     most = 1 / coarse.edge**2
-    assert pulls[1] < most < pulls[2]
+    assert data_weights[1] < most < data_weights[2]
     whole = replace(fine, partial=False), replace(coarse, partial=False)
     for pair in ((fine, coarse), (coarse, fine), (whole[0], coarse), (fine, whole[1])):
-        found = bearable(*pair, pulls)
-        assert found[:2] == pulls[:2]
+        found = limited(*pair, data_weights)
+        assert found[:2] == data_weights[:2]
         assert found[2:] == pytest.approx([most])
-        assert bearable(*pair, pulls, 2)[-1] == pytest.approx(most / 4)
-    assert bearable(*whole, pulls) == pulls
+        assert limited(*pair, data_weights, 2)[-1] == pytest.approx(most / 4)
+    assert limited(*whole, data_weights) == data_weights
 
 
 def test_closest_points_of_parts_are_sought_by_both_positions(walking: Shape) -> None:
@@ -476,7 +478,7 @@ def test_how_much_larger_a_part_is_found_unless_asked_not_to(
         Pose(ours.vertices, still, every >= 0),
     )
     for options, resized in (({}, True), ({"resize": True}, True), ({"resize": False}, False)):
-        (found,) = register(ours, theirs, [start], constants.PULLS[:1], 8, **options)
+        (found,) = register(ours, theirs, [start], constants.DATA_WEIGHTS[:1], 8, **options)
         size = 1.3 if any(parts) and resized else 1
         assert found.source.size == pytest.approx(size, rel=0.02)
         assert found.target.size == pytest.approx(1 / size, rel=0.02)
@@ -499,11 +501,11 @@ def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both
     shapes, maps = [part, wide], [apart.argmin(axis=0), apart.argmin(axis=1)]
     if not part_first:
         shapes, maps, every = shapes[::-1], maps[::-1], every[::-1]
-    (found,) = register(*shapes, [Registered(*maps, *every)], constants.PULLS[:1], 1)
+    (found,) = register(*shapes, [Registered(*maps, *every)], constants.DATA_WEIGHTS[:1], 1)
     small, large = found[2:] if part_first else found[:1:-1]
-    assert small.within.all()
-    assert large.within[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()
-    assert not large.within[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
+    assert small.overlap.all()
+    assert large.overlap[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()
+    assert not large.overlap[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
 
 
 def test_what_has_no_partner_stays_where_it_is(standing: Shape) -> None:
@@ -539,13 +541,13 @@ def test_normals_do_not_lead_away_from_a_rim(both: bool, first: bool) -> None:
     )
     every, aside = np.arange(169)[:, None], np.tile([1.0, 0, 0], (169, 1))
     whole.__dict__["normals"] = aside
-    part.__dict__["normals"] = np.where(part.on_rim[:, None], [0, 0, 1], aside)
+    part.__dict__["normals"] = np.where(part.on_boundary[:, None], [0, 0, 1], aside)
     still = np.tile(np.eye(3), (169, 1, 1))
     ours, theirs = (
         _Moving(one, other, [Pose(one.vertices, still, every[:, 0] >= 0)])
         for one, other in ((whole, part), (part, whole))
     )
     _closest(*((theirs, ours) if first else (ours, theirs)), every, every)
-    np.testing.assert_array_equal(ours.within[:, 0], ~part.on_rim)
+    np.testing.assert_array_equal(ours.overlap[:, 0], ~part.on_boundary)
     if not both:
-        assert theirs.within.all()
+        assert theirs.overlap.all()

@@ -14,10 +14,10 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._search import (
     _distinct,
     _extended,
-    grow,
     orthogonal_maps,
     search,
     spectral_weights,
+    zoomout,
 )
 from unbend.matching._shape import Shape
 
@@ -166,8 +166,8 @@ def test_a_map_grows_from_its_beginning() -> None:
     source = np.linalg.qr(rng.normal(size=(60, 6)))[0]
     signs = rng.choice([-1.0, 1.0], 6)
     target = (source * signs)[rng.permutation(60)]
-    found = grow((values, source), (values, target), np.diag(signs[:3]), [3, 4, 6])
+    found = zoomout((values, source), (values, target), np.diag(signs[:3]), [3, 4, 6])
     np.testing.assert_allclose(found, np.diag(signs), atol=1e-9)
     np.testing.assert_array_equal(
-        grow((values, source), (values, target), np.diag(signs), []), np.diag(signs)
+        zoomout((values, source), (values, target), np.diag(signs), []), np.diag(signs)
     )

@@ -94,12 +94,12 @@ def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
     )
     inside = (np.arange(side) % (side - 1) > 0).astype(int)
     outline = (np.outer(inside, inside) == 0).ravel()
-    np.testing.assert_array_equal(part.on_rim, outline)
-    np.testing.assert_array_equal(part.rim, part.conormals(part.vertices))
-    assert not whole.on_rim.any()
-    assert whole.rim.shape == part.rim.shape
-    assert not whole.rim.any()
-    assert part.rim_length == pytest.approx(4)
+    np.testing.assert_array_equal(part.on_boundary, outline)
+    np.testing.assert_array_equal(part.conormals, part.conormals_in(part.vertices))
+    assert not whole.on_boundary.any()
+    assert whole.conormals.shape == part.conormals.shape
+    assert not whole.conormals.any()
+    assert part.boundary_length == pytest.approx(4)
 
 
 def test_the_tip_of_a_slit_is_on_the_rim() -> None:
@@ -113,9 +113,9 @@ def test_the_tip_of_a_slit_is_on_the_rim() -> None:
         faces[below[:, None] & (faces == vertex)] = copy
     vertices = np.concatenate([sheet.vertices, sheet.vertices[left]])
     shape = prepare_shape(Mesh(vertices, faces), 10, False, partial=True).shape
-    tip = row * side + row
-    assert shape.on_rim[[*left, *copies, tip]].all()
-    assert not shape.on_rim[tip + 1 : tip + row].any()
+    extremity = row * side + row
+    assert shape.on_boundary[[*left, *copies, extremity]].all()
+    assert not shape.on_boundary[extremity + 1 : extremity + row].any()
 
 
 def test_lengths_and_ways_along_edges_of_a_square() -> None:
@@ -131,7 +131,7 @@ def test_lengths_and_ways_along_edges_of_a_square() -> None:
     # Every square has one diagonal, which leads down and to the left.
     slanted = np.where(down * right < 0, np.minimum(abs(down), abs(right)), 0)
     expected = abs(down) + abs(right) - (2 - np.sqrt(2)) * slanted
-    np.testing.assert_allclose(shape.ways, expected / (side - 1), atol=1e-12)
+    np.testing.assert_allclose(shape.distances, expected / (side - 1), atol=1e-12)
 
 
 def test_side_by_side_shapes_are_prepared_as_one_by_one(
@@ -176,13 +176,13 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
 
 def test_the_rim_of_a_square_leads_off_its_sides() -> None:
     sheet = make_sheet(5)
-    rim = _square(5).conormals(sheet.vertices)
+    conormals = _square(5).conormals_in(sheet.vertices)
     low, high = sheet.vertices.min(axis=0), sheet.vertices.max(axis=0)
     off = (sheet.vertices == high).astype(float) - (sheet.vertices == low)
     off[:, high == low] = 0
     one = np.abs(off).sum(axis=1) < 2  # within a side, or inside
-    np.testing.assert_allclose(rim[one], off[one], atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(rim[~one], axis=1), 1)
+    np.testing.assert_allclose(conormals[one], off[one], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(conormals[~one], axis=1), 1)
 
 
 def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
@@ -192,14 +192,14 @@ def test_a_rim_leads_off_across_the_line_through_its_neighbours() -> None:
     x, y, _ = sheet.vertices.T
     flat = np.stack([x + 0.3 * x * y + 0.1 * y**2, y + 0.2 * x**2, 0 * x], axis=1)
     turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    rim = _square(side).conormals(flat @ turn.T + 5) @ turn
+    conormals = _square(side).conormals_in(flat @ turn.T + 5) @ turn
     grid = np.arange(side**2).reshape(side, side)
     around = np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
     chords = flat[np.roll(around, -1)] - flat[np.roll(around, 1)]
     expected = np.stack([chords[:, 1], -chords[:, 0], 0 * chords[:, 0]], axis=1)
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    np.testing.assert_allclose(rim[around], expected, atol=1e-9)
-    assert np.abs(np.delete(rim, around, axis=0)).max() == 0
+    np.testing.assert_allclose(conormals[around], expected, atol=1e-9)
+    assert np.abs(np.delete(conormals, around, axis=0)).max() == 0
 
 
 def test_samples_spread_from_the_remotest_vertex() -> None:

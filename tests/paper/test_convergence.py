@@ -11,7 +11,7 @@ from paper.forms import difference
 from paper.loading import load_tosca
 from paper.result import Result
 from paper.run import Run
-from unbend import canonical_form, write_mesh
+from unbend import canonical_form, sampled_canonical_form, write_mesh
 from unbend.datasets import make_quadruped
 from unbend.errors import InputError
 
@@ -40,7 +40,7 @@ def test_more_of_both_comes_nearer(result):
 
 def test_the_library_says_the_same(run, result):
     mesh = run.shapes.mesh("dog0")
-    sampled = canonical_form(mesh, method="sampled", cache=False).points
+    sampled = sampled_canonical_form(mesh).points
     row = next(
         row for row in result.tables["grid"] if (row["eigenpairs"], row["samples"]) == (100, 200)
     )

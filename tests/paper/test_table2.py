@@ -12,7 +12,7 @@ from paper.run import Run
 from paper.table2 import cosine, table2
 from paper.table2_text import WAYS, Compared, table2_text
 from tests.paper.folders import write_people
-from unbend import canonical_form
+from unbend import sampled_canonical_form
 from unbend.correspondence import similarity
 from unbend.errors import InputError
 
@@ -45,7 +45,7 @@ def test_a_known_correspondence_bounds_icp(result):
 
 def test_the_library_says_the_same(run, result):
     made = [
-        canonical_form(run.scape.mesh(name), method="sampled", n_eigenpairs=50, cache=False)
+        sampled_canonical_form(run.scape.mesh(name), n_eigenpairs=50)
         for name in ("mesh000", "mesh001")
     ]
     value = result.tables["all_pairs"][0]["biharmonic, known"]
@@ -88,7 +88,7 @@ def test_the_verdict_follows_the_figures():
 
 
 def test_a_second_run_computes_nothing(run, result, monkeypatch):
-    monkeypatch.setattr(forms, "canonical_form", None)
+    monkeypatch.setattr(forms, "make_form", None)
     assert table2(run).tables == result.tables
 
 

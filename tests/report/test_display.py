@@ -20,7 +20,7 @@ def things(blob):
         "points": Mesh(blob.vertices, name="points <i>"),
         "form": canonical_form(blob),
         "flat form": canonical_form(blob, n_components=2),
-        "match": replace(match(blob, blob, method="icp"), hypotheses=tried),
+        "match": replace(match(blob, blob, refine=False), hypotheses=tried),
         "evaluation": evaluate(every, blob, every, every, np.roll(every, 1)),
     }
 

@@ -1,12 +1,12 @@
 """A shape beside its form: a picture in each format, and what does not fit is refused."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from unbend import CanonicalForm, Mesh, canonical_form
+from unbend import Mesh, canonical_form
+from unbend.canonical import CanonicalForm
 from unbend.errors import FileError, InputError
 from unbend.report import form_figures
 from unbend.report.form_figures import draw_form, turned_to_fit
@@ -14,7 +14,7 @@ from unbend.report.form_figures import draw_form, turned_to_fit
 
 @pytest.fixture(scope="module")
 def form(blob: Mesh) -> CanonicalForm:
-    return replace(canonical_form(blob, cache=False), surface=2 * blob.vertices)
+    return canonical_form(blob)
 
 
 @pytest.mark.parametrize("up", ["x", "z"])
@@ -23,8 +23,8 @@ def test_everything_that_there_is_is_drawn(
 ) -> None:
     figures: list = []
     monkeypatch.setattr(form_figures, "save_figure", lambda figure, path: figures.append(figure))
+    draw_form(blob, form, "a.png", posed=2 * blob.vertices, up=up)
     draw_form(blob, form, "a.png", up=up)
-    draw_form(blob, replace(form, surface=None), "a.png", up=up)
     assert [len(one.axes) for one in figures] == [3, 2]
     told = [text.get_text() for text in figures[0].texts]
     assert told == ["blob", "its canonical form", "the surface in its form's pose"]
@@ -50,7 +50,7 @@ def test_a_form_lies_as_the_shape_does(blob: Mesh) -> None:
 
 def test_what_does_not_fit_is_refused(blob: Mesh, form: CanonicalForm, tmp_path: Path) -> None:
     for mesh, up, message in (
-        (Mesh(blob.vertices), "y", "no faces to draw"),
+        (Mesh(blob.vertices), "y", "no faces"),
         (Mesh(blob.vertices[:3], [[0, 1, 2]]), "y", "the form has 642 points"),
         (blob, "w", "up must be"),
     ):

@@ -11,12 +11,14 @@ from unbend import (
     canonical_form,
     distance,
     farthest_point_sampling,
+    match,
+    sampled_canonical_form,
     spectrum,
 )
 from unbend.datasets import make_sphere
 from unbend.spectral import _cache as cache
 from unbend.spectral import _spectrum as spectra
-from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface
+from unbend.spectral import cache_info, clear_cache, eigenpairs, make_surface, use_cache
 from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 
 VALUES, FUNCTIONS = np.arange(4.0), np.arange(40.0).reshape(10, 4)
@@ -41,14 +43,15 @@ def test_spectra_are_computed_once(blob, monkeypatch):
     monkeypatch.setattr("unbend.spectral._spectrum.smallest_eigenpairs", None)
     np.testing.assert_array_equal(spectrum(blob, 18).eigenfunctions, first.eigenfunctions)
     np.testing.assert_array_equal(spectrum(blob, 12).eigenfunctions, first.eigenfunctions[:, :12])
-    with pytest.raises(TypeError):
-        spectrum(blob, 12, cache=False)
+    with use_cache(gib=0), pytest.raises(TypeError):
+        spectrum(blob, 12)
 
 
 def test_what_the_cache_holds_changes_nothing():
     """On a sphere most numbers of eigenpairs cut through the space of a multiple eigenvalue."""
     ball = make_sphere(3)
-    plain = {k: spectrum(ball, k, cache=False) for k in (2, 3, 4, 6, 10, 25)}
+    with use_cache(gib=0):
+        plain = {k: spectrum(ball, k) for k in (2, 3, 4, 6, 10, 25)}
     for order in ((2, 3, 4, 6, 10, 25), (25, 10, 6, 4, 3, 2), (25, 3, 3, 25)):
         clear_cache()
         for k in order:
@@ -60,19 +63,30 @@ def test_what_the_cache_holds_changes_nothing():
 @pytest.mark.parametrize(
     "compute",
     [
-        lambda mesh, cache: distance(mesh, 0, distance="diffusion", time=0.5, cache=cache),
-        lambda mesh, cache: distance(mesh, 0, n_eigenpairs=9, cache=cache),
-        lambda mesh, cache: farthest_point_sampling(mesh, 3, cache=cache),
-        lambda mesh, cache: canonical_form(mesh, distance="diffusion", time=0.5, cache=cache),
-        lambda mesh, cache: canonical_form(mesh, method="sampled", n_eigenpairs=9, cache=cache),
-        lambda mesh, cache: canonical_form(mesh, weighting="area", cache=cache),
+        lambda mesh: distance(mesh, 0, distance="diffusion", time=0.5),
+        lambda mesh: distance(mesh, 0, n_eigenpairs=9),
+        lambda mesh: farthest_point_sampling(mesh, 3),
+        lambda mesh: canonical_form(mesh, distance="diffusion", time=0.5),
+        lambda mesh: sampled_canonical_form(mesh, n_eigenpairs=9),
+        lambda mesh: canonical_form(mesh, weighting="area"),
+        lambda mesh: match(mesh, mesh, n_eigenpairs=20, refine=False),
     ],
 )
-def test_whether_spectra_are_kept_is_the_callers_choice(blob, compute):
-    compute(blob, False)
-    assert cache_info().n_files == 0
-    compute(blob, True)
+def test_whether_spectra_are_kept_is_one_setting(blob, compute):
+    with use_cache(gib=0):
+        compute(blob)
+        assert cache_info().n_files == 0
+    compute(blob)
     assert cache_info().n_files > 0
+
+
+def test_the_cache_may_be_elsewhere_for_a_while(folder, tmp_path, blob):
+    with use_cache(tmp_path / "elsewhere"):
+        spectrum(blob, 3)
+        assert cache_info().folder == tmp_path / "elsewhere"
+        assert cache_info().n_files == 1
+    assert cache_info().folder == folder
+    assert cache_info().n_files == 0
 
 
 def test_everything_that_matters_is_in_the_key(blob):

@@ -8,11 +8,14 @@ import pytest
 import scipy.linalg
 from scipy.spatial import ConvexHull, Delaunay
 
-from unbend import Mesh, canonical_form, descriptor, distance, laplacian, spectrum
+from unbend import Mesh, canonical_form, distance, laplacian, spectrum
+from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.errors import MeshError, SolverError, UnbendWarning
 from unbend.spectral import _point_cloud, triangulate_points
 from unbend.spectral._point_cloud import check_energy
+
+pytestmark = pytest.mark.usefixtures("no_cache")
 
 SIZES_AWAY = [0, 1, 10, 1e3, 1e6]
 
@@ -80,7 +83,7 @@ def turn(points, seed=0):
 
 
 def eigenvalues(points, count):
-    return spectrum(points, count, cache=False).eigenvalues
+    return spectrum(points, count).eigenvalues
 
 
 def waves(width, height, count):
@@ -101,7 +104,7 @@ def harmonics(count, even=False):
 
 @pytest.mark.parametrize(("n", "tolerance"), [(400, 0.11), (1500, 0.06), (10_000, 0.03)])
 def test_random_points_of_a_rectangle(n, tolerance):
-    found = spectrum(make_rectangle(n), 6, cache=False)
+    found = spectrum(make_rectangle(n), 6)
     assert found.areas.sum() == pytest.approx(1.5, rel=tolerance)
     np.testing.assert_allclose(found.eigenvalues, waves(1.5, 1, 6), rtol=tolerance, atol=1e-9)
 
@@ -130,14 +133,14 @@ def test_eigenvalues_of_the_sphere(points, tolerance):
     ("points", "tolerance"), [(make_fibonacci(10_000), 0.012), (make_random_sphere(10_000), 0.015)]
 )
 def test_half_a_sphere(points, tolerance):
-    found = spectrum(points[points[:, 2] > 0], 9, cache=False)
+    found = spectrum(points[points[:, 2] > 0], 9)
     assert found.areas.sum() == pytest.approx(2 * np.pi, rel=tolerance)
     expected = harmonics(9, even=True)
     np.testing.assert_allclose(found.eigenvalues, expected, rtol=tolerance, atol=1e-9)
 
 
 def test_a_torus():
-    found = spectrum(make_torus(80, 40), 10, cache=False)
+    found = spectrum(make_torus(80, 40), 10)
     assert found.areas.sum() == pytest.approx(8 * np.pi**2, rel=5e-3)
     np.testing.assert_allclose(found.eigenvalues, torus_eigenvalues(10), rtol=5e-3, atol=1e-9)
 
@@ -145,7 +148,7 @@ def test_a_torus():
 @pytest.mark.parametrize("make", [make_quadruped, make_biped])
 def test_a_body_is_that_of_its_mesh(make):
     body = make(n_vertices=5000).mesh
-    found, mesh = (spectrum(one, 12, cache=False) for one in (body.vertices, body))
+    found, mesh = (spectrum(one, 12) for one in (body.vertices, body))
     assert found.areas.sum() == pytest.approx(mesh.areas.sum(), rel=2e-3)
     np.testing.assert_allclose(found.eigenvalues, mesh.eigenvalues, rtol=5e-3, atol=1e-9)
 
@@ -180,7 +183,7 @@ def test_holes_stay_open():
 @pytest.mark.parametrize("stretch", [1, 4, 8, 12])
 def test_points_in_rows(stretch):
     """Points that are so many times closer in a row than rows are."""
-    found = spectrum(make_grid(30 * stretch + 1, 21), 6, cache=False)
+    found = spectrum(make_grid(30 * stretch + 1, 21), 6)
     assert found.areas.sum() == pytest.approx(1.5, rel=1e-9)
     np.testing.assert_allclose(found.eigenvalues, waves(1.5, 1, 6), rtol=4e-3, atol=1e-9)
 
@@ -188,7 +191,7 @@ def test_points_in_rows(stretch):
 def test_where_points_are_dense():
     rng = np.random.default_rng(0)
     patch = flat(rng.random((4000, 2)) * 0.2 + [0.6, 0.4])
-    found = spectrum(np.vstack([make_grid(46, 31), patch]), 6, cache=False)
+    found = spectrum(np.vstack([make_grid(46, 31), patch]), 6)
     assert found.areas.sum() == pytest.approx(1.5, rel=0.02)
     np.testing.assert_allclose(found.eigenvalues, waves(1.5, 1, 6), rtol=0.02, atol=1e-9)
 
@@ -276,7 +279,7 @@ def test_few_points(n):
 def test_where_a_cloud_lies_changes_nothing(make, away):
     points = make(1500)
     moved = turn(points) + 2 * away * np.array([0.3, -0.5, 0.8])
-    found, expected = (spectrum(one, 6, cache=False) for one in (moved, points))
+    found, expected = (spectrum(one, 6) for one in (moved, points))
     np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.areas, expected.areas, rtol=1e-6)
 
@@ -324,10 +327,10 @@ def test_points_at_one_place(apart):
     again += apart * np.random.default_rng(0).standard_normal(again.shape)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "mesh: .* repeat the position", UnbendWarning)
-        found = spectrum(np.concatenate([points, again]), 9, cache=False)
+        found = spectrum(np.concatenate([points, again]), 9)
         far = distance(np.concatenate([points, again]), 3, distance="geodesic")[0]
         spread = distance(np.concatenate([points, again]), 3)[0]
-    expected = spectrum(points, 9, cache=False)
+    expected = spectrum(points, 9)
     np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(
         found.eigenfunctions[400:],

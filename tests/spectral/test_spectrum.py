@@ -1,5 +1,4 @@
 import contextlib
-import shutil
 import tracemalloc
 import warnings
 
@@ -15,9 +14,11 @@ from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.spectral import Laplacian, _spectrum, eigenpairs, make_surface
+from unbend.spectral import Laplacian, _spectrum, eigenpairs, make_surface, use_cache
 from unbend.spectral._assembly import assemble_stiffness
 from unbend.spectral._spectrum import whole_eigenpairs
+
+pytestmark = pytest.mark.usefixtures("no_cache")
 
 
 def test_sphere_has_l_times_l_plus_one():
@@ -146,9 +147,9 @@ def test_open_square_has_the_spectrum_of_a_drum():
 def test_the_number_asked_for_changes_no_eigenfunction():
     """A multiple eigenvalue has any basis of its space for eigenfunctions; one rule names it."""
     ball = make_sphere(3)
-    whole = spectrum(ball, 60, cache=False)
+    whole = spectrum(ball, 60)
     for k in (2, 3, 7, 12, 16, 40):
-        found = spectrum(ball, k, cache=False)
+        found = spectrum(ball, k)
         np.testing.assert_allclose(found.eigenvalues, whole.eigenvalues[:k], rtol=1e-10, atol=1e-9)
         np.testing.assert_allclose(found.eigenfunctions, whole.eigenfunctions[:, :k], atol=1e-8)
 
@@ -156,8 +157,8 @@ def test_the_number_asked_for_changes_no_eigenfunction():
 def test_turning_a_sphere_turns_nothing_in_its_multiple_eigenspaces():
     ball = make_sphere(3)
     turn = scipy.spatial.transform.Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
-    before = spectrum(ball, 12, cache=False).eigenfunctions
-    after = spectrum((ball.vertices @ turn.T, ball.faces), 12, cache=False).eigenfunctions
+    before = spectrum(ball, 12).eigenfunctions
+    after = spectrum((ball.vertices @ turn.T, ball.faces), 12).eigenfunctions
     np.testing.assert_allclose(after, before, atol=1e-8)
 
 
@@ -168,14 +169,12 @@ def test_more_components_than_eigenpairs():
         np.vstack([ball.vertices + 3 * i for i in range(n)]),
         np.vstack([ball.faces + ball.n_vertices * i for i in range(n)]),
     )
-    few, all_zeros, more = (spectrum(many, k, cache=False) for k in (5, n, n + 5))
+    few, all_zeros, more = (spectrum(many, k) for k in (5, n, n + 5))
     np.testing.assert_array_equal(all_zeros.eigenvalues, 0)
     np.testing.assert_array_equal(few.eigenvalues, 0)
     np.testing.assert_array_equal(few.eigenfunctions, all_zeros.eigenfunctions[:, :5])
     np.testing.assert_array_equal(more.eigenfunctions[:, :n], all_zeros.eigenfunctions)
-    np.testing.assert_allclose(
-        more.eigenvalues[n:], spectrum(ball, 2, cache=False).eigenvalues[1], rtol=1e-8
-    )
+    np.testing.assert_allclose(more.eigenvalues[n:], spectrum(ball, 2).eigenvalues[1], rtol=1e-8)
 
 
 @pytest.mark.parametrize("m", [1, 2, 3, 5])
@@ -270,7 +269,7 @@ def test_a_tolerance_is_a_share(blob, tol):
 def test_no_tolerance_at_all_may_be_asked_for():
     egg = Mesh(make_sphere(1).vertices * [1, 0.7, 0.5], make_sphere(1).faces)
     with contextlib.suppress(SolverError):  # rounding may leave more
-        found = spectrum(egg, 5, tolerance=0, cache=False)
+        found = spectrum(egg, 5, tolerance=0)
         values = dense_eigenpairs(laplacian(egg))[0]
         np.testing.assert_allclose(found.eigenvalues, values[:5], rtol=1e-9, atol=1e-12)
 
@@ -290,34 +289,21 @@ def test_areas_are_of_the_kind_asked_for(blob, areas):
     )
 
 
-def test_eigenpairs_are_kept_unless_they_may_not_be(tmp_path, monkeypatch):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    ball = make_sphere(1)
-    for compute in (
-        spectrum,
-        lambda ball, k, **options: eigenpairs(make_surface(ball), k, **options),
-    ):
-        compute(ball, 3, cache=False)
-        assert list(tmp_path.rglob("*.*")) == []
-        compute(ball, 3)
-        assert list(tmp_path.rglob("*.*"))
-        shutil.rmtree(tmp_path)
-
-
 def test_what_was_kept_is_not_computed_again(tmp_path, monkeypatch):
     monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
+    monkeypatch.delenv("UNBEND_CACHE_GIB")
     kept = spectrum(make_sphere(1), 3)
     monkeypatch.delattr(_spectrum, "whole_eigenpairs")
     found = spectrum(make_sphere(1), 3)
     np.testing.assert_array_equal(found.eigenfunctions, kept.eigenfunctions)
-    with pytest.raises(NameError):
-        spectrum(make_sphere(1), 3, cache=False)
+    with use_cache(gib=0), pytest.raises(NameError):
+        spectrum(make_sphere(1), 3)
 
 
 def test_what_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="642 vertices need about"):
-        spectrum(blob, 3, cache=False)
+        spectrum(blob, 3)
 
 
 def test_few_functions_of_many_components_take_little_memory():
@@ -327,7 +313,7 @@ def test_few_functions_of_many_components_take_little_memory():
     places = np.arange(3000)[:, None, None] * [0, 0, 1.0]
     torn = Mesh((corners + places).reshape(-1, 3), np.arange(9000).reshape(-1, 3))
     tracemalloc.start()
-    found = spectrum(torn, 6, cache=False)
+    found = spectrum(torn, 6)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 40e6
@@ -336,14 +322,14 @@ def test_few_functions_of_many_components_take_little_memory():
     np.testing.assert_allclose(functions[:, 0], areas.sum() ** -0.5, rtol=1e-12)
     np.testing.assert_allclose(functions.T @ (areas[:, None] * functions), np.eye(6), atol=1e-12)
     np.testing.assert_allclose(functions[0::3], functions[1::3], rtol=1e-12)
-    np.testing.assert_array_equal(functions, spectrum(torn, 6, cache=False).eigenfunctions)
+    np.testing.assert_array_equal(functions, spectrum(torn, 6).eigenfunctions)
 
 
 def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob_and_ball, monkeypatch):
     """Of two components, as the smallest values that are not 0 may be after many digits lost."""
     surface = make_surface(blob_and_ball, connected=False)
     right = _spectrum.smallest_eigenpairs
-    expected = eigenpairs(surface, 8, cache=False)
+    expected = eigenpairs(surface, 8)
 
     def mixed(*args, **options):
         values, functions = right(*args, **options)
@@ -353,7 +339,7 @@ def test_what_a_solver_mixes_with_the_null_space_is_taken_out(blob_and_ball, mon
         return values, functions
 
     monkeypatch.setattr(_spectrum, "smallest_eigenpairs", mixed)
-    found = eigenpairs(surface, 8, cache=False)
+    found = eigenpairs(surface, 8)
     np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-9)
     np.testing.assert_allclose(found.eigenfunctions, expected.eigenfunctions, atol=1e-8)
 
@@ -375,7 +361,7 @@ def test_values_that_differ_by_less_than_a_tenth_of_the_tolerance_are_equal(
             return values, functions
 
         monkeypatch.setattr(_spectrum, "smallest_eigenpairs", near)
-        found.append(eigenpairs(surface, 30, tolerance=tol, cache=False).eigenfunctions)
+        found.append(eigenpairs(surface, 30, tolerance=tol).eigenfunctions)
     assert (abs(found[0] - found[1]).max() < 1e-8) == is_equal
 
 
@@ -407,7 +393,7 @@ def test_needles_do_not_spoil_the_eigenpairs_of_small_meshes(share):
     expected = sp.linalg.eigsh(sp.csc_matrix(operator.stiffness), 9, M=mass, sigma=1.0)[0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnbendWarning)  # of faces without area
-        found = spectrum(mesh, 9, cache=False)
+        found = spectrum(mesh, 9)
     values = found.eigenvalues * operator.areas.sum()
     np.testing.assert_allclose(values[1:], expected[1:], rtol=1e-7)
     np.testing.assert_allclose(gram(found), np.eye(9), atol=1e-8)
@@ -415,7 +401,7 @@ def test_needles_do_not_spoil_the_eigenpairs_of_small_meshes(share):
 
 @pytest.mark.parametrize("longer", [1e4, 1e6])
 def test_values_near_zero_do_not_spoil_the_orthonormality(blob, longer):
-    found = spectrum((blob.vertices * [1, longer, 1], blob.faces), 10, cache=False)
+    found = spectrum((blob.vertices * [1, longer, 1], blob.faces), 10)
     np.testing.assert_allclose(gram(found), np.eye(10), atol=1e-8)
 
 
@@ -435,4 +421,4 @@ def test_wrong_eigenpairs_are_an_error_with_the_figure(blob, monkeypatch, spoil,
         _spectrum, "smallest_eigenpairs", lambda *args, **options: spoil(*right(*args, **options))
     )
     with pytest.raises(SolverError, match=message):
-        spectrum(blob, 9, cache=False)
+        spectrum(blob, 9)

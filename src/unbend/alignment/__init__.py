@@ -3,7 +3,6 @@
 from unbend.alignment._alignment import (
     Alignment,
     align,
-    closest_points,
     icp,
     nearest_rotation,
     procrustes,
@@ -14,7 +13,6 @@ __all__ = [
     "Alignment",
     "Pairs",
     "align",
-    "closest_points",
     "icp",
     "nearest_pairs",
     "nearest_rotation",

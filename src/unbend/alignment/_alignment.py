@@ -98,7 +98,7 @@ def procrustes(
 
     Examples
     --------
-    >>> from unbend import procrustes
+    >>> from unbend.alignment import procrustes
     >>> rotation, translation = procrustes([[0, 0], [1, 0], [0, 2]], [[1, 1], [1, 2], [-1, 1]])
     >>> rotation.round(6) + 0.0
     array([[ 0., -1.],

@@ -9,11 +9,16 @@ surface modeling", SGP 2007).
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from unbend._types import FloatArray, IntArray, Progress
-from unbend.deformation import ElasticSurface
-from unbend.mesh import wind_alike
+from unbend.canonical._canonical_form import CanonicalForm
+from unbend.errors import InputError, UnbendWarning
+from unbend.io import MeshLike, as_mesh
+from unbend.mesh import Mesh, wind_alike
+from unbend.spectral import make_surface
 
 # Pull towards the form, in units of 1 / area, first so strong that every joint gives way; steps
 # for each.
@@ -24,42 +29,87 @@ _PATCH, _TURNING = 0.3, 0.015
 
 
 def lay_into_pose(
-    vertices: FloatArray, faces: IntArray, areas: FloatArray, form: FloatArray, progress: Progress
+    mesh: MeshLike, form: CanonicalForm, *, progress: Progress | None = None
 ) -> FloatArray:
-    """Lay a surface into the pose of its canonical form.
+    """Lay a surface, as rigidly as possible, into the pose of its canonical form.
+
+    The form loses detail; here limbs stay as thick, and edges about as long, as they are.
 
     Parameters
     ----------
-    vertices : (n, 3) ndarray of float64
-        Of a surface of unit area.
-    faces : (m, 3) ndarray of int64
-    areas : (n,) ndarray of float64
-        Sum to one.
-    form : (n, 3) ndarray of float64
-        Unique up to a rotation or reflection, of which the surface takes the one that does not
-        turn it inside out; in any unit, to which the surface is indifferent.
-    progress : callable
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    form : CanonicalForm
+        Of that mesh, of at least 3 dimensions: the first three are the pose.
+    progress : callable, optional
+        Called with a step's name and the share of it that is done, 0 to 1.
 
     Returns
     -------
     (n, 3) ndarray of float64
+        Places of the vertices, in the mesh's own unit; NaN where the form is. Its orientation is
+        the mesh's: a form that is a mirror image is reflected.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, the form has fewer than 3 dimensions, or is not of this mesh.
+
+    References
+    ----------
+    Lian, Godil and Xiao, "Feature-preserved 3D canonical form", IJCV 102, 2013. Sorkine and Alexa,
+    "As-rigid-as-possible surface modeling", SGP 2007.
+
+    Examples
+    --------
+    >>> from unbend import canonical_form, lay_into_pose
+    >>> from unbend.datasets import make_octopus
+    >>> octopus = make_octopus(n_vertices=600).mesh
+    >>> lay_into_pose(octopus, canonical_form(octopus)).shape
+    (600, 3)
     """
+    from unbend.deformation import ElasticSurface  # slow to import, and seldom needed
+
+    mesh = as_mesh(mesh)
+    check_form(mesh, form)
+    if form.points.shape[1] < 3:
+        raise InputError(f"a pose needs a form of 3 dimensions, not {form.points.shape[1]}")
+    inside = np.asarray(np.isfinite(form.points).all(axis=1))
+    part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
+        surface = make_surface(part, laplacian=form.laplacian)  # type: ignore[arg-type]
+    unit, areas = np.sqrt(surface.area), surface.operator.areas
+    vertices, faces = surface.mesh.vertices / unit, surface.mesh.faces
+    form_points = form.points[surface.prepared.kept, :3]
     wound = wind_alike(vertices, faces)
     rest = vertices - areas @ vertices
-    goal = form - areas @ form
+    goal = form_points - areas @ form_points
     if wound is not None and _volume(rest, wound) * _volume(goal, wound) < 0:
         goal = goal * np.array([-1.0, 1.0, 1.0])
-    surface, mass = ElasticSurface(rest, faces, areas), areas[:, None]
-    rotations = surface.fit_rotations(goal, length=_PATCH)
+    elastic, mass = ElasticSurface(rest, faces, areas), areas[:, None]
+    rotations = elastic.fit_rotations(goal, length=_PATCH)
     places = goal * np.sqrt((mass * rest**2).sum() / (mass * goal**2).sum())
     for i, pull in enumerate(_PULLS):
-        system = surface.system(pull)
+        system = elastic.system(pull)
         for step in range(_STEPS):
             size = (mass * places * goal).sum() / (mass * goal**2).sum()
-            wanted = places + surface.averaged(mass * (size * goal - places), _PATCH)
-            places, *_ = surface.step(system, pull * mass * wanted, rotations, length=_TURNING)
-            progress("detail", (i + (step + 1) / _STEPS) / len(_PULLS))
-    return np.asarray(places)
+            wanted = places + elastic.averaged(mass * (size * goal - places), _PATCH)
+            places, *_ = elastic.step(system, pull * mass * wanted, rotations, length=_TURNING)
+            if progress is not None:
+                progress("detail", (i + (step + 1) / _STEPS) / len(_PULLS))
+    return surface.prepared.expand(places * unit)
+
+
+def check_form(mesh: Mesh, form: CanonicalForm) -> None:
+    """Refuse a mesh without faces, and a form of another mesh."""
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name} has no faces, and this needs a surface")
+    if len(form.points) != mesh.n_vertices:
+        raise InputError(
+            f"the form has {len(form.points)} points, but {mesh.name} has "
+            f"{mesh.n_vertices} vertices"
+        )
 
 
 def _volume(points: FloatArray, faces: IntArray) -> float:

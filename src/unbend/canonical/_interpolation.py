@@ -99,7 +99,8 @@ def interpolate(
     A constant is reproduced from any samples:
 
     >>> import numpy as np
-    >>> from unbend import interpolate, spectrum
+    >>> from unbend import spectrum
+    >>> from unbend.canonical import interpolate
     >>> from unbend.datasets import make_sphere
     >>> found = interpolate(np.full(12, 7.0), np.arange(12), spectrum(make_sphere(2), 9))
     >>> bool(np.allclose(found, 7.0))

@@ -25,18 +25,14 @@ _FORM_COLUMNS = 16
 
 @dataclass(frozen=True)
 class Options:
-    """What :func:`unbend.canonical_form` was asked for."""
+    """What both kinds of canonical forms are asked for."""
 
     distance: DistanceKind
     n_components: int
     weighting: Weighting
-    n_eigenpairs: int
-    n_samples: int
-    mu: float
-    interpolation: Interpolation
     time: float
+    keep_scale: bool
     random_state: int
-    cache: bool
 
 
 class Scaled(NamedTuple):
@@ -74,7 +70,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
         columns = _FORM_COLUMNS * (options.n_components + 1)
         check_memory(surface.mesh.name, surface.n_vertices, columns)
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
+        metric = make_metric(options.distance, surface, time=options.time)
     if options.weighting == "uniform":
         assert metric.gram is not None  # every distance in SPECTRAL has one
         with steps("scaling"):
@@ -89,19 +85,28 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
             )
     with steps("spectrum"):
         k = min(options.n_components + 2, surface.n_vertices)
-        spectrum = eigenpairs(surface, k, cache=options.cache)
+        spectrum = eigenpairs(surface, k)
     filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
     return Scaled(*area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas), metric)
 
 
-def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
+def sampled(
+    surface: Surface,
+    options: Options,
+    steps: Steps,
+    *,
+    n_samples: int,
+    n_eigenpairs: int,
+    mu: float,
+    interpolation: Interpolation,
+) -> Scaled:
     """Follow the paper: steps 1 to 8."""
     n = surface.n_vertices
-    n_samples, n_eigenpairs = min(options.n_samples, n), min(options.n_eigenpairs, n)
+    n_samples, n_eigenpairs = min(n_samples, n), min(n_eigenpairs, n)
     with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time, cache=options.cache)
+        metric = make_metric(options.distance, surface, time=options.time)
     with steps("spectrum"):
-        spectrum = eigenpairs(surface, n_eigenpairs, cache=options.cache)
+        spectrum = eigenpairs(surface, n_eigenpairs)
     with steps("sampling"):
         start = shape_end(spectrum)
         if options.distance in SPECTRAL:
@@ -117,8 +122,8 @@ def sampled(surface: Surface, options: Options, steps: Steps) -> Scaled:
             distances**2,
             samples.indices,
             spectrum,
-            mu=options.mu,
-            interpolation=options.interpolation,
+            mu=mu,
+            interpolation=interpolation,
         )
     with steps("scaling"), one_blas_thread():
         return Scaled(

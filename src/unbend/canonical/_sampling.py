@@ -26,7 +26,6 @@ def farthest_point_sampling(
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
-    cache: bool = True,
 ) -> IntArray:
     """Vertices spread evenly: each next one is the farthest from those before it.
 
@@ -41,7 +40,7 @@ def farthest_point_sampling(
     start : int, optional
         First sample; default: an end of the shape, where the first non-constant eigenfunction
         is largest, so that neither pose nor vertex order matters.
-    time, component, cache
+    time, component
         See :func:`unbend.distance`.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         Of spectral distances and of the default for `start`; see :func:`unbend.laplacian`.
@@ -79,9 +78,9 @@ def farthest_point_sampling(
             laplacian=None if laplacian == "auto" else laplacian,
         )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
-    metric = make_metric(distance, surface, time=diffused, sources=True, cache=cache)
+    metric = make_metric(distance, surface, time=diffused, sources=True)
     if start is None:
-        first = shape_end(eigenpairs(surface, 2, cache=cache))
+        first = shape_end(eigenpairs(surface, 2))
     else:
         if np.ndim(start) != 0:
             raise InputError(f"start must be one vertex, not {start!r}")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from unbend._types import FloatArray, Progress
-from unbend.canonical._canonical_form import canonical_form
-from unbend.choices import Detail, DistanceKind, Interpolation, LaplacianKind, Method, Weighting
-from unbend.errors import MissingExtraError
+from unbend.canonical._canonical_form import (
+    canonical_form,
+    sampled_canonical_form,
+)
+from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
+from unbend.errors import InputError, MissingExtraError
 
 try:
     from sklearn.base import BaseEstimator
@@ -21,13 +24,21 @@ except ImportError:
             raise MissingExtraError("scikit-learn")
 
 
+_OF_SAMPLES = ("n_samples", "n_eigenpairs", "mu", "interpolation")
+
+
 class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     """Canonical form of one mesh, in scikit-learn's conventions.
 
     Parameters
     ----------
-    n_components, distance, method, weighting, n_eigenpairs, n_samples, mu, interpolation, time, \
-    laplacian, component, keep_scale, random_state, cache, detail, progress
+    method : {"exact", "sampled"}, default="exact"
+        Which function is behind it.
+    n_samples, n_eigenpairs, mu, interpolation
+        Of the sampled method; the exact one has no use for them.
+        See :func:`unbend.sampled_canonical_form`.
+    n_components, distance, weighting, time, laplacian, component, keep_scale, random_state, \
+    progress
         As for :func:`unbend.canonical_form`.
 
     Attributes
@@ -39,11 +50,11 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     stress_ : float
         Normalised stress.
     form_ : CanonicalForm
-        The whole result; with `detail`, its `surface` too.
+        The whole result.
 
     See Also
     --------
-    unbend.canonical_form : The function behind it.
+    unbend.canonical_form, unbend.sampled_canonical_form : The functions behind it.
 
     Notes
     -----
@@ -53,7 +64,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
 
     Examples
     --------
-    >>> from unbend import SpectralMDS
+    >>> from unbend.canonical import SpectralMDS
     >>> from unbend.datasets import make_sphere
     >>> SpectralMDS(n_components=3).fit_transform(make_sphere(2)).shape
     (162, 3)
@@ -64,36 +75,32 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         n_components: int = 3,
         *,
         distance: DistanceKind = "biharmonic",
-        method: Method = "auto",
+        method: Literal["exact", "sampled"] = "exact",
+        n_samples: int = 200,
+        n_eigenpairs: int = 100,
+        mu: float = 1e4,
+        interpolation: Interpolation = "projection",
         weighting: Weighting = "uniform",
-        n_eigenpairs: int | None = None,
-        n_samples: int | None = None,
-        mu: float | None = None,
-        interpolation: Interpolation | None = None,
         time: float | None = None,
         laplacian: LaplacianKind = "auto",
         component: str | int | None = None,
         keep_scale: bool = False,
         random_state: int = 0,
-        cache: bool = True,
-        detail: Detail | None = None,
         progress: Progress | None = None,
     ) -> None:
         self.n_components = n_components
         self.distance = distance
         self.method = method
-        self.weighting = weighting
-        self.n_eigenpairs = n_eigenpairs
         self.n_samples = n_samples
+        self.n_eigenpairs = n_eigenpairs
         self.mu = mu
         self.interpolation = interpolation
+        self.weighting = weighting
         self.time = time
         self.laplacian = laplacian
         self.component = component
         self.keep_scale = keep_scale
         self.random_state = random_state
-        self.cache = cache
-        self.detail = detail
         self.progress = progress
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:
@@ -111,7 +118,15 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         SpectralMDS
             Itself.
         """
-        self.form_ = canonical_form(X, **self.get_params(deep=False))
+        if self.method not in ("exact", "sampled"):
+            raise InputError(f'method must be "exact" or "sampled", not {self.method!r}')
+        options = self.get_params(deep=False)
+        del options["method"]
+        if self.method == "exact":
+            for name in _OF_SAMPLES:
+                del options[name]
+        make = canonical_form if self.method == "exact" else sampled_canonical_form
+        self.form_ = make(X, **options)
         self.embedding_ = self.form_.points
         self.eigenvalues_ = self.form_.eigenvalues
         self.stress_ = self.form_.stress

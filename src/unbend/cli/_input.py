@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from unbend._text import plural
-from unbend.choices import Partial
+from unbend.choices import DistanceKind, Partial
 from unbend.cli._output import EXIT_UNSURE, say, warn_if_doubtful
 from unbend.errors import InputError
 
 if TYPE_CHECKING:
     from unbend._types import IntArray, Progress
+    from unbend.canonical import CanonicalForm
     from unbend.matching import Match
     from unbend.mesh import Mesh
 
@@ -35,6 +36,18 @@ def read_shapes(paths: Iterable[str], component: str | None = None) -> list[Mesh
 
     chosen = parse_component(component)
     return [only_component(read_mesh(path), chosen) for path in paths]
+
+
+def make_form(
+    mesh: Mesh, distance: DistanceKind, sampling: Mapping[str, Any] | None = None, **options: Any
+) -> CanonicalForm:
+    """Compute the exact form; the paper's if it is sampled, or the distance has no exact one."""
+    from unbend.canonical import canonical_form, sampled_canonical_form
+    from unbend.distances import SPECTRAL
+
+    if distance in SPECTRAL and not sampling:
+        return canonical_form(mesh, distance=distance, **options)
+    return sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
 
 
 def read_any_map(path: str, base: int | None, target: Mesh) -> IntArray:
@@ -116,7 +129,6 @@ def read_or_match(
     landmarks: str | None,
     save_match: str | None,
     min_confidence: float | None,
-    cache: bool,
     progress: Progress,
 ) -> Match | IntArray:
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
@@ -131,7 +143,6 @@ def read_or_match(
             partial=partial,
             landmarks=landmarks_of(landmarks, shapes),
             barycentric=True,
-            cache=cache,
             progress=progress,
         )
     else:

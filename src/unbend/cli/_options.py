@@ -29,6 +29,14 @@ def _map_file(path: str | None) -> str | None:
     return _writable(".npz", *MAP_SUFFIXES)(path)
 
 
+def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
+    if not keep:
+        from unbend.spectral import use_cache
+
+        ctx.with_resource(use_cache(gib=0))
+    return keep
+
+
 def out(help: str, metavar: str = "OUT", callback: Any = None) -> Any:
     """Make the option that names the file to write."""
     return typer.Option("-o", "--out", metavar=metavar, callback=callback, help=help)
@@ -77,7 +85,12 @@ Laplacian = Annotated[
     typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
 ]
 Cache = Annotated[
-    bool, typer.Option("--cache/--no-cache", help="Keep eigenpairs on disk for the next time.")
+    bool,
+    typer.Option(
+        "--cache/--no-cache",
+        callback=_switch_cache,
+        help="Keep eigenpairs on disk for the next time.",
+    ),
 ]
 
 # Of commands that read a map or make a match.

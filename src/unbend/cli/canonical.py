@@ -8,10 +8,11 @@ import typer
 
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
-from unbend.cli._input import parse_component
+from unbend.cli._input import make_form, parse_component
 from unbend.cli._output import command_line, look_at, progress_on_stderr, rows, tell, write_columns
 
 if TYPE_CHECKING:
+    from unbend._types import FloatArray
     from unbend.canonical import CanonicalForm
     from unbend.mesh import Mesh
 
@@ -87,10 +88,12 @@ def canonical(
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """
-    from unbend.canonical import canonical_form
+    from unbend.canonical import lay_into_pose
     from unbend.errors import InputError
     from unbend.io import check_writable, read_mesh
 
+    if detail is not None and n_components < 3:
+        raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     if out is not None:
         suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
@@ -98,33 +101,33 @@ def canonical(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
-    sampled = n_samples is not None or n_eigenpairs is not None
+    given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shape = read_mesh(mesh)
-        form = canonical_form(
+        form = make_form(
             shape,
+            distance,
+            {name: number for name, number in given.items() if number is not None},
             n_components=n_components,
-            distance=distance,
-            method="sampled" if sampled else "auto",
             weighting=weighting,
-            n_eigenpairs=n_eigenpairs,
-            n_samples=n_samples,
             laplacian=laplacian,
             component=parse_component(component),
             keep_scale=keep_scale,
-            cache=cache,
-            detail=detail,
             progress=progress,
         )
+        posed = None
+        if detail is not None:
+            posed = lay_into_pose(shape, form, progress=progress)
+            posed = posed if keep_scale else posed / form.area**0.5
         if out is not None:
             progress("writing", 0)
-            _write(out, shape, form)
+            _write(out, shape, form.points if posed is None else posed)
         if figure is not None:
             from unbend.report.form_figures import draw_form
 
             progress("drawing", 0)
-            draw_form(shape, form, figure, up=up)
+            draw_form(shape, form, figure, posed=posed, up=up)
         if report is not None:
             from unbend.report.pages import form_page
 
@@ -132,10 +135,10 @@ def canonical(
                 shape,
                 form,
                 report,
+                posed=posed,
                 up=up,
                 keep_scale=keep_scale,
                 command=command_line(),
-                cache=cache,
                 progress=progress,
             )
     tell(
@@ -152,14 +155,13 @@ def canonical(
     )
 
 
-def _write(out: str, shape: Mesh, form: CanonicalForm) -> None:
-    """Write a form, or the surface in its pose, in the format that the file's suffix names."""
+def _write(out: str, shape: Mesh, points: FloatArray) -> None:
+    """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
 
     from unbend.io import write_mesh
     from unbend.mesh import Mesh
 
-    points = form.points if form.surface is None else form.surface
     if not out.lower().endswith(_MESH_SUFFIXES):
         write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
         return

@@ -42,7 +42,7 @@ def demo(
       unbend demo -o picture.png
     """
     from unbend.alignment import procrustes
-    from unbend.canonical import canonical_form
+    from unbend.canonical import canonical_form, lay_into_pose
     from unbend.datasets import make_biped, make_quadruped
     from unbend.io import check_writable
     from unbend.report.figures import CanonicalColumn, draw_canonical_forms, position_colors
@@ -55,9 +55,8 @@ def demo(
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
-                form = canonical_form(mesh, detail="preserved")
-                points, surface = form.points, form.surface
-                assert surface is not None  # detail was asked for
+                form = canonical_form(mesh)
+                points, surface = form.points, lay_into_pose(mesh, form)
                 if first is None:
                     first, upright = points, mesh.vertices
                     colors = position_colors(mesh.vertices)

@@ -71,7 +71,6 @@ def distance(
             time=time,
             laplacian=laplacian,
             component=parse_component(component),
-            cache=cache,
         )
     if out is not None:
         _write(out, shape, sources, field)

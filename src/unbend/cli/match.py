@@ -133,7 +133,6 @@ def match(
             refine=refine,
             allow_mirror=allow_mirror,
             barycentric=any((figure, report, colored, keeps_all(out))),
-            cache=cache,
             progress=progress,
         )
         seconds = elapsed()

@@ -67,7 +67,6 @@ def register(
             landmarks=landmarks,
             save_match=save_match,
             min_confidence=min_confidence,
-            cache=cache,
             progress=progress,
         )
         found = lay(shapes[0], shapes[1], match, progress=progress)

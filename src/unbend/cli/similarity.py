@@ -11,7 +11,7 @@ import typer
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
-from unbend.cli._input import read_shapes
+from unbend.cli._input import make_form, read_shapes
 from unbend.errors import InputError
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def similarity(
         shapes = read_shapes(paths, component)
         if known:
             _check_sizes(shapes)
-        pairs = _compare(shapes, known, matrix, n_components, distance, cache, progress)
+        pairs = _compare(shapes, known, matrix, n_components, distance, progress)
         square = _square(pairs, len(shapes)) if matrix else None
         named = [
             one._asdict() | {"model": paths[one.model], "probe": paths[one.probe]} for one in pairs
@@ -130,11 +130,9 @@ def _compare(
     matrix: bool,
     n_components: int,
     distance: DistanceKind,
-    cache: bool,
     progress: Progress,
 ) -> list[Pair]:
     """Compare the first shape with the others, or all with all; each form is computed once."""
-    from unbend.canonical import canonical_form
     from unbend.correspondence import similarity as likeness
     from unbend.matching import match
     from unbend.mesh import vertex_areas
@@ -142,14 +140,8 @@ def _compare(
     forms = []
     for shape in shapes:
         progress(f"{shape.name}, canonical form", 0)
-        form = canonical_form(
-            shape,
-            n_components=n_components,
-            distance=distance,
-            weighting="uniform" if known else "area",
-            cache=cache,
-        )
-        forms.append(form)
+        weighting = "uniform" if known else "area"
+        forms.append(make_form(shape, distance, n_components=n_components, weighting=weighting))
     pairs = []
     for i, j in itertools.combinations(range(len(shapes)), 2):
         if i and not matrix:
@@ -161,7 +153,6 @@ def _compare(
             found = match(
                 shapes[i],
                 shapes[j],
-                cache=cache,
                 progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
                     f"{names}: {stage}", share
                 ),

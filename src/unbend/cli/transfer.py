@@ -84,7 +84,6 @@ def transfer(
             landmarks=landmarks,
             save_match=save_match,
             min_confidence=min_confidence,
-            cache=cache,
             progress=progress,
         )
         progress("carrying", 0)

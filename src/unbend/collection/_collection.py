@@ -50,7 +50,8 @@ class Collection:
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from unbend import Collection, write_mesh
+    >>> from unbend import write_mesh
+    >>> from unbend.collection import Collection
     >>> from unbend.datasets import make_quadruped
     >>> folder = Path(tempfile.mkdtemp())
     >>> for species in ("dog", "giraffe"):

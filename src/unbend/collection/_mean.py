@@ -66,7 +66,6 @@ class Task(NamedTuple):
     number: int
     mesh: MeshLike
     template: Mesh
-    cache: bool
 
 
 class Laid(NamedTuple):
@@ -89,7 +88,6 @@ def mean_shape(
     min_coverage: float = 0.5,
     workers: int | None = 0,
     scheduler: str | None = None,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> MeanShape:
     """Mean, principal components and variability of shapes, on the vertices of a template.
@@ -113,8 +111,6 @@ def mean_shape(
         Local processes; None: as many as the machine has processors for; 0: work in this one.
     scheduler : str, optional
         Address of a Dask scheduler, ``tcp://host:port``, whose workers to use.
-    cache : bool, default=True
-        Whether a match keeps eigenpairs on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with how far it is, in words, and the share that is done.
 
@@ -150,7 +146,7 @@ def mean_shape(
     template = as_mesh(template)
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
-    tasks = [Task(i, mesh, template, cache) for i, mesh in enumerate(meshes)]
+    tasks = [Task(i, mesh, template) for i, mesh in enumerate(meshes)]
     rows: dict[int, Laid] = {}
     tell = counted(progress, "shapes", len(tasks))
     if scheduler is not None and workers == 0:
@@ -191,7 +187,7 @@ def lay(task: Task) -> Laid:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = register(task.template, as_mesh(task.mesh), cache=task.cache)
+            found = register(task.template, as_mesh(task.mesh))
     except Exception as error:  # of whatever kind: it is this mesh's, and others go on
         return _nothing(name, Failure.of(name, error).reason)
     return Laid(name, found.mesh.vertices, found.confidence, found.coverage)

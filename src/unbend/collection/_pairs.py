@@ -10,7 +10,6 @@ import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,10 +23,11 @@ from unbend.errors import UnbendWarning
 from unbend.io import atomic_write, read_mesh
 from unbend.matching import match, prepare_spectrum
 from unbend.mesh import Mesh
+from unbend.spectral import use_cache
 
-_SPECTRA = "spectra"  # folder of the eigenpairs, each computed once
+_SPECTRA = "spectra"  # folder of the eigenpairs beside the matches, each computed once
 _TABLE = "matches.csv"
-_NO_LIMIT = str(2**30)
+_NO_LIMIT = 2**30
 
 Pair = tuple[Entry, Entry]
 
@@ -130,7 +130,7 @@ def match_pair(task: Task) -> Failure | None:
 
 def _tried(task: Task, work: Callable[[], None]) -> Failure | None:
     try:
-        with _cache_in(task.out), warnings.catch_warnings():
+        with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT), warnings.catch_warnings():
             warnings.simplefilter("ignore", UnbendWarning)  # of pieces that go along, say
             work()
     except Exception as error:  # of whatever kind: it is these meshes', and others go on
@@ -167,19 +167,3 @@ def _write_table(folder: Path, pairs: Iterator[Pair]) -> None:
             values: list[Any] = [found.confidence, found.orientation, found.residual]
             writer.writerow([*(one.path for one in pair), file_name(*pair), *values])
         text.detach()
-
-
-@contextmanager
-def _cache_in(out: str) -> Iterator[None]:
-    """Keep eigenpairs beside the matches, where every worker finds them, and all of them."""
-    settings = {"UNBEND_CACHE_DIR": str(Path(out, _SPECTRA)), "UNBEND_CACHE_GIB": _NO_LIMIT}
-    before = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

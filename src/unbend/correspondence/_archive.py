@@ -64,7 +64,7 @@ def write_functional_map(path: str | os.PathLike[str], functional_map: npt.Array
     >>> import tempfile
     >>> import numpy as np
     >>> from pathlib import Path
-    >>> from unbend import read_functional_map, write_functional_map
+    >>> from unbend.correspondence import read_functional_map, write_functional_map
     >>> path = Path(tempfile.mkdtemp()) / "map.npz"
     >>> write_functional_map(path, np.eye(2))
     >>> read_functional_map(path)
@@ -169,7 +169,7 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> from unbend import read_match, write_match
     >>> from unbend import match
     >>> path = Path(tempfile.mkdtemp()) / "match.npz"
-    >>> write_match(path, match(make_sphere(2), make_sphere(2), method="icp"))
+    >>> write_match(path, match(make_sphere(2), make_sphere(2), refine=False))
     >>> len(read_match(path).source_to_target)
     162
     """

@@ -68,7 +68,6 @@ def register(
     scan: MeshLike,
     match: Match | npt.ArrayLike | None = None,
     *,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Registration:
     """Lay a template onto a scan: the template's vertices and faces on the scan's surface.
@@ -85,8 +84,6 @@ def register(
     match : Match or (n_template,) array_like of int, optional
         From template to scan; or the scan's vertex of each template vertex, -1 where there is
         none. By default :func:`unbend.match` finds it.
-    cache : bool, default=True
-        Whether a match keeps eigenpairs on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
 
@@ -131,7 +128,7 @@ def register(
         if mesh.is_point_cloud:
             raise InputError(f"{mesh.name}: registering needs faces, and this is a point cloud")
     if match is None:
-        match = find_match(template, scan, barycentric=True, cache=cache, progress=progress)
+        match = find_match(template, scan, barycentric=True, progress=progress)
     elif isinstance(match, Match):
         warn_of_disorder(match)
     goal = positions_on_target(match, scan)

@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of, is_whole
 from unbend._types import FloatArray, IntArray
-from unbend.canonical import CanonicalForm, canonical_form
-from unbend.choices import DistanceKind, Method
+from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
+from unbend.choices import DistanceKind
+from unbend.distances import SPECTRAL, check_kind
 from unbend.errors import InputError
 from unbend.io import as_mesh
 from unbend.matching import Match
@@ -24,10 +25,8 @@ def similarity(
     match: Any = None,
     n_components: int = 3,
     distance: DistanceKind = "biharmonic",
-    method: Method = "auto",
     weighting: Literal["auto", "uniform", "area"] = "auto",
     areas: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
-    cache: bool = True,
 ) -> float:
     """Tell how alike two shapes are, whatever their poses: the cosine of their canonical forms.
 
@@ -43,16 +42,15 @@ def similarity(
         From model to probe. Default: vertex `i` of the one is vertex `i` of the other.
     n_components : int, default=3
         Dimension that is compared; further columns of a form are left out.
-    distance, method : str
-        Of the canonical forms of meshes, see :func:`unbend.canonical_form`.
+    distance : str, default="biharmonic"
+        Of the canonical forms of meshes: exact ones, see :func:`unbend.canonical_form`, or for
+        geodesic distances :func:`unbend.sampled_canonical_form`.
     weighting : {"auto", "uniform", "area"}, default="auto"
         Whether vertices count alike or by their area, both in the canonical forms of meshes and
         in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed in
         different ways; else alike, as in the paper.
     areas : ((n_model,), (n_probe,)) arrays_like of float, optional
         Vertex areas, needed only where vertices count by area and a form is given.
-    cache : bool, default=True
-        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
 
     Returns
     -------
@@ -94,8 +92,7 @@ def similarity(
     by_area = weighting == "area" or (weighting == "auto" and match is not None)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (
-        _points(one, n_components, distance, method, "area" if by_area else "uniform", cache)
-        for one in shapes
+        _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes
     )
     if by_area:
         masses = [_areas(one, areas and areas[i]) for i, one in enumerate(shapes)]
@@ -151,19 +148,12 @@ def _points(
     shape: CanonicalForm | Mesh,
     d: int,
     distance: DistanceKind,
-    method: Method,
     weighting: Literal["uniform", "area"],
-    cache: bool,
 ) -> FloatArray:
     if isinstance(shape, Mesh):
-        shape = canonical_form(
-            shape,
-            n_components=d,
-            distance=distance,
-            method=method,
-            weighting=weighting,
-            cache=cache,
-        )
+        check_kind(distance)
+        make = canonical_form if distance in SPECTRAL else sampled_canonical_form
+        shape = make(shape, n_components=d, distance=distance, weighting=weighting)
     if shape.points.shape[1] < d:
         raise InputError(
             f"a canonical form of dimension {shape.points.shape[1]} cannot be compared in "

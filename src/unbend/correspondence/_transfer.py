@@ -40,7 +40,7 @@ def transfer(
         Numbers, labels (whole numbers or text) or truth values per source vertex.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none,
-        which is turned round by :func:`unbend.invert_map` and needs `target`.
+        which is turned round by :func:`unbend.io.invert_map` and needs `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.

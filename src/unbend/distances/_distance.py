@@ -22,13 +22,11 @@ def make_metric(
     *,
     time: float = DIFFUSION_TIME,
     sources: bool = False,
-    cache: bool = True,
 ) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
     `time` is the diffusion time in units of the area; `sources` says that distances from sources
-    will be asked for, which spares a factorisation; `cache` says whether eigenpairs are kept on
-    disk.
+    will be asked for, which spares a factorisation.
     """
     check_kind(kind)
     if not is_number(time) or not 0 < time < np.inf:
@@ -39,7 +37,7 @@ def make_metric(
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
     from unbend.distances._gram import gram_metric
 
-    return gram_metric(kind, surface, time, sources=sources, cache=cache)
+    return gram_metric(kind, surface, time, sources=sources)
 
 
 def distance(
@@ -51,7 +49,6 @@ def distance(
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
-    cache: bool = True,
 ) -> FloatArray:
     """Distances from given vertices to all vertices of a mesh.
 
@@ -72,9 +69,6 @@ def distance(
         Of spectral distances; see :func:`unbend.laplacian`. The heat method has its own.
     component : "largest" or int, optional
         Which component of a mesh that has several.
-    cache : bool, default=True
-        Whether eigenpairs, of a diffusion or a truncated distance, are kept on disk; see
-        :func:`unbend.spectrum`.
 
     Returns
     -------
@@ -119,7 +113,7 @@ def distance(
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
-        metric = make_metric(distance, surface, time=diffused, sources=True, cache=cache)
+        metric = make_metric(distance, surface, time=diffused, sources=True)
     else:
         from unbend.distances._gram import truncated_metric
         from unbend.spectral import eigenpairs
@@ -129,9 +123,7 @@ def distance(
                 "n_eigenpairs must be at least 2: the first eigenfunction, the constant one, tells "
                 "no distance"
             )
-        metric = truncated_metric(
-            distance, eigenpairs(surface, n_eigenpairs, cache=cache), diffused
-        )
+        metric = truncated_metric(distance, eigenpairs(surface, n_eigenpairs), diffused)
     found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)
     spread: FloatArray = surface.prepared.expand(found.T).T
     return spread

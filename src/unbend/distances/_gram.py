@@ -76,15 +76,14 @@ def gram_metric(
     time: float,
     *,
     sources: bool = False,
-    cache: bool = True,
 ) -> Metric:
     """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
 
-    `cache` says whether the eigenpairs of diffusion distances are kept on disk. `sources` says that
-    distances from sources will be computed: one factorisation then serves the whole metric.
+    `sources` says that distances from sources will be computed: one factorisation then serves the
+    whole metric.
     """
     if kind == "diffusion":
-        return truncated_metric(kind, _diffusion_spectrum(surface, time, cache), time)
+        return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     stiffness, areas = surface.operator.stiffness, surface.operator.areas
     biharmonic = kind == "biharmonic"
 
@@ -158,7 +157,7 @@ def _indicators(vertices: IntArray, n: int) -> FloatArray:
     return block
 
 
-def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:
+def _diffusion_spectrum(surface: Surface, time: float) -> Spectrum:
     """As many eigenpairs as a diffusion time can tell from zero."""
     most = min(surface.n_vertices, _MOST_EIGENPAIRS)
     # Weyl's law: eigenvalue number k of a surface of unit area is about 4 pi k.
@@ -167,7 +166,7 @@ def _diffusion_spectrum(surface: Surface, time: float, cache: bool) -> Spectrum:
     reached = (_MOST_EIGENPAIRS - 16) * 4 * np.pi / 1.2
     k = int(min(surface.n_vertices, 1.2 * reach / (4 * np.pi) + 16))
     while k <= most:
-        spectrum = eigenpairs(surface, k, cache=cache)
+        spectrum = eigenpairs(surface, k)
         reached = spectrum.eigenvalues[-1] - spectrum.eigenvalues[1]
         if k == surface.n_vertices or reached > reach:
             return spectrum

@@ -236,7 +236,7 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
 
     Examples
     --------
-    >>> from unbend import invert_map
+    >>> from unbend.io import invert_map
     >>> invert_map([2, 0], ([[0, 0, 0], [1, 0, 0], [0, 3, 0]], [[0, 1, 2]]))
     array([1, 1, 0])
     """

@@ -52,7 +52,7 @@ def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) 
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from unbend import read_values
+    >>> from unbend.io import read_values
     >>> path = Path(tempfile.mkdtemp()) / "parts.csv"
     >>> _ = path.write_text("part\nhead\ntail\n")
     >>> read_values(path)
@@ -106,7 +106,7 @@ def write_values(
     >>> import tempfile
     >>> from pathlib import Path
     >>> from unbend.datasets import make_sphere
-    >>> from unbend import read_values, write_values
+    >>> from unbend.io import read_values, write_values
     >>> path = Path(tempfile.mkdtemp()) / "numbers.csv"
     >>> write_values(path, range(162), make_sphere(2))
     >>> read_values(path)[:3]

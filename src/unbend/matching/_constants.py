@@ -2,15 +2,17 @@
 
 What a single source of hypotheses needs, such as points, stands at the head of its own file.
 
-Lengths are in units of the square root of a shape's area, pulls in units of one over it.
-benchmarks/constants.py tells what halving and doubling each does to hundreds of maps.
+Lengths are in units of the square root of a shape's area, data weights in units of 1 / area.
+benchmarks/constants.py measures what halving and doubling each does to maps of public shapes.
 """
 
 from __future__ import annotations
 
 # How the matcher sees a body.
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
-PATCH = 0.08  # The size of details by which maps are judged; rough maps are averaged over twice it.
+PATCH = (
+    0.08  # Radius of the patches that maps are scored by; rough maps are smoothed over twice it.
+)
 THIN = 0.05  # No limb is shorter than this, and along a shorter boundary nothing was cut off.
 
 # How hypotheses are made.
@@ -18,34 +20,37 @@ N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
 BEAM = 8  # Hypotheses that are gone on with; half as many are restarted, four times as many begun.
 SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
-N_TIPS = 10  # Extremities of a shape at most, the most remote first.
+N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.
 LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.
 LIMB_LENGTH = 64.0  # Variance of a limb's length, of its trunk's, where only trunks are compared.
 
 # How shapes are registered.
-# A ladder in steps of sqrt(10). Stiffness and pull balance over a length that is the inverse of the
-# pull's square root: from over half of sqrt(area), where parts slide as wholes, to a 55th.
-LOOSEST, LOOSE, PULLS = (3.0, 10.0), (30.0, 100.0, 300.0), (300.0, 1000.0, 3000.0)
-STEPS = 8  # At each pull.
+# Data weights, in steps of sqrt(10). Stiffness and a data weight balance over a length that is the
+# inverse of its square root: from over half of sqrt(area), where parts slide as wholes, to a 55th.
+LOOSEST, LOOSE, DATA_WEIGHTS = (3.0, 10.0), (30.0, 100.0, 300.0), (300.0, 1000.0, 3000.0)
+STEPS = 8  # At each data weight.
 MOMENTUM = 0.7  # Closest points are sought ahead of a slow slide, by this share of its last step.
 NORMAL_WEIGHT = 0.1  # Length that a difference of normals of one counts as.
-EDGES = 2.0  # What is less than so many mean edges away cannot be told apart.
+EDGES = 2.0  # Places that are closer than so many mean edges count as the same.
 SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
-# How maps are judged.
+# How maps are scored.
 WITHOUT = 0.12  # What a vertex without a partner leaves unexplained.
 MISSED = 0.15  # What a missed landmark adds to the cost.
-CLEAR = (0.2, 1.4)  # Largest cost of a clear candidate, and how many times as much others cost.
-NEARLY = 1.15  # Candidates that cost so many times the least are told apart on the full meshes.
+UNAMBIGUOUS = (
+    0.2,
+    1.4,
+)  # Largest cost of an unambiguous candidate, and how many times as much all others cost.
+NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a share
 # of the energy, that makes the odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
 CONFIDENCE = (0.27, 0.022, 0.0275)
 FEATURES = (
-    0.08  # Where the second best costs less, a shape has few features, and a lead tells less.
+    0.08  # Where the second best costs less, a shape has few features, and a lead means less.
 )
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
-TORN = 0.02  # Share of the area below which a hole is no missing part.
+SMALLEST_PART = 0.02  # Share of the area below which a hole is no missing part.
 
 # Floors of the arithmetic, which decide nothing.
 DIGITS = 6  # of costs that are not rounding

@@ -1,8 +1,9 @@
-"""Hypotheses from the tips of limbs, for bodies whose eigenfunctions do not correspond.
+"""Hypotheses from extremities, for bodies whose eigenfunctions do not correspond.
 
-A tip is where the biharmonic distance to the rest of the surface is greatest nearby. Which tip is
-which is guessed from the ways between them, in two senses: limbs are longer or shorter by a factor
-of their own, as any way is; or they may be of any length, and only where they begin tells.
+An extremity is a local maximum of the mean biharmonic distance to the rest of the surface. Which
+extremity corresponds to which is guessed from the geodesic distances between them, under two
+assumptions: every limb and every distance is longer or shorter by a factor of its own; or limbs
+may have any length, and only the distances between their roots count.
 """
 
 from __future__ import annotations
@@ -20,32 +21,34 @@ from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
 MOST_LANDMARKS = 7
-_WIDTH = 3000  # Assignments kept after each tip; with ten tips, hundreds lose good ones.
-_FEWEST = 3  # tips that must correspond: fewer do not tell left from right
-_NEAR = 1e-3  # landmarks may be nearer than this, or one; then they are taken to be so far apart
+_WIDTH = 3000  # Assignments kept after each extremity; a few hundred lose good ones of ten.
+_FEWEST = 3  # Extremities that must correspond: fewer do not distinguish left from right.
+_NEAR = 1e-3  # Landmarks that are closer than this, or equal, count as this far apart.
 
 
-class Tips(NamedTuple):
-    """Tips of limbs.
+class Extremities(NamedTuple):
+    """Extremities of a shape.
 
     Attributes
     ----------
     vertices : (t,) ndarray of int64
         Landmarks first, then the most remote.
-    ways : (t, t) ndarray of float64
-        Lengths of the shortest ways between them along edges.
+    distances : (t, t) ndarray of float64
+        Geodesic distances between them, along edges.
     fields : (n, t) ndarray of float64
-        And from every vertex to them.
+        Geodesic distances from every vertex to them.
     """
 
     vertices: IntArray
-    ways: FloatArray
+    distances: FloatArray
     fields: FloatArray
 
-    def taken(self, tips: IntArray, kept: IntArray) -> Tips:
-        """Take some of the tips, and some of the vertices' ways to them."""
-        return Tips(
-            self.vertices[tips], self.ways[np.ix_(tips, tips)], self.fields[np.ix_(kept, tips)]
+    def taken(self, extremities: IntArray, kept: IntArray) -> Extremities:
+        """Select some extremities, and the distances to them of some vertices."""
+        return Extremities(
+            self.vertices[extremities],
+            self.distances[np.ix_(extremities, extremities)],
+            self.fields[np.ix_(kept, extremities)],
         )
 
 
@@ -55,9 +58,9 @@ class Guess(NamedTuple):
     Attributes
     ----------
     source, target : (m,) ndarray of int64
-        Rows of the shapes' tips, or other points.
+        Rows of the shapes' extremities, or of other points.
     size : float
-        How much longer ways are on the target.
+        Ratio of distances on the target to those on the source.
     """
 
     source: IntArray
@@ -65,38 +68,47 @@ class Guess(NamedTuple):
     size: float
 
 
-# Of ways between so many tips, (r, p), from others: (r,).
+# Deviation (r,) of the distances between so many extremities, (r, p), from others.
 Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
-def find_tips(shape: Shape) -> Tips:
+def find_extremities(shape: Shape) -> Extremities:
     """Find landmarks, and far apart local maxima of the mean squared biharmonic distance."""
     # Of equally remote vertices the first is taken, on every processor.
     remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
     edges = shape.edge_weights
     highest = np.maximum.reduceat(remoteness[edges.indices], edges.indptr[:-1])
-    tips = np.flatnonzero(remoteness >= highest)
+    extremities = np.flatnonzero(remoteness >= highest)
     kept: list[int] = []
-    ways = np.empty((0, len(remoteness)))
-    sought = [*shape.landmarks, *tips[np.argsort(-remoteness[tips], kind="stable")]]
-    for i, tip in enumerate(sought):
+    distances = np.empty((0, len(remoteness)))
+    sought = [*shape.landmarks, *extremities[np.argsort(-remoteness[extremities], kind="stable")]]
+    for i, extremity in enumerate(sought):
         given = i < len(shape.landmarks)
-        if given or (len(kept) < constants.N_TIPS and (ways[:, tip] > constants.LIMB).all()):
-            kept.append(int(tip))
-            ways = np.vstack([ways, dijkstra(shape.edge_lengths, directed=False, indices=tip)])
+        if given or (
+            len(kept) < constants.N_EXTREMITIES and (distances[:, extremity] > constants.LIMB).all()
+        ):
+            kept.append(int(extremity))
+            distances = np.vstack(
+                [distances, dijkstra(shape.edge_lengths, directed=False, indices=extremity)]
+            )
     chosen = np.array(kept, dtype=np.int64)
-    return Tips(chosen, (ways[:, chosen] + ways[:, chosen].T) / 2, np.ascontiguousarray(ways.T))
+    return Extremities(
+        chosen,
+        (distances[:, chosen] + distances[:, chosen].T) / 2,
+        np.ascontiguousarray(distances.T),
+    )
 
 
-def limb_maps(ours: Tips, theirs: Tips) -> tuple[IntArray, IntArray]:
-    """Map both ways by how far along a limb vertices are, and where it begins; tip i is tip i.
+def limb_maps(ours: Extremities, theirs: Extremities) -> tuple[IntArray, IntArray]:
+    """Map both ways by the position along each limb, and by distances between the limbs' roots.
 
-    Limbs may differ in length, each as it will, and what they begin at by one factor.
+    Extremity i corresponds to extremity i. Each limb may be longer or shorter by a factor of its
+    own, and the trunk by one factor.
     """
     (limb, along, trunk), (other, there, beyond) = (_coordinates(one) for one in (ours, theirs))
     lengths = np.sqrt(limb * other)
     between = [
-        np.maximum(one.ways - ends - ends[:, None], _NEAR)[np.triu_indices(len(ends), 1)].sum()
+        np.maximum(one.distances - ends - ends[:, None], _NEAR)[np.triu_indices(len(ends), 1)].sum()
         for one, ends in ((ours, limb), (theirs, other))
     ]
     size = np.sqrt(between[1] / between[0])
@@ -106,36 +118,38 @@ def limb_maps(ours: Tips, theirs: Tips) -> tuple[IntArray, IntArray]:
     return pairs.forward[0], pairs.backward[0]
 
 
-def _coordinates(tips: Tips) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lengths of limbs, (t,); ways to their tips, as far as they go, and beyond, (n, t) each.
+def _coordinates(extremities: Extremities) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lengths of limbs, (t,); distances to their ends, within them and beyond them, (n, t) each.
 
-    A limb is as long as it is common to the ways from its tip to any two others.
+    A limb is what the shortest paths from its extremity to any two others have in common.
     """
-    ways, n = tips.ways, len(tips.ways)
-    common = (ways[:, :, None] + ways[:, None] - ways) / 2
+    distances, n = extremities.distances, len(extremities.distances)
+    common = (distances[:, :, None] + distances[:, None] - distances) / 2
     others = ~np.eye(n, dtype=bool)
     limbs = common.min(
         axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=np.inf
     )
     limbs = np.maximum(limbs, constants.THIN)
-    depths = np.maximum(limbs - tips.fields, 0)
+    depths = np.maximum(limbs - extremities.fields, 0)
     elsewhere = depths.sum(axis=1, keepdims=True) - depths
-    beyond = np.maximum(tips.fields - limbs - elsewhere, 0)
-    return limbs, np.minimum(tips.fields, limbs), beyond
+    beyond = np.maximum(extremities.fields - limbs - elsewhere, 0)
+    return limbs, np.minimum(extremities.fields, limbs), beyond
 
 
-def guess_limbs(source: Tips, target: Tips, count: int, n_landmarks: int = 0) -> list[Guess]:
-    """Guess which tips correspond: those between which the ways deviate least, in either sense.
+def guess_limbs(
+    source: Extremities, target: Extremities, count: int, n_landmarks: int = 0
+) -> list[Guess]:
+    """Guess which extremities correspond: those whose distances deviate least.
 
-    So many guesses are made in each, or as many as there are; none where a shape has too few tips.
-    With landmarks, the first are those with all of them, then with each alone, then with none: one
-    of them may be wrong.
+    At most `count` guesses are made under each of the two assumptions, and none if a shape has too
+    few extremities. With landmarks, guesses with all of them come first, then with each alone, then
+    with none, because one of them may be wrong.
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
     guesses = (
         Guess(mine, other, size)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
-        for mine, other, size in _assignments(source.ways, target.ways, count, fixed)
+        for mine, other, size in _assignments(source.distances, target.distances, count, fixed)
     )
     return list({(*one.source, *one.target): one for one in guesses}.values())
 
@@ -148,24 +162,26 @@ def _assignments(
         swapped = _assignments(theirs, ours, count, fixed)
         return [(mine, other, 1 / size) for other, mine, size in swapped]
     n = len(ours)
-    few, many = (np.maximum(ways, _NEAR) for ways in (ours, theirs))
+    few, many = (np.maximum(distances, _NEAR) for distances in (ours, theirs))
     if n < _FEWEST:
         return []
     guesses = []
     for deviation in (_of_logarithms, _of_trunks):
-        # One tip after the other is given a partner, or none, -1; the best are gone on with.
+        # A beam search: each extremity in turn is given a partner, or none, -1.
         partners = np.empty((1, 0), dtype=np.int64)
-        for tip in range(n):
-            partners = _with_another(partners, [tip] if tip in fixed else [*range(len(many)), -1])
+        for extremity in range(n):
+            partners = _with_another(
+                partners, [extremity] if extremity in fixed else [*range(len(many)), -1]
+            )
             partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
             costs = _costs(few, many, partners, deviation)
-            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if tip < n - 1 else count]
+            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if extremity < n - 1 else count]
             partners = partners[best]
         for row in partners:
             mine = np.flatnonzero(row >= 0)
             one, other = (
-                ways[np.ix_(tips, tips)][np.triu_indices(len(mine), 1)]
-                for ways, tips in ((few, mine), (many, row[mine]))
+                distances[np.ix_(extremities, extremities)][np.triu_indices(len(mine), 1)]
+                for distances, extremities in ((few, mine), (many, row[mine]))
             )
             guesses.append((mine, row[mine], float(np.exp(np.median(np.log(other / one))))))
     return guesses
@@ -181,7 +197,7 @@ def _with_another(partners: IntArray, others: list[int]) -> IntArray:
 def _costs(
     few: FloatArray, many: FloatArray, partners: IntArray, deviation: Deviation
 ) -> FloatArray:
-    """Deviation of ways between tips from those between their partners, and left out ones."""
+    """Deviation of distances between extremities, and what those without partner cost."""
     given = partners >= 0
     counts = given.sum(axis=1)
     costs = np.asarray(constants.LEFT_OUT * (~given).sum(axis=1), dtype=np.float64)
@@ -190,25 +206,27 @@ def _costs(
         mine = np.nonzero(given[alike])[1].reshape(-1, m)
         other = partners[alike][given[alike]].reshape(-1, m)
         rows, columns = np.triu_indices(m, 1)
-        lengths, ways = (
+        lengths, distances = (
             few[mine[:, rows], mine[:, columns]],
             many[other[:, rows], other[:, columns]],
         )
-        costs[alike] += deviation(m, lengths, ways)
+        costs[alike] += deviation(m, lengths, distances)
     return costs
 
 
-def _of_logarithms(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
-    """Every way varies by a factor of its own, and by one for the limb at either end."""
+def _of_logarithms(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
+    """Every distance varies by a factor of its own, and by one for the limb at either end."""
     whitening = _whitening(n, 1.0)
     whitening -= whitening.mean(axis=0)  # and all by one in common
-    return _root_mean_square(np.log(ways / lengths) @ whitening)
+    return _root_mean_square(np.log(distances / lengths) @ whitening)
 
 
-def _of_trunks(n: int, lengths: FloatArray, ways: FloatArray) -> FloatArray:
-    """Limbs may be of any length: what is left tells which of them begin beside each other."""
+def _of_trunks(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
+    """Limbs may have any length: only the distances between their roots count."""
     whitening = _whitening(n, constants.LIMB_LENGTH)
-    one, many = (rows / _root_mean_square(rows)[:, None] @ whitening for rows in (lengths, ways))
+    one, many = (
+        rows / _root_mean_square(rows)[:, None] @ whitening for rows in (lengths, distances)
+    )
     size = (many * one).sum(axis=1) / np.maximum((many**2).sum(axis=1), _NEAR)
     return _root_mean_square(size[:, None] * many - one)
 
@@ -218,7 +236,7 @@ def _root_mean_square(rows: FloatArray) -> FloatArray:
 
 
 def _whitening(n: int, limb: float) -> FloatArray:
-    """Square root of the inverse covariance of ways: 1 each, and that of the limbs at the ends."""
+    """Square root of the inverse covariance of distances: 1, and `limb` for limbs in common."""
     rows, columns = np.triu_indices(n, 1)
     limbs = np.zeros((len(rows), n))
     limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1

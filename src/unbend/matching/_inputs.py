@@ -48,15 +48,15 @@ class Input(NamedTuple):
     surface: Surface
     shape: Shape
     kept: IntArray
-    stands_for: IntArray
+    representatives: IntArray
     own_faces: IntArray
     own_corners: IntArray
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
         name = self.surface.mesh.name
-        ids = vertex_ids(vertices, len(self.stands_for), name)
-        found = self.stands_for[ids]
+        ids = vertex_ids(vertices, len(self.representatives), name)
+        found = self.representatives[ids]
         if (found < 0).any():
             raise InputError(f"{name}: no face uses vertex {ids[found < 0][0]}; name another")
         return found
@@ -78,18 +78,18 @@ class _Checked(NamedTuple):
     own_faces: IntArray
 
 
-def prepare_shape(mesh: MeshLike, n_eigenpairs: int, cache: bool, partial: bool = False) -> Input:
+def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
     """Check a mesh, compute its eigenpairs and normalise it."""
-    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, cache, partial)
+    return _prepare(_check(as_mesh(mesh)), n_eigenpairs, partial)
 
 
 def prepare_shapes(
-    meshes: Sequence[MeshLike], n_eigenpairs: int, cache: bool, partial: Sequence[bool]
+    meshes: Sequence[MeshLike], n_eigenpairs: int, partial: Sequence[bool]
 ) -> list[Input]:
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
     checked = [_check(as_mesh(mesh)) for mesh in meshes]
     tasks = [
-        functools.partial(_prepare, one, n_eigenpairs, cache, part)
+        functools.partial(_prepare, one, n_eigenpairs, part)
         for one, part in zip(checked, partial, strict=True)
     ]
     if sum(one.surface.n_vertices for one in checked) > _SIDE_BY_SIDE:
@@ -111,9 +111,9 @@ def _check(mesh: Mesh) -> _Checked:
     return _Checked(mesh, surface, faces, kept, own_faces)
 
 
-def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -> Input:
+def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
     mesh, surface, faces, kept, own_faces = checked
-    pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2), cache=cache)
+    pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
     shape = make_shape(
         surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
     )
@@ -122,16 +122,16 @@ def _prepare(checked: _Checked, n_eigenpairs: int, cache: bool, partial: bool) -
     return Input(surface, shape, kept, _stand_ins(mesh, kept), own_faces, mesh.faces[own_faces])
 
 
-def expand(point_map: IntArray, within: BoolArray, source: Input, target: Input) -> IntArray:
+def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:
     """Turn a map between vertices in use into one between all vertices, -1 where none."""
-    images = np.where(within, target.kept[point_map], -1)
+    images = np.where(overlap, target.kept[point_map], -1)
     return np.asarray(expand_rows(images, source, -1))
 
 
 def expand_rows(rows: Any, source: Input, missing: float) -> Any:
     """From vertices in use to all vertices, the rest marked as missing."""
-    full = rows[source.stands_for]
-    full[source.stands_for < 0] = missing
+    full = rows[source.representatives]
+    full[source.representatives < 0] = missing
     return full
 
 

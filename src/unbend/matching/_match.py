@@ -10,31 +10,23 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, is_whole
-from unbend._options import refuse_given
 from unbend._parallel import one_blas_thread
 from unbend._types import BoolArray, Progress
-from unbend.alignment import align, closest_points
-from unbend.choices import MatchMethod, Partial
+from unbend.choices import Partial
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._judge import Candidate, confidence_bound, confidences, judge, ranked
 from unbend.matching._plan import candidates, make_sides
-from unbend.matching._polish import refined, settled, with_partners
-from unbend.matching._registration import (
-    Registered,
-    landing_places,
-    smooth_poses,
-    spectral_residual,
-)
+from unbend.matching._polish import refined, reranked, with_partners
+from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
+from unbend.matching._score import Candidate, confidence_bound, confidences, ranked
 from unbend.matching._shape import Shape
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
-_ICP_COMPONENTS = 3
 
 
 @one_blas_thread()
@@ -42,16 +34,14 @@ def match(
     source: MeshLike,
     target: MeshLike,
     *,
-    method: MatchMethod = "progressive",
     partial: Partial = "auto",
     landmarks: npt.ArrayLike | None = None,
     n_matches: int = 1,
-    n_eigenpairs: int | None = None,
-    refine: bool | None = None,
+    n_eigenpairs: int = _N_EIGENPAIRS,
+    refine: bool = True,
     allow_mirror: bool = False,
     barycentric: bool = False,
     mirrored: bool = False,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Match two deformable shapes, without landmarks or training.
@@ -68,15 +58,11 @@ def match(
         unlike their neighbours are turned. The vertex counts, units, and positions in space may
         differ. Of several components the largest is matched; the vertices of the others take the
         partner of the nearest vertex of the largest.
-    method : {"progressive", "icp"}, default="progressive"
-        ``"icp"`` aligns the three-dimensional biharmonic canonical forms by iterative closest
-        points, as the paper does: fast, and blind to which limb is which.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may be a part of what it shows, torn, cut off or seen from one side: what the
         other one has beyond its rim gets no partner, -1. A surface without a rim is whole.
         ``"auto"`` is ``"both"``, but less than a fiftieth of the area is not left without
-        partner: small holes are no parts. This and all options below but the last two are for
-        ``"progressive"``.
+        partner: small holes are no parts.
     landmarks : (l, 2) array_like of int, optional
         Pairs of a source and a target vertex that are said to correspond. One to three settle
         what is ambiguous; they need not be exact. Those that what fits best leads elsewhere are
@@ -84,20 +70,16 @@ def match(
     n_matches : int, default=1
         How many ways to match to give, at most: the best as the result, the others as its
         `alternatives`.
-    n_eigenpairs : int, optional
-        Eigenpairs of each shape, the constant included, 150 by default; fewer for meshes of few
-        vertices.
-    refine : bool, optional
-        Whether to polish the map on the full meshes, as is done by default; else it is as exact as
-        their coarse copies.
+    n_eigenpairs : int, default=150
+        Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
+    refine : bool, default=True
+        Whether to refine the map on the full meshes; else it is as exact as their coarse copies.
     allow_mirror : bool, default=False
         Whether a map may turn the surface inside out when that explains more.
     barycentric : bool, default=False
         Whether to give faces and weights, for accuracy below a vertex.
     mirrored : bool, default=False
         Whether to give the best orientation-reversing map too.
-    cache : bool, default=True
-        Whether to keep eigenpairs on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
 
@@ -110,7 +92,7 @@ def match(
     MeshError
         If a mesh cannot be used, or has only one side.
     InputError
-        If an option is out of range or not for this method, or a shape has no faces.
+        If an option is out of range, or a shape has no faces.
 
     Warns
     -----
@@ -139,34 +121,15 @@ def match(
     >>> bool((found.source_to_target == np.arange(len(stone))).all())
     True
     """
-    if method not in get_args(MatchMethod):
-        raise InputError(f"method must be 'progressive' or 'icp', not {method!r}")
     if partial not in get_args(Partial):
         raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
     if not is_whole(n_matches) or n_matches < 1:
         raise InputError(f"n_matches must be a whole number of at least 1, not {n_matches!r}")
-    if method == "icp":
-        refuse_given(
-            'is for method="progressive"; leave it out',
-            partial=None if partial == "auto" else partial,
-            landmarks=landmarks,
-            n_matches=None if n_matches == 1 else n_matches,
-            n_eigenpairs=n_eigenpairs,
-            refine=refine,
-            allow_mirror=allow_mirror or None,
-            barycentric=barycentric or None,
-            mirrored=mirrored or None,
-        )
-        n_eigenpairs = _ICP_COMPONENTS + 1
-    n_eigenpairs = _N_EIGENPAIRS if n_eigenpairs is None else n_eigenpairs
-    polish = refine is None or refine
     _check_count(n_eigenpairs)
-    torn = [method != "icp" and partial in ("auto", "both", side) for side in ("source", "target")]
-    ours, theirs = prepare_shapes((source, target), n_eigenpairs, cache, torn)
+    torn = [partial in ("auto", "both", side) for side in ("source", "target")]
+    ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
         progress("spectrum", 1.0)
-    if method == "icp":
-        return _match_by_icp(ours, theirs)
     if landmarks is not None:
         ours, theirs = _with_landmarks(ours, theirs, landmarks)
     sides = make_sides(ours.shape, theirs.shape, thorough=n_matches > 1)
@@ -174,11 +137,11 @@ def match(
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
-    found, fine = settled(sides, found) if polish else (found, {})
-    whole = constants.TORN if partial == "auto" else 0.0
+    found, fine = reranked(sides, found) if refine else (found, {})
+    whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
     for i, trust in enumerate(confidences(found)[:n_matches]):
-        chosen = fine.get(found[i]) or refined(sides, found[i], polish=polish)
+        chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
         chosen = with_partners(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])
         result = _result(ours, theirs, chosen, float(trust), ranks)
@@ -187,10 +150,10 @@ def match(
             progress("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        turned, fine = settled(sides, turned) if polish else (turned, {})
-        chosen = fine.get(turned[0]) or refined(sides, turned[0], polish=polish)
+        turned, fine = reranked(sides, turned) if refine else (turned, {})
+        chosen = fine.get(turned[0]) or refined(sides, turned[0], polish=refine)
         other = with_partners(chosen, sides, whole).registered
-        result = replace(result, mirrored=expand(other.forward, other.source.within, ours, theirs))
+        result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         warn(f"landmark {row} is left aside: what fits best leads it elsewhere")
     warn_of_disorder(result)
@@ -205,7 +168,7 @@ def prepare_spectrum(mesh: MeshLike) -> None:
     MeshError, InputError
         See :func:`match`.
     """
-    prepare_shape(mesh, _N_EIGENPAIRS, cache=True)
+    prepare_shape(mesh, _N_EIGENPAIRS)
 
 
 @one_blas_thread()
@@ -214,7 +177,6 @@ def symmetry(
     *,
     n_eigenpairs: int = _N_EIGENPAIRS,
     refine: bool = True,
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Intrinsic reflective symmetry of a shape: its best map to itself that swaps left and right.
@@ -223,7 +185,7 @@ def symmetry(
     ----------
     mesh : mesh-like
         See :func:`match`.
-    n_eigenpairs, refine, cache, progress
+    n_eigenpairs, refine, progress
         See :func:`match`.
 
     Returns
@@ -250,12 +212,12 @@ def symmetry(
     True
     """
     _check_count(n_eigenpairs)
-    one = prepare_shape(mesh, n_eigenpairs, cache)
+    one = prepare_shape(mesh, n_eigenpairs)
     if progress is not None:
         progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
-    found, fine = settled(sides, found) if refine else (found, {})
+    found, fine = reranked(sides, found) if refine else (found, {})
     chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
@@ -285,28 +247,11 @@ def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tup
     )  # type: ignore[return-value]
 
 
-def _match_by_icp(ours: Input, theirs: Input) -> Match:
-    left, right = ours.shape, theirs.shape
-    d = min(_ICP_COMPONENTS, left.k, right.k)
-    forms = [shape.basis[:, :d] / shape.eigenvalues[:d] for shape in (left, right)]
-    found = align(
-        forms[0][left.samples[: constants.SAMPLES]], forms[1][right.samples[: constants.SAMPLES]]
-    )
-    forward, backward, _ = closest_points(found.apply(forms[0]), forms[1])
-    poses = smooth_poses(left, right, found.rotation.T)
-    judged = judge(left, right, Registered(forward, backward, *poses))
-    result = _result(ours, theirs, judged, float("nan"), [])
-    return replace(
-        result,
-        residual=found.residual / float(np.sqrt((1 / right.eigenvalues[:d] ** 2).sum())),
-    )
-
-
 def _result(
     ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
-    there, back = registered.source.within, registered.target.within
+    there, back = registered.source.overlap, registered.target.overlap
     bound = confidence_bound(left, right, chosen)
     k = min(left.k, right.k)
     mine, other = (
@@ -318,7 +263,7 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=float(np.minimum(trust, bound)),  # NaN stays
+        confidence=min(trust, bound),
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,
@@ -327,8 +272,8 @@ def _result(
     )
 
 
-def _share(shape: Shape, within: BoolArray) -> float:
-    return 1.0 if within.all() else float(shape.areas @ within)
+def _share(shape: Shape, overlap: BoolArray) -> float:
+    return 1.0 if overlap.all() else float(shape.areas @ overlap)
 
 
 def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate) -> Match:
@@ -339,8 +284,8 @@ def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate
     faces, weights = theirs.on_own_faces(
         *closest_faces(*landing, theirs.shape.faces, theirs.shape.fans, registered.forward)
     )
-    faces = np.where(registered.source.within, faces, -1)
-    weights = np.where(registered.source.within[:, None], weights, np.nan)
+    faces = np.where(registered.source.overlap, faces, -1)
+    weights = np.where(registered.source.overlap[:, None], weights, np.nan)
     return replace(
         result,
         faces=expand_rows(faces, ours, -1),

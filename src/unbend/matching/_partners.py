@@ -1,8 +1,8 @@
-"""Who has a partner on the other shape, and who has none because that one ends before.
+"""Which vertices have a partner on the other shape, and which lie beyond its boundary.
 
-What a part lacks was cut off along its rim. A patch that has no partner therefore ends, within its
-own shape, where that rim lies; if its outline is much longer than the rim, or nowhere near it, it
-is not what the part lacks, but what has not been matched well, and it stays.
+What a partial shape lacks was cut off along its boundary. So the outline of a patch without partner
+must lie near that boundary and be about as long. Otherwise the patch is not missing from the other
+shape but badly matched, and keeps its partners.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
 
-def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
+def cycle_consistent(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     """Whether there and back again, (n, p) by so many maps, is near where it began."""
     returned = np.take_along_axis(backward, forward, axis=0)
     off = np.linalg.norm(shape.vertices[:, None] - shape.vertices[returned], axis=-1)
@@ -25,47 +25,50 @@ def leads_back(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray
 def keep_matched(
     shape: Shape,
     goal: Shape,
-    within: BoolArray,
+    overlap: BoolArray,
     size: FloatArray,
     point_maps: IntArray,
     near: float,
 ) -> BoolArray:
-    """Leave without partner only what the goal's rim may have cut off.
+    """Leave without partner only what the goal's boundary may have cut off.
 
     Parameters
     ----------
     shape, goal : Shape
-    within : (n, p) ndarray of bool
+    overlap : (n, p) ndarray of bool
         Whether vertices of the shape have a partner, by so many maps.
     size : (p,) ndarray of float64
         How much longer the shape is where the goal is.
     point_maps : (n, p) ndarray of int64
         Vertices of the goal.
     near : float
-        How near the rim some of an outline must be led, in sqrt(area).
+        Largest distance of an outline's image from the boundary, in sqrt(area).
 
     Returns
     -------
     (n, p) ndarray of bool
     """
-    kept = within.copy()
+    kept = overlap.copy()
     graph = shape.edge_weights.indptr, shape.edge_weights.indices
-    longest, off = constants.OUTLINE * goal.rim_length / size, goal.off_rim[point_maps]
+    longest, off = (
+        constants.OUTLINE * goal.boundary_length / size,
+        goal.boundary_distances[point_maps],
+    )
     _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near)
     return kept
 
 
 @compiled
 def _keep_matched(  # type: ignore[no-untyped-def]
-    faces, vertices, start, neighbors, within, longest, off, near
+    faces, vertices, start, neighbors, overlap, longest, off, near
 ):
-    n, n_maps = within.shape
+    n, n_maps = overlap.shape
     patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
     for m in range(n_maps):
         count = 0
         patch[:] = -1
         for i in range(n):
-            if within[i, m] or patch[i] >= 0:
+            if overlap[i, m] or patch[i] >= 0:
                 continue
             patch[i], reached[0], left = count, i, 1
             while left:
@@ -73,7 +76,7 @@ def _keep_matched(  # type: ignore[no-untyped-def]
                 v = reached[left]
                 for e in range(start[v], start[v + 1]):
                     w = neighbors[e]
-                    if not within[w, m] and patch[w] < 0:
+                    if not overlap[w, m] and patch[w] < 0:
                         patch[w], reached[left] = count, w
                         left += 1
             count += 1
@@ -84,11 +87,11 @@ def _keep_matched(  # type: ignore[no-untyped-def]
         for f in range(len(faces)):
             inside = 0
             for c in range(3):
-                inside += within[faces[f, c], m]
+                inside += overlap[faces[f, c], m]
             if inside in (0, 3):
                 continue
             odd = 0
-            while within[faces[f, odd], m] != (inside == 1):
+            while overlap[faces[f, odd], m] != (inside == 1):
                 odd += 1
             u, v = faces[f, (odd + 1) % 3], faces[f, (odd + 2) % 3]
             square = 0.0
@@ -97,9 +100,9 @@ def _keep_matched(  # type: ignore[no-untyped-def]
             p = max(patch[u], patch[faces[f, odd]])
             outline[p] += np.sqrt(square) / 2
             for c in range(3):
-                if within[faces[f, c], m]:
+                if overlap[faces[f, c], m]:
                     nearest[p] = min(nearest[p], off[faces[f, c], m])
         for i in range(n):
             p = patch[i]
             if p >= 0 and outline[p] > 0 and (outline[p] > longest[m] or nearest[p] > near):
-                within[i, m] = True
+                overlap[i, m] = True

@@ -17,19 +17,19 @@ from unbend._parallel import run_all
 from unbend._types import IntArray, Progress
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
-from unbend.matching._carrying import continued, patches_to_hold
-from unbend.matching._extremities import Guess, find_tips, guess_limbs, limb_maps
-from unbend.matching._judge import Candidate, distinct, judge, ranked, rough_costs
+from unbend.matching._extrapolation import extrapolate, patches_to_hold
+from unbend.matching._extremities import Guess, find_extremities, guess_limbs, limb_maps
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._registration import (
     Registered,
-    bearable,
     lift,
+    limited,
     lower,
     mapped_start,
     register,
     rough_start,
 )
+from unbend.matching._score import Candidate, distinct, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -58,7 +58,7 @@ class Sides(NamedTuple):
     turned : bool
         Whether the target is the mirror image of what was given.
     thorough : bool
-        Whether several ways to match are wanted, so that none is clear.
+        Whether several maps are wanted, so that none counts as unambiguous.
     """
 
     source: Levels
@@ -72,7 +72,7 @@ class Sides(NamedTuple):
 
     @property
     def partial(self) -> bool:
-        """Whether either may be a part."""
+        """Whether either may be partial."""
         return self.source.shape.partial or self.target.shape.partial
 
     def reflected(self) -> Sides:
@@ -88,24 +88,24 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     for level in (COARSE, MEDIUM):
         pair = sides.at(level)
         loosest = constants.LOOSEST if sides.partial else ()
-        pulls = bearable(*pair, (*loosest, *constants.LOOSE, *constants.PULLS[1:]))
-        run_all(functools.partial(make_ready, one, pulls) for one in pair)
+        data_weights = limited(*pair, (*loosest, *constants.LOOSE, *constants.DATA_WEIGHTS[1:]))
+        run_all(functools.partial(precompute, one, data_weights) for one in pair)
     for one in sides.at(COARSE):  # once, before several threads do
-        _ = one.averaging(2 * constants.PATCH), one.ways, one.landmark_ways
+        _ = one.averaging(2 * constants.PATCH), one.distances, one.landmark_distances
     return sides
 
 
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
-    """Find the distinct ways in which the finer proxies may correspond, the best first."""
+    """Find distinct candidate maps between the finer proxies, the best first."""
     found: list[Candidate] = []
     level = COARSE
     for i, step in enumerate(PLAN):
-        ways = best(sides, level, found)
-        if step.when(sides, ways):
+        ranks = best(sides, level, found)
+        if step.when(sides, ranks):
             if step.level != level:
                 found, level = moved(sides, found, step.level), step.level
-                ways = best(sides, level, found)
-            found += best(sides, level, step.stage(sides, ways))[: step.keep]
+                ranks = best(sides, level, found)
+            found += best(sides, level, step.stage(sides, ranks))[: step.keep]
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
     if level != MEDIUM:
@@ -117,7 +117,7 @@ def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate
     """Rank candidates at a level, without those that lead where a better one does."""
     coarse = sides.target.proxies[COARSE]
     places = np.arange(len(coarse.kept)) if level == COARSE else coarse.parents
-    return distinct(ranked(found), sides.at(level)[0].areas, coarse.shape.ways, places)
+    return distinct(ranked(found), sides.at(level)[0].areas, coarse.shape.distances, places)
 
 
 def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidate]:
@@ -125,23 +125,23 @@ def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidat
     coarse = sides.source.proxies[COARSE], sides.target.proxies[COARSE]
     if level == COARSE:
         lowered = [lower(one.registered, *coarse) for one in found]
-        return [judge(*sides.at(COARSE), one, sides.turned) for one in lowered]
+        return [scored(*sides.at(COARSE), one, sides.turned) for one in lowered]
     starts = [lift(one.registered, *coarse, *sides.at(MEDIUM)) for one in found]
-    return registered(sides, MEDIUM, starts, constants.PULLS[1:])
+    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS[1:])
 
 
 def registered(
     sides: Sides,
     level: int,
     starts: Sequence[Registered],
-    pulls: tuple[float, ...],
+    data_weights: tuple[float, ...],
     *,
     resize: bool = True,
 ) -> list[Candidate]:
-    """Register the proxies of a level from every start, side by side, and judge what comes out."""
+    """Register the proxies of a level from every start, in parallel, and score the results."""
     shapes = sides.at(level)
-    found = register(*shapes, starts, pulls, constants.STEPS, resize)
-    return run_all(functools.partial(judge, *shapes, one, sides.turned) for one in found)
+    found = register(*shapes, starts, data_weights, constants.STEPS, resize)
+    return run_all(functools.partial(scored, *shapes, one, sides.turned) for one in found)
 
 
 def always(sides: Sides, found: list[Candidate]) -> bool:
@@ -149,28 +149,28 @@ def always(sides: Sides, found: list[Candidate]) -> bool:
     return True
 
 
-def clear(sides: Sides, found: list[Candidate]) -> bool:
+def unambiguous(sides: Sides, found: list[Candidate]) -> bool:
     """Whether the best candidate is good, and far ahead of any other."""
     if sides.thorough:
         return False
     first, *others = (round(one.cost, constants.DIGITS) for one in found)
-    most, ahead = constants.CLEAR
+    most, ahead = constants.UNAMBIGUOUS
     alone = all(other > ahead * first for other in others)
     return alone and first <= most and found[0].orientation > 0
 
 
 def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether none is clear."""
-    return not clear(sides, found)
+    """Whether no candidate is unambiguous."""
+    return not unambiguous(sides, found)
 
 
 def part(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether either shape may be a part."""
+    """Whether either shape may be partial."""
     return sides.partial
 
 
 def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether either shape may be a part, and no candidate is clear."""
+    """Whether either shape may be partial, and no candidate is unambiguous."""
     return sides.partial and ambiguous(sides, found)
 
 
@@ -179,7 +179,7 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     maps = search(sides.source.shape, sides.target.shape)
     coarse = sides.at(COARSE)
     starts = run_all(functools.partial(rough_start, *coarse, one) for one in maps)
-    return registered(sides, COARSE, starts, constants.PULLS[:1])
+    return registered(sides, COARSE, starts, constants.DATA_WEIGHTS[:1])
 
 
 def from_few_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -205,29 +205,29 @@ def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return _from_guesses(sides, guesses, maps, 3 * BEAM)
 
 
-def restarted(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register the best anew, from weak pulls on, that let them relax."""
+def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register the best again from small data weights, which let parts slide."""
     starts = [one.registered for one in found[: BEAM // 2]]
     return registered(
-        sides, MEDIUM, starts, (*constants.LOOSEST, *constants.LOOSE, *constants.PULLS[1:])
+        sides, MEDIUM, starts, (*constants.LOOSEST, *constants.LOOSE, *constants.DATA_WEIGHTS[1:])
     )
 
 
-def redrawn(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register the best once more."""
-    starts = [one.registered for one in found[: 1 if clear(sides, found) else BEAM // 2]]
-    return registered(sides, MEDIUM, starts, constants.PULLS)
+def reregistered(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register the best once more, through all but the smallest data weights."""
+    starts = [one.registered for one in found[: 1 if unambiguous(sides, found) else BEAM // 2]]
+    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
-def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from what the best explain best, continued, and from what comes out again."""
+def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register what extrapolating the best candidates gives, twice."""
     coarse = sides.at(COARSE)
     proposed: list[Candidate] = []
     poses = [one.registered for one in moved(sides, found[: BEAM // 2], COARSE)]
     for _ in range(2):
         held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
         starts = run_all(
-            functools.partial(continued, *coarse, one, patches) for one, patches in held
+            functools.partial(extrapolate, *coarse, one, patches) for one, patches in held
         )
         begun = best(sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE))
         poses = [one.registered for one in begun[:BEAM]]
@@ -237,7 +237,7 @@ def carried_on(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def _from_extremities(sides: Sides, n_begun: int) -> list[Candidate]:
     medium = sides.at(MEDIUM)
-    mine, other = (find_tips(one) for one in medium)
+    mine, other = (find_extremities(one) for one in medium)
     guesses = guess_limbs(mine, other, 6 * n_begun, len(medium[0].landmarks))
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     maps = [
@@ -254,7 +254,7 @@ def _from_guesses(
     if not guesses:
         return []
     coarse = sides.at(COARSE)
-    forward, backward = (np.stack(ways, axis=1) for ways in zip(*maps, strict=True))
+    forward, backward = (np.stack(some, axis=1) for some in zip(*maps, strict=True))
     costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
     starts = [
         mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
@@ -273,11 +273,11 @@ def _make_levels(shape: Shape) -> Levels:
     return Levels(shape, (make_proxy(medium.shape, constants.N_VERTICES[COARSE]), medium))
 
 
-def make_ready(shape: Shape, pulls: tuple[float, ...]) -> None:
-    """Make what several threads would make several times."""
+def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
+    """Compute what several threads would otherwise compute several times."""
     _ = shape.normals, shape.position_coefficients, shape.fans
     _ = [shape.averaging(length) for length in (TURNING, shape.detail)]
-    _ = [shape.system(2 * pull) for pull in pulls]  # both directions pull
+    _ = [shape.system(2 * data_weight) for data_weight in data_weights]  # both directions pull
 
 
 Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
@@ -294,10 +294,10 @@ class Step(NamedTuple):
 
 PLAN = [
     Step(COARSE, from_spectra, always, BEAM // 2),
-    Step(COARSE, from_few_extremities, clear, 2),
+    Step(COARSE, from_few_extremities, unambiguous, 2),
     Step(COARSE, from_extremities, ambiguous, BEAM),
     Step(COARSE, from_points, ambiguous_part, BEAM // 2),
-    Step(MEDIUM, restarted, part, BEAM // 2),
-    Step(MEDIUM, carried_on, ambiguous_part, BEAM),
-    Step(MEDIUM, redrawn, always, BEAM // 2),
+    Step(MEDIUM, relaxed, part, BEAM // 2),
+    Step(MEDIUM, extrapolated, ambiguous_part, BEAM),
+    Step(MEDIUM, reregistered, always, BEAM // 2),
 ]

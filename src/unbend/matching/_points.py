@@ -1,4 +1,4 @@
-"""Hypotheses from points whose surroundings look alike, for parts: tips need not be on both.
+"""Hypotheses from points with similar surroundings, for parts that share no extremities.
 
 Some points of either shape, far apart, are paired with those of the other whose surroundings are
 alike. Pairs support each other that are as far apart on one shape as on the other; from every pair
@@ -37,17 +37,17 @@ class Points(NamedTuple):
     Attributes
     ----------
     fields : (n, p) ndarray of float64
-        Lengths of the shortest ways along edges from every vertex to them.
-    ways : (p, p) ndarray of float64
-        And between them.
+        Geodesic distances from every vertex to them, along edges.
+    distances : (p, p) ndarray of float64
+        Geodesic distances between them.
     surroundings : (p, r, 6) ndarray of float64
         What lies around each, within each of some distances, in their unit.
     whole : (p, r) ndarray of bool
-        Whether it ends at no rim.
+        Whether it does not reach a boundary.
     """
 
     fields: FloatArray
-    ways: FloatArray
+    distances: FloatArray
     surroundings: FloatArray
     whole: BoolArray
 
@@ -72,23 +72,26 @@ def find_points(shape: Shape, count: int) -> Points:
         chosen.append(int(nearest.argmax()))
         fields.append(dijkstra(lengths, directed=False, indices=chosen[-1]))
         nearest = np.minimum(nearest, snap(fields[-1]))
-    ways = np.array(fields)[:, chosen]
+    distances = np.array(fields)[:, chosen]
     described = [_describe(shape, one, field) for one, field in zip(chosen, fields, strict=True)]
     surroundings, whole = (np.array(part) for part in zip(*described, strict=True))
     return Points(
-        np.ascontiguousarray(np.transpose(fields)), (ways + ways.T) / 2, surroundings, whole
+        np.ascontiguousarray(np.transpose(fields)),
+        (distances + distances.T) / 2,
+        surroundings,
+        whole,
     )
 
 
 def point_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntArray, IntArray]:
-    """Map both ways by what is as far from points that correspond.
+    """Map vertices both ways by their distances from points that correspond.
 
     Parameters
     ----------
     ours, theirs : (n, p) and (m, p) ndarrays of float64
-        Lengths of the ways to the points.
+        Geodesic distances to the points.
     size : float
-        How much longer ways are on the target.
+        Ratio of distances on the target to those on the source.
     """
     left, right = (
         np.exp(-(size**0.5) * ours / constants.LIMB),
@@ -122,8 +125,8 @@ def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray,
             seen @ facing / total[:, 0],
         ]
     )
-    rim = field[shape.on_rim]
-    return described, radii < (rim.min() if len(rim) else np.inf)
+    ends = field[shape.on_boundary]
+    return described, radii < (ends.min() if len(ends) else np.inf)
 
 
 def guess_points(ours: Points, theirs: Points, sizes: range, count: int) -> list[Guess]:
@@ -132,7 +135,7 @@ def guess_points(ours: Points, theirs: Points, sizes: range, count: int) -> list
     found.sort(key=lambda one: -round(one[0], constants.DIGITS))
     kept: list[tuple[set[int], Guess]] = []
     for _, guess in found:
-        pairs = set((guess.source * len(theirs.ways) + guess.target).tolist())
+        pairs = set((guess.source * len(theirs.distances) + guess.target).tolist())
         if all(len(pairs & other) < _HALF * len(pairs) for other, _ in kept):
             kept.append((pairs, guess))
             if len(kept) == count:
@@ -149,8 +152,8 @@ def _consistent(ours: Points, theirs: Points, step: int) -> list[tuple[float, Gu
     usual = max(float(np.median(unlike.min(axis=1))), _LEAST)
     alike = np.exp(-np.take_along_axis(unlike, partners, 1) / (2 * usual))
     mine, other, alike = np.arange(n).repeat(k), partners.ravel(), alike.ravel()
-    here = ours.ways[np.ix_(mine, mine)] * size**0.5
-    there = theirs.ways[np.ix_(other, other)] / size**0.5
+    here = ours.distances[np.ix_(mine, mine)] * size**0.5
+    there = theirs.distances[np.ix_(other, other)] / size**0.5
     deviation = np.abs(here - there) / np.maximum(np.minimum(here, there), constants.PATCH)
     support = np.maximum(1 - (deviation / _DEVIATION) ** 2, 0)
     support *= np.exp(-(here + there) / (8 * constants.LIMB)) * np.sqrt(alike[:, None] * alike)
@@ -181,11 +184,11 @@ def _consistent(ours: Points, theirs: Points, step: int) -> list[tuple[float, Gu
 
 def _unlike(ours: Points, theirs: Points, step: int) -> FloatArray:
     """Mean difference of surroundings, (p, q), of a shape that is so many steps larger."""
-    difference, weight = np.zeros((2, len(ours.ways), len(theirs.ways)))
+    difference, weight = np.zeros((2, len(ours.distances), len(theirs.distances)))
     for i in range(max(0, -step), min(_N_RADII, _N_RADII - step)):
         apart = np.abs(ours.surroundings[:, None, i] - theirs.surroundings[:, i + step])
         whole = ours.whole[:, None, i] & theirs.whole[:, i + step]
-        # How much there is tells nothing where a surface ends; the rest tells less.
+        # Near a boundary the area says nothing, and the other features count half.
         difference += np.where(whole, apart.sum(axis=2), apart[:, :, 1:].sum(axis=2) / 2)
         weight += np.where(whole, 1, 0.5)
     return np.asarray(difference / weight, dtype=np.float64)

@@ -12,28 +12,28 @@ from unbend._parallel import run_all
 from unbend._types import BoolArray
 from unbend.alignment import nearest_rotation
 from unbend.matching import _constants as constants
-from unbend.matching._judge import Candidate, fine_energy, judge, ranked
 from unbend.matching._partners import keep_matched
-from unbend.matching._plan import MEDIUM, Sides, make_ready
+from unbend.matching._plan import MEDIUM, Sides, precompute
 from unbend.matching._registration import (
     Registered,
-    bearable,
     lift,
+    limited,
     register,
     smooth_start,
 )
-from unbend.matching._search import grow
+from unbend.matching._score import Candidate, ranked, scored
+from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
 _GROWTH = 1.25  # of the number of functions in a step
-_SMOOTHED = 2  # times that who has a partner is averaged with the neighbours, for rims are ragged
+_SMOOTHED = 2  # Times that the overlap mask is averaged over neighbours: its outline is ragged.
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves, and register these.
 
     Whole shapes are registered once more from their functional map, grown through all
-    eigenfunctions, which slides less where the two metrics agree. The judge takes the better one.
+    eigenfunctions, which slides less where the two metrics agree. The better score wins.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
@@ -41,18 +41,20 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     proxies = sides.source.proxies[MEDIUM], sides.target.proxies[MEDIUM]
     found = lift(candidate.registered, *proxies, ours, theirs)
     if not polish:
-        return judge(ours, theirs, found, candidate.reflected)
-    pulls = bearable(ours, theirs, constants.PULLS, constants.EDGES)
-    run_all(functools.partial(make_ready, one, pulls) for one in (ours, theirs))
-    (found,) = register(ours, theirs, [found], pulls, constants.STEPS // 2)
-    first = judge(ours, theirs, found, candidate.reflected)
+        return scored(ours, theirs, found, candidate.reflected)
+    data_weights = limited(ours, theirs, constants.DATA_WEIGHTS, constants.EDGES)
+    run_all(functools.partial(precompute, one, data_weights) for one in (ours, theirs))
+    (found,) = register(ours, theirs, [found], data_weights, constants.STEPS // 2)
+    first = scored(ours, theirs, found, candidate.reflected)
     if sides.partial:
         return first
-    (found,) = register(ours, theirs, [grown_start(ours, theirs, found)], pulls, constants.STEPS)
-    return ranked([first, judge(ours, theirs, found, candidate.reflected)])[0]
+    (found,) = register(
+        ours, theirs, [zoomout_start(ours, theirs, found)], data_weights, constants.STEPS
+    )
+    return ranked([first, scored(ours, theirs, found, candidate.reflected)])[0]
 
 
-def grown_start(source: Shape, target: Shape, found: Registered) -> Registered:
+def zoomout_start(source: Shape, target: Shape, found: Registered) -> Registered:
     """Poses and maps of a registration's functional map, grown through all eigenfunctions."""
     most = min(source.k, target.k)
     sizes = [min(constants.FUNCTIONS[1], most)]
@@ -61,7 +63,7 @@ def grown_start(source: Shape, target: Shape, found: Registered) -> Registered:
     ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
     left = source.basis[np.concatenate([ours, found.backward[theirs]]), : sizes[0]]
     right = target.basis[np.concatenate([found.forward[ours], theirs]), : sizes[0]]
-    grown = grow(
+    grown = zoomout(
         (source.eigenvalues, source.basis[ours]),
         (target.eigenvalues, target.basis[theirs]),
         nearest_rotation((left.T @ right)[None], reflect=True)[0],
@@ -70,19 +72,19 @@ def grown_start(source: Shape, target: Shape, found: Registered) -> Registered:
     return smooth_start(source, target, grown, found)
 
 
-def settled(
+def reranked(
     sides: Sides, ranks: list[Candidate]
 ) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
-    """Rank those candidates anew, on the full meshes, that cost nearly the same.
+    """Re-rank candidates of nearly the same cost on the full meshes.
 
-    Nothing is told by those of parts whose bodies differ so much that, drawn onto each other, they
-    explain less than the proxies did.
+    The ranking stays if either shape is partial and the bodies differ so much that registration on
+    the full meshes explains less than on the proxies.
 
     Returns
     -------
     list of Candidate
-        All of them, the best first. Energies are still those of proxies: what was told from the
-        full meshes is the proxies' energy of what was the best, so many times more or less.
+        All candidates, the best first. The energies of those that were re-ranked are scaled so that
+        the former best keeps its energy on the proxies.
     dict
         Of those, what :func:`refined` makes of them.
     """
@@ -94,27 +96,19 @@ def settled(
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
     if sides.partial and min(one.energy for one in fine) > ranks[0].energy:
         return ranks, dict(zip(nearly, fine, strict=True))
-    energies = run_all(functools.partial(_fine_energy, sides, one) for one in fine)
-    unit = ranks[0].energy / energies[0]
+    unit = ranks[0].energy / fine[0].energy
     known = {
-        replace(rough, energy=unit * energy): one
-        for rough, one, energy in zip(nearly, fine, energies, strict=True)
+        replace(rough, energy=unit * one.energy): one
+        for rough, one in zip(nearly, fine, strict=True)
     }
     return ranked([*known, *ranks[len(nearly) :]]), known
 
 
-def _fine_energy(sides: Sides, candidate: Candidate) -> float:
-    """See the judge; the sides are taken as the candidate takes them."""
-    if candidate.reflected != sides.turned:
-        sides = sides.reflected()
-    return fine_energy(sides.source.shape, sides.target.shape, candidate.registered)
-
-
-def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
+def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate:
     """Give vertices a partner, or none, as most around them have.
 
-    None have only patches that end at a rim of the other shape, and only if that is more than a
-    share of the area.
+    Only patches that end at a boundary of the other shape have none, and only if they are more than
+    the share `least` of the area.
     """
     found = candidate.registered
     ours, theirs = sides.source.shape, sides.target.shape
@@ -123,17 +117,17 @@ def with_partners(candidate: Candidate, sides: Sides, torn: float) -> Candidate:
         (found.source, ours, theirs, found.forward),
         (found.target, theirs, ours, found.backward),
     ):
-        within = _as_most_around(shape, pose.within)[:, None]
+        overlap = _as_most_around(shape, pose.overlap)[:, None]
         near = shape.edge + goal.edge  # maps are no longer rough
         size, maps = np.array([pose.size]), point_map[:, None]
-        within = keep_matched(shape, goal, within, size, maps, near)[:, 0]
-        none = float(shape.areas @ ~within)
-        poses.append(pose._replace(within=within if none > torn else np.ones_like(within)))
+        overlap = keep_matched(shape, goal, overlap, size, maps, near)[:, 0]
+        none = float(shape.areas @ ~overlap)
+        poses.append(pose._replace(overlap=overlap if none > least else np.ones_like(overlap)))
     return replace(candidate, registered=Registered(*found[:2], *poses))
 
 
-def _as_most_around(shape: Shape, within: BoolArray) -> BoolArray:
-    neighbors, share = shape.edge_weights != 0, within.astype(np.float64)
+def _as_most_around(shape: Shape, overlap: BoolArray) -> BoolArray:
+    neighbors, share = shape.edge_weights != 0, overlap.astype(np.float64)
     for _ in range(_SMOOTHED):
         share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
     return np.asarray(snap(share) > 0.5)

@@ -18,7 +18,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.deformation import normals_into, scatter, walk
 from unbend.matching import _constants as constants
-from unbend.matching._partners import keep_matched, leads_back
+from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._search import spectral_weights
 from unbend.matching._shape import Proxy, Shape
 
@@ -34,15 +34,15 @@ class Pose(NamedTuple):
     places : (n, 3) ndarray of float64
     rotations : (n, 3, 3) ndarray of float64
         How the neighbourhood of each vertex is turned.
-    within : (n,) ndarray of bool
-        Whether a vertex has a partner: is not beyond the rim of a partial shape.
+    overlap : (n,) ndarray of bool
+        Whether a vertex has a partner, and does not lie beyond the boundary of a partial shape.
     size : float
         How much longer things are in the pose.
     """
 
     places: FloatArray
     rotations: FloatArray
-    within: BoolArray
+    overlap: BoolArray
     size: float = 1.0
 
 
@@ -141,36 +141,36 @@ def lower(found: Registered, source: Proxy, target: Proxy) -> Registered:
     )
 
 
-def bearable(
-    source: Shape, target: Shape, pulls: Sequence[float], edges: float = 1.0
+def limited(
+    source: Shape, target: Shape, data_weights: Sequence[float], edges: float = 1.0
 ) -> tuple[float, ...]:
-    """Leave out pulls that balance with stiffness over fewer edges than so many, if one is a part.
+    """Limit data weights, if either shape is partial, to those that act over so many edges or more.
 
-    These follow how maps are rounded to vertices, and a part's rim follows its neighbours.
+    Larger ones fit the rounding of maps to vertices, and boundaries follow that.
     """
     if not (source.partial or target.partial):
-        return tuple(pulls)
+        return tuple(data_weights)
     most = 1 / (edges * max(source.edge, target.edge)) ** 2
-    return tuple(dict.fromkeys(min(pull, most) for pull in pulls))
+    return tuple(dict.fromkeys(min(data_weight, most) for data_weight in data_weights))
 
 
 def register(
     source: Shape,
     target: Shape,
     starts: Sequence[Registered],
-    pulls: Sequence[float],
+    data_weights: Sequence[float],
     steps: int,
     resize: bool = True,
 ) -> list[Registered]:
-    """Draw two shapes together: so many steps for each pull, then the closest points.
+    """Deform two shapes onto each other: so many steps for each data weight, then closest points.
 
     Parameters
     ----------
     source, target : Shape
     starts : sequence of Registered
         Each is gone on with by itself, side by side, and is not changed.
-    pulls : sequence of float
-        In units of 1 / area, rising; see :func:`bearable`.
+    data_weights : sequence of float
+        In units of 1 / area, rising; see :func:`limited`.
     steps : int
     resize : bool, default=True
         Whether a part's size, next to the other shape's, is found anew in every step.
@@ -181,10 +181,10 @@ def register(
     backward = np.stack([one.backward for one in starts], axis=1)
     ours = _Moving(source, target, [one.source for one in starts])
     theirs = _Moving(target, source, [one.target for one in starts])
-    for pull in bearable(source, target, pulls):
+    for data_weight in limited(source, target, data_weights):
         for _ in range(steps):
-            ours.step(pull, forward, backward, theirs.within)
-            theirs.step(pull, backward, forward, ours.within)
+            ours.step(data_weight, forward, backward, theirs.overlap)
+            theirs.step(data_weight, backward, forward, ours.overlap)
             if resize and (source.partial or target.partial):
                 ours.size = np.sqrt(ours.stretch() / theirs.stretch())
                 theirs.size = 1 / ours.size
@@ -225,27 +225,27 @@ class _Moving:
         self.shape, self.goal = shape, goal
         self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
-        self.within = np.stack([one.within for one in poses], axis=1)
+        self.overlap = np.stack([one.overlap for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
         self.resting = np.hstack([shape.vertices, constants.NORMAL_WEIGHT * shape.normals])
         self.covariances: FloatArray  # of the last step
 
     def step(
-        self, pull: float, forward: IntArray, backward: IntArray, partners_within: BoolArray
+        self, data_weight: float, forward: IntArray, backward: IntArray, goal_overlap: BoolArray
     ) -> None:
         """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
         shape, goal = self.shape, self.goal
-        # Both directions pull, each with the whole area: on average twice a vertex's own. What
-        # pulls more or less than that is made up for by a pull to where the vertex is.
-        own = shape.areas[:, None] * self.within
+        # Both directions pull, each with the whole area: twice a vertex's own on average. A pull to
+        # where the vertex is makes up the difference, so that the system stays the same.
+        own = shape.areas[:, None] * self.overlap
         force = own[..., None] * goal.vertices[forward]
-        pulls, total = scatter(
-            backward, goal.areas[:, None] * partners_within, goal.vertices, len(shape.vertices)
+        data_weights, total = scatter(
+            backward, goal.areas[:, None] * goal_overlap, goal.vertices, len(shape.vertices)
         )
-        force += pulls + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
+        force += data_weights + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
         before = self.places
         self.places, _, self.covariances = shape.step(
-            shape.system(2 * pull), pull * force, self.rotations, self.size
+            shape.system(2 * data_weight), data_weight * force, self.rotations, self.size
         )
         self.ahead = self.places + constants.MOMENTUM * (self.places - before)
 
@@ -255,31 +255,31 @@ class _Moving:
         stretched = np.einsum("...ba,...ab->...", self.rotations, self.covariances)
         ratio = np.maximum(stretched / shape.patch_sizes[:, None], _LEAST_SIZE)
         order = np.argsort(ratio, axis=0)
-        weights = shape.areas[:, None] * self.within
+        weights = shape.areas[:, None] * self.overlap
         share = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
         middle, every = (share < share[-1] / 2).sum(axis=0), np.arange(share.shape[1])
         return np.asarray(ratio[order[middle, every], every])
 
     def beyond(self, other: _Moving, forward: IntArray) -> FloatArray:
-        """How far vertices lie off the goal beyond its rim, the mean of both poses."""
+        """How far vertices lie beyond the goal's boundary, the mean of both poses."""
         goal, every = self.goal, np.arange(len(self.size))
-        rims = [goal.conormals(other.places[:, i]) / other.size[i] for i in every]
+        conormals = [goal.conormals_in(other.places[:, i]) / other.size[i] for i in every]
         back = self.shape.vertices[:, None] - other.places[forward, every]
-        there = ((self.places - goal.vertices[forward]) * goal.rim[forward]).sum(axis=-1)
-        off = (back * np.stack(rims, axis=1)[forward, every]).sum(axis=-1)
+        there = ((self.places - goal.vertices[forward]) * goal.conormals[forward]).sum(axis=-1)
+        off = (back * np.stack(conormals, axis=1)[forward, every]).sum(axis=-1)
         return np.asarray(there + off) / 2
 
     def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
-        within = leads_back(self.shape, forward, backward) & ~off
-        self.within = keep_matched(
-            self.shape, self.goal, within, self.size, forward, constants.LIMB
+        overlap = cycle_consistent(self.shape, forward, backward) & ~off
+        self.overlap = keep_matched(
+            self.shape, self.goal, overlap, self.size, forward, constants.LIMB
         )
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""
         places, rotations = (np.ascontiguousarray(o[:, i]) for o in (self.places, self.rotations))
-        return Pose(places, rotations, self.within[:, i].copy(), float(self.size[i]))
+        return Pose(places, rotations, self.overlap[:, i].copy(), float(self.size[i]))
 
     def rows(self, ahead: int, rest: int) -> FloatArray:
         """Positions and normals ahead and at rest, (n, poses, 12), from two of the columns on."""
@@ -304,10 +304,10 @@ def _closest(
         left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
         nearest = walk(left, right, forward, mine, other)
-        ours.keep_matched(theirs.shape.on_rim[nearest], forward, backward)
+        ours.keep_matched(theirs.shape.on_boundary[nearest], forward, backward)
     if ours.shape.partial:
         nearest = walk(right, left, backward, other, mine)
-        theirs.keep_matched(ours.shape.on_rim[nearest], backward, forward)
+        theirs.keep_matched(ours.shape.on_boundary[nearest], backward, forward)
     return forward, backward
 
 
@@ -320,14 +320,14 @@ def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
 
 
 def _taken(pose: Pose, kept: IntArray) -> Pose:
-    return Pose(pose.places[kept], pose.rotations[kept], pose.within[kept], pose.size)
+    return Pose(pose.places[kept], pose.rotations[kept], pose.overlap[kept], pose.size)
 
 
 def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
     parents, rotations = proxy.parents, pose.rotations[proxy.parents]
     offsets = shape.vertices - proxy.shape.vertices[parents]
     places = pose.places[parents] + pose.size * np.einsum("nij,nj->ni", rotations, offsets)
-    return Pose(places, rotations, pose.within[parents], pose.size)
+    return Pose(places, rotations, pose.overlap[parents], pose.size)
 
 
 def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
@@ -337,7 +337,7 @@ def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
     """
     k = min(source.k, target.k)
     ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
-    ours, theirs = ours[found.source.within[ours]], theirs[found.target.within[theirs]]
+    ours, theirs = ours[found.source.overlap[ours]], theirs[found.target.overlap[theirs]]
     if not len(ours) or not len(theirs):
         return 1.0
     rows = np.concatenate([ours, found.backward[theirs]])

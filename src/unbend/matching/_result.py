@@ -50,13 +50,13 @@ class Match(Drawn):
         directions; 0 for a perfect match, about 1 for none.
     confidence : float
         Estimate, 0 to 1, of the probability that the map is right as a whole: that its mean
-        geodesic error is below 0.08 of the square root of the area. NaN for ``method="icp"``.
+        geodesic error is below 0.08 of the square root of the area.
     confidence_bound : float
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
         tenth of the surface is turned inside out, crowded together, or not led back to where it
         began; then part of the map is wrong. `confidence` is never higher.
     hypotheses : tuple of Hypothesis
-        The one that was taken, then the runners-up as ranked. Empty for ``method="icp"``.
+        The one that was taken, then the runners-up as ranked.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
         When asked for: the target face that each source vertex falls on, and its barycentric
         coordinates there; -1 and NaN at source vertices that no face uses.

@@ -133,7 +133,7 @@ def _distinct(maps: FloatArray, order: npt.NDArray[np.intp], count: int) -> list
     return kept
 
 
-def grow(
+def zoomout(
     source: tuple[FloatArray, FloatArray],
     target: tuple[FloatArray, FloatArray],
     functional_map: FloatArray,

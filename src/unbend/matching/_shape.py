@@ -21,8 +21,8 @@ from unbend.mesh.decimation import decimate
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
 _SMALLEST_EIGENVALUE = 0.1
-# Attributes that a mirror image has of its own.
-_HANDED = {"vertices", "faces", "normals", "boundary", "rim", "position_coefficients"}
+# Attributes that differ between a shape and its mirror image.
+_HANDED = {"vertices", "faces", "normals", "boundary_edges", "conormals", "position_coefficients"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class Shape(ElasticSurface):
     basis : (n, k) ndarray of float64
         The non-constant eigenfunctions, orthonormal under `areas`.
     partial : bool
-        Whether the shape may go on where the surface ends: what another shape has beyond that rim
-        then has no partner here.
+        Whether the shape may continue beyond its boundary. What another shape has there then has
+        no partner here.
     landmarks : (l,) ndarray of int64
         Vertices that are said to correspond to those of another shape, row by row.
     """
@@ -58,13 +58,13 @@ class Shape(ElasticSurface):
         return vertex_normals(self.vertices, self.faces)
 
     @cached
-    def rim(self) -> FloatArray:
-        """Unit vectors (n, 3) that lead off a partial surface where it ends, 0 where it goes on."""
-        return self.conormals(self.vertices)
+    def conormals(self) -> FloatArray:
+        """Outward unit conormals (n, 3) at the boundary of a partial surface, 0 elsewhere."""
+        return self.conormals_in(self.vertices)
 
-    def conormals(self, places: FloatArray) -> FloatArray:
-        """Find unit vectors (n, 3) that lead off the surface in a pose where it ends, or 0."""
-        start, end, face = self.boundary.T
+    def conormals_in(self, places: FloatArray) -> FloatArray:
+        """Compute the outward unit conormals (n, 3) at the boundary in a pose, 0 elsewhere."""
+        start, end, face = self.boundary_edges.T
         corners = places[self.faces[face]]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -75,8 +75,8 @@ class Shape(ElasticSurface):
         return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
     @cached
-    def boundary(self) -> IntArray:
-        """Edges (e, 3) where a partial surface ends: both ends, in their face's order, and it."""
+    def boundary_edges(self) -> IntArray:
+        """Boundary edges (e, 3) of a partial surface: start and end in a face's order, and face."""
         if not self.partial:
             return np.empty((0, 3), dtype=np.int64)
         edges = find_edges(self.faces, len(self.vertices))
@@ -85,23 +85,23 @@ class Shape(ElasticSurface):
         return np.stack([*ends, face], axis=1)
 
     @cached
-    def on_rim(self) -> BoolArray:
-        """Whether a vertex (n,) lies where a partial surface ends."""
+    def on_boundary(self) -> BoolArray:
+        """Whether a vertex (n,) lies on the boundary of a partial surface."""
         found = np.zeros(len(self.vertices), dtype=bool)
-        found[self.boundary[:, :2]] = True
+        found[self.boundary_edges[:, :2]] = True
         return found
 
     @cached
-    def off_rim(self) -> FloatArray:
-        """Distance (n,) to the nearest vertex where a partial surface ends."""
-        if not self.on_rim.any():
+    def boundary_distances(self) -> FloatArray:
+        """Distance (n,) to the nearest boundary vertex of a partial surface."""
+        if not self.on_boundary.any():
             return np.full(len(self.vertices), np.inf)
-        return np.asarray(cKDTree(self.vertices[self.on_rim]).query(self.vertices)[0])
+        return np.asarray(cKDTree(self.vertices[self.on_boundary]).query(self.vertices)[0])
 
     @cached
-    def rim_length(self) -> float:
-        """Length of all along which a partial surface ends."""
-        start, end, _ = self.boundary.T
+    def boundary_length(self) -> float:
+        """Length of the boundary of a partial surface."""
+        start, end, _ = self.boundary_edges.T
         return float(np.linalg.norm(self.vertices[start] - self.vertices[end], axis=1).sum())
 
     @cached
@@ -117,13 +117,13 @@ class Shape(ElasticSurface):
         return sp.csr_array((lengths, (i, j)), shape=self.edge_weights.shape)
 
     @cached
-    def ways(self) -> FloatArray:
-        """Lengths of the shortest ways along edges between all vertices, (n, n), of few."""
+    def distances(self) -> FloatArray:
+        """Geodesic distances along edges between all vertices, (n, n); for small meshes."""
         return np.asarray(dijkstra(self.edge_lengths, directed=False))
 
     @cached
-    def landmark_ways(self) -> FloatArray:
-        """Lengths (l, n) of the shortest ways along edges from the landmarks to all vertices."""
+    def landmark_distances(self) -> FloatArray:
+        """Geodesic distances (l, n) along edges from the landmarks to all vertices."""
         return np.asarray(dijkstra(self.edge_lengths, directed=False, indices=self.landmarks))
 
     @cached
@@ -146,7 +146,7 @@ class Shape(ElasticSurface):
 
     @cached
     def detail(self) -> float:
-        """Size of the patches by which maps are judged."""
+        """Radius of the patches that maps are scored by."""
         return max(constants.PATCH, constants.EDGES * self.edge)
 
     def reflected(self) -> Shape:
@@ -212,7 +212,7 @@ def make_shape(
     eigenfunctions : (n, k + 1) ndarray of float64
         Area-orthonormal at unit area.
     partial : bool, default=False
-        Whether it is a part of what it shows, if it has a rim that is long enough.
+        Whether it may be a part, if its boundary is long enough.
     """
     corners = vertices[faces]
     twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -231,7 +231,9 @@ def make_shape(
         partial=partial,
     )
     return (
-        replace(shape, partial=False) if partial and shape.rim_length <= constants.THIN else shape
+        replace(shape, partial=False)
+        if partial and shape.boundary_length <= constants.THIN
+        else shape
     )
 
 

@@ -1,1 +1,44 @@
-"""Pictures and reports of results."""
+"""Pictures and pages of results."""
+
+from unbend.report.collection_figures import draw_distances
+from unbend.report.figures import (
+    draw_canonical_forms,
+    draw_mesh,
+    new_figure,
+    position_colors,
+    same_scale,
+    save_figure,
+)
+from unbend.report.form_figures import draw_form
+from unbend.report.match_figures import (
+    draw_error_curves,
+    draw_match,
+    draw_similarities,
+    match_colors,
+    pattern_colors,
+)
+from unbend.report.pages import Page, form_page, match_page, mesh_page, search_page, similarity_page
+from unbend.report.variation_figures import draw_variation
+
+__all__ = [
+    "Page",
+    "draw_canonical_forms",
+    "draw_distances",
+    "draw_error_curves",
+    "draw_form",
+    "draw_match",
+    "draw_mesh",
+    "draw_similarities",
+    "draw_variation",
+    "form_page",
+    "match_colors",
+    "match_page",
+    "mesh_page",
+    "new_figure",
+    "pattern_colors",
+    "position_colors",
+    "same_scale",
+    "save_figure",
+    "search_page",
+    "similarity_page",
+]

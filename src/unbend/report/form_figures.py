@@ -8,7 +8,7 @@ import numpy as np
 
 from unbend._types import BoolArray, FloatArray
 from unbend.alignment import procrustes
-from unbend.canonical import CanonicalForm
+from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
@@ -26,13 +26,18 @@ _VIEW = (60.0, 15.0)
 
 
 def draw_form(
-    mesh: MeshLike, form: CanonicalForm, path: str | os.PathLike[str], *, up: str = "y"
+    mesh: MeshLike,
+    form: CanonicalForm,
+    path: str | os.PathLike[str],
+    *,
+    posed: FloatArray | None = None,
+    up: str = "y",
 ) -> None:
     """Write a picture of a shape and, beside it, its canonical form, in the same colours.
 
     The form is turned or mirrored as a whole to lie as the shape does, and drawn 2.5 pixels
-    thicker on each side than it is, for its limbs are threads. A form with its `surface` shows
-    that too. Each is drawn as large as its place allows.
+    thicker on each side than it is, for its limbs are threads. Each is drawn as large as its place
+    allows.
 
     Parameters
     ----------
@@ -42,6 +47,8 @@ def draw_form(
         Of that mesh; of more than three dimensions the first three are drawn.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
+    posed : (n, 3) ndarray of float64, optional
+        The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be drawn too.
     up : {"x", "y", "z"}, default="y"
         The shape's axis that points upward.
 
@@ -71,8 +78,8 @@ def draw_form(
         (as_written(mesh.name), mesh.vertices, 0.0),
         ("its canonical form", places, FORM_THICKER),
     ]
-    if form.surface is not None:
-        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+    if posed is not None:
+        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
         columns.append(("the surface in its form's pose", laid, 0.0))
     colors = position_colors(np.where(inside[:, None], mesh.vertices, np.nan))
     figure = new_figure(4.0 * len(columns), 3.9)
@@ -93,13 +100,7 @@ def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
         If the mesh has no faces, the form is not of this mesh, or there is no such axis.
     """
     mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
-    if len(form.points) != mesh.n_vertices:
-        raise InputError(
-            f"the form has {len(form.points)} points, but {mesh.name} has "
-            f"{mesh.n_vertices} vertices"
-        )
+    check_form(mesh, form)
     if up not in UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
     return mesh

@@ -97,7 +97,7 @@ def match_colors(
 
     Examples
     --------
-    >>> from unbend import match_colors
+    >>> from unbend.report import match_colors
     >>> from unbend.datasets import make_sphere
     >>> ball = make_sphere(1)
     >>> ours, theirs = match_colors(ball, ball, range(42))

@@ -1,6 +1,6 @@
 """A mesh's Laplacian and its eigenpairs, computed once and kept on disk."""
 
-from unbend.spectral._cache import cache_folder, cache_info, clear_cache
+from unbend.spectral._cache import cache_folder, cache_info, clear_cache, use_cache
 from unbend.spectral._laplacian import Laplacian, laplacian
 from unbend.spectral._point_cloud import Triangulation, triangulate_points
 from unbend.spectral._spectrum import Spectrum, eigenpairs, spectrum
@@ -21,4 +21,5 @@ __all__ = [
     "named",
     "spectrum",
     "triangulate_points",
+    "use_cache",
 ]

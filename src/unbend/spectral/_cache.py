@@ -12,7 +12,7 @@ import hashlib
 import os
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from unbend.io import atomic_write
 from unbend.mesh import Mesh
 
 # Total size that the cache may grow to, unless UNBEND_CACHE_GIB says another; the files used
-# longest ago go first.
+# longest ago go first. If it is 0, the cache is off.
 _MOST_BYTES = 2 * 2**30
 # A temporary file this old was left behind by a process that was killed.
 _ABANDONED_SECONDS = 3600.0
@@ -56,6 +56,44 @@ def cache_folder() -> Path:
     return Path(os.environ.get("UNBEND_CACHE_DIR") or platformdirs.user_cache_path("unbend"))
 
 
+@contextmanager
+def use_cache(
+    folder: str | os.PathLike[str] | None = None, *, gib: float | None = None
+) -> Iterator[None]:
+    """Keep spectra elsewhere, or not at all, within a ``with`` block.
+
+    Sets the environment variables ``UNBEND_CACHE_DIR`` and ``UNBEND_CACHE_GIB`` for this process
+    and those that it starts meanwhile.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Where to keep spectra.
+    gib : float, optional
+        Size that the cache may grow to; 0 switches it off.
+
+    Examples
+    --------
+    >>> from unbend import spectrum
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.spectral import use_cache
+    >>> with use_cache(gib=0):  # nothing is read from disk, and nothing is kept
+    ...     found = spectrum(make_sphere(2), 5)
+    """
+    given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
+    settings = {name: str(value) for name, value in given.items() if value is not None}
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
 def _most_bytes() -> int:
     try:
         return int(float(os.environ["UNBEND_CACHE_GIB"]) * 2**30)
@@ -84,6 +122,8 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
     -------
     tuple of (k,) and (n, k) ndarray of float64, or None
     """
+    if not _most_bytes():
+        return None
     path = _path(key)
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:

@@ -69,7 +69,6 @@ def spectrum(
     laplacian: LaplacianKind = "auto",
     area_kind: AreaKind = "voronoi",
     tolerance: float = _RESIDUAL,
-    cache: bool = True,
 ) -> Spectrum:
     """Lowest `n_eigenpairs` eigenvalues and eigenfunctions of the Laplace-Beltrami operator.
 
@@ -85,9 +84,6 @@ def spectrum(
     tolerance : float, default=1e-8
         Largest relative residual ``|W phi - lambda A phi| / |lambda A phi|``, in the norm of
         A^-1, that an eigenpair may have.
-    cache : bool, default=True
-        Look in the cache on disk first, and keep what was computed there. What it holds changes
-        no result.
 
     Returns
     -------
@@ -113,6 +109,10 @@ def spectrum(
     the one that does so among those orthogonal to it; of several such vertices the first decides.
     Eigenvalues count as equal if they differ by less than a tenth of `tolerance`.
 
+    Eigenpairs are kept on disk, in the folder that the environment variable ``UNBEND_CACHE_DIR``
+    names. The cache changes no result. ``UNBEND_CACHE_GIB`` sets its largest size; 0 switches it
+    off, and so does :func:`unbend.spectral.use_cache` for a while.
+
     Examples
     --------
     >>> from unbend import spectrum
@@ -123,7 +123,7 @@ def spectrum(
     if not is_number(tolerance) or not 0 <= tolerance < 1:
         raise InputError(f"tolerance must be from 0 to 1, not {tolerance!r}")
     surface = make_surface(mesh, laplacian=laplacian, area_kind=area_kind, connected=False)
-    unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance, cache=cache)
+    unit = eigenpairs(surface, n_eigenpairs, tolerance=tolerance)
     expand = surface.prepared.expand
     return Spectrum(
         eigenvalues=unit.eigenvalues / surface.area,
@@ -134,9 +134,7 @@ def spectrum(
     )
 
 
-def eigenpairs(
-    surface: Surface, k: int, *, tolerance: float = _RESIDUAL, cache: bool = True
-) -> Spectrum:
+def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spectrum:
     """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
     operator = surface.operator
     if not is_whole(k) or not 1 <= k <= surface.n_vertices:
@@ -144,14 +142,12 @@ def eigenpairs(
             f"{surface.mesh.name}: asked for {k!r} eigenpairs, but a mesh of "
             f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
         )
-    values, functions = _at_least(surface, k, tolerance, cache)
+    values, functions = _at_least(surface, k, tolerance)
     functions = np.ascontiguousarray(functions[:, :k])
     return Spectrum(values[:k], functions, operator.areas, operator.kind)
 
 
-def _at_least(
-    surface: Surface, k: int, tolerance: float, cache: bool
-) -> tuple[FloatArray, FloatArray]:
+def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, FloatArray]:
     """Eigenpairs that depend on the surface, `k` and `tolerance`, whatever the cache holds.
 
     One of a few numbers of pairs is computed, and each has a file of its own.
@@ -159,18 +155,13 @@ def _at_least(
     operator, wanted = surface.operator, k
     while True:
         count = _number_to_compute(wanted, surface.n_vertices)
-        key = ""
-        if cache:
-            key = cache_key(
-                surface.mesh, _VERSION, operator.kind, surface.area_kind, tolerance, count
-            )
-        found = load_eigenpairs(key) if cache else None
+        key = cache_key(surface.mesh, _VERSION, operator.kind, surface.area_kind, tolerance, count)
+        found = load_eigenpairs(key)
         if found is None or _lacking(operator, *found, tolerance):
             check_memory(surface.mesh.name, surface.n_vertices, working_columns(count))
             with named(surface):
                 found = whole_eigenpairs(operator, count, tolerance)
-            if cache:
-                store_eigenpairs(key, *found)
+            store_eigenpairs(key, *found)
         if len(found[0]) >= k:
             return found
         wanted = count * 3 // 2

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from browser import Browser, changed, drawn
-from unbend import Mesh, canonical_form, distance, form_page, match_page
+from unbend import Mesh, canonical_form, distance, lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
+from unbend.report import form_page, match_page
 from unbend.report.pages import _match_page, mesh_page
 from unbend.report.pages._shown import show
 
@@ -214,7 +215,8 @@ def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> N
 @pytest.fixture(scope="module")
 def form_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pages") / "form.html"
-    form_page(dogs[0], canonical_form(dogs[0], detail="preserved"), path)
+    form = canonical_form(dogs[0])
+    form_page(dogs[0], form, path, posed=lay_into_pose(dogs[0], form))
     return path
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from browser import Browser, changed
-from unbend import Mesh, search_page, similarity_page
+from unbend import Mesh
 from unbend.datasets import make_quadruped
+from unbend.report import search_page, similarity_page
 
 NAMES = ("dog", "dog <script>alert('x')</script>", "giraffe", "horse", "points")
 VALUES = np.array(

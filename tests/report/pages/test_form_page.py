@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, canonical_form, distance, form_page
+from unbend import Mesh, canonical_form, distance
 from unbend.datasets import make_sphere
 from unbend.errors import InputError
+from unbend.report import form_page
 from unbend.report.pages._form_page import _embedding
 
 

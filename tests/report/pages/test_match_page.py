@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, evaluate, match, match_page
+from unbend import Mesh, evaluate, match
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
+from unbend.report import match_page
 from unbend.report.pages import _maps
 from unbend.report.pages._match_page import _standing_alike
 from unbend.report.pages._shown import show
@@ -64,7 +65,7 @@ def test_the_same_match_makes_the_same_page(blob: Mesh, tmp_path: Path) -> None:
 def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) -> None:
     page, every = tmp_path / "match.html", np.arange(642)
     tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8))
-    found = replace(match(blob, blob, method="icp"), confidence=0.75, hypotheses=tried)
+    found = replace(match(blob, blob, refine=False), confidence=0.75, hypotheses=tried)
     match_page(blob, blob, found, page, truth=(every[::2], every[::2]), command="unbend match a b")
     text = page.read_text(encoding="utf-8")
     assert "642 vertices matched to a shape of 642; confidence 0.75." in text
@@ -86,7 +87,7 @@ def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
 
 def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
     page = tmp_path / "match.html"
-    one = match(blob, blob, method="icp")
+    one = replace(match(blob, blob, refine=False), confidence=np.nan)
     two = replace(one, confidence=0.6, alternatives=(one,), mirrored=np.arange(642))
     match_page(blob, blob, two, page)
     assert len(data_of(page)["maps"]) == 3

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, search_page, similarity_page
+from unbend import Mesh
 from unbend.errors import FileError, InputError
+from unbend.report import search_page, similarity_page
 from unbend.report.pages import _shapes, check_count
 
 EVIL = "<script>alert('x')</script>&\"</title>"

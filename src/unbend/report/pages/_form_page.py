@@ -47,17 +47,17 @@ def form_page(
     form: CanonicalForm,
     path: str | os.PathLike[str] | None = None,
     *,
+    posed: FloatArray | None = None,
     up: Axis = "y",
     keep_scale: bool = False,
     command: str = "",
-    cache: bool = True,
     progress: Progress | None = None,
 ) -> Page:
     """Write a canonical form as a page that opens in any browser, without a network.
 
     The shape and its form turn together, the same place in the same colour; both can be coloured
-    by the first eigenfunctions and by the biharmonic distance from any vertex. A form with its
-    `surface` shows that too. Below are the spectrum and the form's eigenvalues and stress.
+    by the first eigenfunctions and by the biharmonic distance from any vertex. Below are the
+    spectrum and the form's eigenvalues and stress.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ def form_page(
         Of that mesh, from :func:`unbend.canonical_form`.
     path : path, optional
         The file to write, .html. In a notebook the page that is returned shows itself.
+    posed : (n, 3) ndarray of float64, optional
+        The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be shown too.
     up : {"x", "y", "z"}, default="y"
         The shape's axis that points upward.
     keep_scale : bool, default=False
         Whether the form was made with this option.
     command : str, default=""
         What made the form, shown on the page.
-    cache : bool, default=True
-        Whether eigenpairs are kept on disk; see :func:`unbend.spectrum`.
     progress : callable, optional
         Called with a stage's name and the share of it that is done.
 
@@ -99,7 +99,8 @@ def form_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import canonical_form, form_page
+    >>> from unbend import canonical_form
+    >>> from unbend.report import form_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -116,10 +117,10 @@ def form_page(
     shown = show(mesh)
     places = turned_to_fit(form.points, mesh.vertices, inside)
     laid = None
-    if form.surface is not None:
-        laid = turned_to_fit(form.surface, mesh.vertices, inside, reflect=False)
+    if posed is not None:
+        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
-    values, embedding = _embedding(mesh, form, inside, cache)
+    values, embedding = _embedding(mesh, form, inside)
     rows = shown.ids
     data = {
         "shape": shown.packed(mesh.vertices)
@@ -167,16 +168,14 @@ def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
     return float(np.sqrt(form.area)) if keep_scale else 1.0
 
 
-def _embedding(
-    mesh: Mesh, form: CanonicalForm, inside: BoolArray, cache: bool
-) -> tuple[FloatArray, FloatArray]:
+def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues at unit area, and eigenfunctions so weighted that straight is biharmonic."""
     kind: LaplacianKind = "robust" if form.laplacian == "robust" else "cotangent"
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
-        found = spectrum(part, count, laplacian=kind, cache=cache)
+        found = spectrum(part, count, laplacian=kind)
     values = found.eigenvalues * form.area
     weights = np.sqrt(spectral_filter("biharmonic", values, 1.0)) * np.sqrt(form.area)
     return values, (found.eigenfunctions * weights)[:, 1:]

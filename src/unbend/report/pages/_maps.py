@@ -47,7 +47,7 @@ def pack_map(
     forms : two of (n, 3) ndarray of float64
         Canonical forms.
     truth : sequence of 2 or 3 (r,) array_like of int, or None
-        See :func:`unbend.match_page`.
+        See :func:`unbend.report.match_page`.
     first : bool
         Whether it is the map that the page shows first.
     """

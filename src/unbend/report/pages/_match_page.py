@@ -89,7 +89,7 @@ def match_page(
     --------
     >>> import pathlib, tempfile
     >>> import numpy as np
-    >>> from unbend import match_page
+    >>> from unbend.report import match_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -81,7 +81,7 @@ def similarity_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import similarity_page
+    >>> from unbend.report import similarity_page
     >>> from unbend.datasets import make_quadruped
     >>> animals = [make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse")]
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -206,7 +206,7 @@ def search_page(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend import search_page
+    >>> from unbend.report import search_page
     >>> from unbend.datasets import make_quadruped
     >>> dog, horse = (make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse"))
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -11,24 +11,20 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
-from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._judge import (
-    _LEAST,
+from unbend.matching._registration import Pose, Registered
+from unbend.matching._score import (
     Candidate,
     _missed,
-    _sheared,
     _unexplained,
     confidences,
     distinct,
-    fine_energy,
-    judge,
     probabilities,
     ranked,
     rough_costs,
+    scored,
     unexplained,
 )
-from unbend.matching._registration import Pose, Registered
 from unbend.matching._shape import Shape
 
 
@@ -64,13 +60,13 @@ def test_turns_and_scales_cost_nothing_and_mirrors_and_collapses_do() -> None:
 def test_rank_puts_the_gate_before_the_energy() -> None:
     shape = _person()
     identity = _identity(shape)
-    right = judge(shape, shape, identity)
+    right = scored(shape, shape, identity)
     assert right.energy < 1e-9
     assert right.orientation > 0.99
     assert not right.reflected
-    assert judge(shape, shape, identity, True).reflected
+    assert scored(shape, shape, identity, True).reflected
     inside_out = identity.source._replace(places=shape.vertices * [-1, 1, 1])
-    wrong = judge(shape, shape, identity._replace(source=inside_out, target=inside_out))
+    wrong = scored(shape, shape, identity._replace(source=inside_out, target=inside_out))
     assert wrong.orientation < 0
     assert ranked([wrong, right]) == [right]
     assert ranked([wrong]) == [wrong]
@@ -82,14 +78,14 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
     order = np.argsort(shape.vertices[:, 1])
     shifted = np.empty_like(order)
     shifted[order] = np.roll(order, 1)  # each vertex to the next one up: another limb as a rule
-    first = judge(shape, shape, identity)
-    second = judge(shape, shape, identity._replace(forward=shifted))
+    first = scored(shape, shape, identity)
+    second = scored(shape, shape, identity._replace(forward=shifted))
     assert _distinct(shape, [first, first]) == [first]
     assert _distinct(shape, [first, second]) == [first, second]
 
 
 def _distinct(shape: Shape, candidates: list[Candidate]) -> list[Candidate]:
-    return distinct(candidates, shape.areas, shape.ways, np.arange(len(shape.areas)))
+    return distinct(candidates, shape.areas, shape.distances, np.arange(len(shape.areas)))
 
 
 def _hairpin(side: int) -> Mesh:
@@ -107,23 +103,23 @@ def test_limbs_that_touch_are_not_taken_for_each_other() -> None:
     identity = _identity(shape)
     swap = np.arange(len(shape.areas)).reshape(15, 15)[::-1].ravel()
     swapped = Registered(swap, swap, identity.source, identity.target)
-    first = judge(shape, shape, identity)
+    first = scored(shape, shape, identity)
     second = replace(first, registered=swapped)
     assert np.linalg.norm(shape.vertices - shape.vertices[swap], axis=1).max() < 0.22
     assert _distinct(shape, [first, second]) == [first, second]
     np.testing.assert_array_equal(first.missed, [False, False])
-    np.testing.assert_array_equal(judge(shape, shape, swapped).missed, [True, True])
+    np.testing.assert_array_equal(scored(shape, shape, swapped).missed, [True, True])
 
 
 def test_maps_on_finer_vertices_are_compared_through_those_that_stand_for_them() -> None:
     shape = _sheet(9)
-    one = judge(shape, shape, _identity(shape))
+    one = scored(shape, shape, _identity(shape))
     other = replace(one, registered=one.registered._replace(forward=one.registered.forward[::-1]))
     corners = np.array([0, 8, 72, 80])
-    ways = shape.ways[np.ix_(corners, corners)]
-    nearest = shape.ways[corners].argmin(axis=0)
-    assert distinct([one, other], shape.areas, ways, nearest) == [one, other]
-    assert distinct([one, other], shape.areas, ways, np.zeros(81, dtype=int)) == [one]
+    distances = shape.distances[np.ix_(corners, corners)]
+    nearest = shape.distances[corners].argmin(axis=0)
+    assert distinct([one, other], shape.areas, distances, nearest) == [one, other]
+    assert distinct([one, other], shape.areas, distances, np.zeros(81, dtype=int)) == [one]
 
 
 def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> None:
@@ -131,7 +127,7 @@ def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> Non
     shape = _sheet(41)
     n = len(shape.areas)
     every = np.arange(n)
-    ones = judge(shape, shape, _identity(shape))
+    ones = scored(shape, shape, _identity(shape))
     for share, far, expected in (
         (0.045, 0.33, True),
         (0.02, 0.33, False),
@@ -168,12 +164,12 @@ def test_the_overlap_is_the_share_of_the_shape_of_which_less_has_a_partner() -> 
     shape = _person()
     identity = _identity(shape)
     most, few = shape.vertices[:, 1] > np.quantile(shape.vertices[:, 1], [[0.2], [0.7]])
-    less = identity.source._replace(within=few)
-    both = Registered(*identity[:2], less, identity.target._replace(within=most))
+    less = identity.source._replace(overlap=few)
+    both = Registered(*identity[:2], less, identity.target._replace(overlap=most))
     turned = Registered(*both[:2], both.target, both.source)
-    assert judge(shape, shape, identity).overlap == pytest.approx(1)
+    assert scored(shape, shape, identity).overlap == pytest.approx(1)
     for one in (both, turned):
-        assert judge(shape, shape, one).overlap == pytest.approx(shape.areas[few].sum())
+        assert scored(shape, shape, one).overlap == pytest.approx(shape.areas[few].sum())
 
 
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
@@ -181,10 +177,10 @@ def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     sheet = Mesh(square.vertices * [1.4, 1, 1], square.faces)
     shape = prepare_shape(sheet, 10, True)[1]
     identity = _identity(shape)
-    assert judge(shape, shape, identity).orientation == pytest.approx(1)
+    assert scored(shape, shape, identity).orientation == pytest.approx(1)
     flipped = np.arange(81).reshape(9, 9)[::-1].ravel()
     pose = identity.source._replace(places=shape.vertices[flipped])
-    found = judge(shape, shape, Registered(flipped, flipped, pose, pose))
+    found = scored(shape, shape, Registered(flipped, flipped, pose, pose))
     assert found.orientation == pytest.approx(-1)
     # A sheet does not know its sides by shape: turned over, it is explained all the same.
     assert found.energy < 1e-9
@@ -247,10 +243,10 @@ def test_both_ways_count_alike_and_the_worse_one_is_the_side_that_is_out() -> No
     collapsed = Registered(every, np.zeros_like(every), pose, nowhere)
     turned = Registered(collapsed.backward, every, nowhere, pose)
     for one in (collapsed, turned):
-        found = judge(shape, shape, one)
-        ways = [shape.areas @ shares for shares in unexplained(shape, shape, one)]
-        assert min(ways) < 0.1 < 0.5 < max(ways)
-        assert found.energy == pytest.approx(sum(ways) / 2)
+        found = scored(shape, shape, one)
+        distances = [shape.areas @ shares for shares in unexplained(shape, shape, one)]
+        assert min(distances) < 0.1 < 0.5 < max(distances)
+        assert found.energy == pytest.approx(sum(distances) / 2)
         assert abs(found.orientation) < 0.02
 
 
@@ -300,15 +296,15 @@ def test_two_meshes_of_one_surface_explain_each_other() -> None:
     few, many, forward, backward = _two_sheets()
     found = Registered(forward, backward, _identity(few).source, _identity(many).source)
     for one in (
-        judge(few, many, found),
-        judge(many, few, Registered(backward, forward, found.target, found.source)),
+        scored(few, many, found),
+        scored(many, few, Registered(backward, forward, found.target, found.source)),
     ):
         assert one.energy < 1e-9
         assert one.orientation == pytest.approx(1)
         assert one.overlap == pytest.approx(1)
         assert one.missed.tolist() == [False] * 4
     forward[0] = 80
-    missed = judge(few, many, found).missed
+    missed = scored(few, many, found).missed
     assert missed.tolist() == [True, False, False, False]
 
 
@@ -331,139 +327,37 @@ def test_a_bend_costs_as_much_either_way() -> None:
     pose = _identity(sheet).source._replace(places=rolled)
     every = np.arange(len(x))
     bent = replace(sheet, vertices=rolled)
-    back = Pose(sheet.vertices, pose.rotations, pose.within)
-    found = judge(sheet, bent, Registered(every, every, pose, back))
+    back = Pose(sheet.vertices, pose.rotations, pose.overlap)
+    found = scored(sheet, bent, Registered(every, every, pose, back))
     assert 0 < found.energy < 0.1
     assert found.energy == pytest.approx(_loss(sheet, rolled), rel=0.1)
-
-
-@pytest.mark.parametrize("stretch", [1.0, 1.1, 2.0, 5.0])
-def test_the_shear_of_a_stretch_is_known(stretch: float) -> None:
-    sheet = _sheet(9)
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    images = 3 * (sheet.vertices * [1, stretch, 1]) @ turn + 5
-    within = np.ones(len(images), dtype=bool)
-    # Of the metric, which is diag(1, s^2).
-    expected = 1 - stretch / ((1 + stretch**2) / 2)
-    np.testing.assert_allclose(_sheared(sheet, images, within), expected, atol=1e-5)
-
-
-def test_a_line_and_a_point_are_all_sheared_and_a_roll_is_not() -> None:
-    sheet = _sheet(31)
-    x, y, _ = sheet.vertices.T
-    within = np.ones(len(x), dtype=bool)
-    for collapsed in (sheet.vertices * [1, 0, 0], sheet.vertices * 0):
-        np.testing.assert_allclose(_sheared(sheet, collapsed, within), 1, atol=1e-5)
-    rolled = np.stack([np.sin(x), y, np.cos(x)], axis=1)
-    assert _sheared(sheet, rolled, within).max() < 1e-3 < _loss(sheet, rolled)
-
-
-def test_shear_is_asked_of_what_has_a_partner() -> None:
-    sheet = _sheet(31)
-    x, y, z = sheet.vertices.T
-    within = x < 0.1
-    torn = np.stack([np.where(within, x, x**2 + 7), y, z], axis=1)
-    np.testing.assert_allclose(_sheared(sheet, torn, within)[within], 0, atol=1e-5)
-    # A vertex without a partner counts half of what it leaves unexplained, in either term.
-    pose = _identity(sheet).source._replace(within=within)
-    half = Registered(*_identity(sheet)[:2], pose, pose)
-    none, least = 1.5 * np.log(constants.WITHOUT / 2), 1.5 * np.log(_LEAST)
-    expected = least + (none - least) * sheet.areas[~within].sum()
-    assert np.log(fine_energy(sheet, sheet, half)) == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("height", [1e-7, 1e-16, 0.0])
-@pytest.mark.parametrize("length", [1.0, 0.0])
-def test_needles_and_points_shear_nothing(height: float, length: float) -> None:
-    """Faces that are next to nothing do not say how what is around them is sheared."""
-    sheet = _sheet(21)
-    n = len(sheet.vertices)
-    a, b, _ = sheet.faces[len(sheet.faces) // 2]
-    start = sheet.vertices[a]
-    added = start + np.outer([0.5, 1.0], length * (sheet.vertices[b] - start))
-    added[0, 2] += height
-    needle = replace(
-        sheet,
-        vertices=np.vstack([sheet.vertices, added]),
-        faces=np.vstack([sheet.faces, [[a, n, n + 1]]]),
-        areas=np.append(sheet.areas, [1e-9, 1e-9]),
-    )
-    images = needle.vertices.copy()
-    images[n, 2] += 1e-3
-    assert _sheared(needle, images, np.ones(n + 2, dtype=bool)).max() < 0.01
-
-
-def test_patches_are_asked_by_what_factor_they_are_explained_better(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Where all maps leave much unexplained, more or less of it tells little."""
-    pose = _identity(_sheet(3)).source
-    poses = (pose._replace(within=np.ones(n, dtype=bool)) for n in (2, 1))
-    found = Registered(np.arange(2), np.arange(1), *poses)
-    trunk_and_arm, tail = (replace(_sheet(3), areas=np.array(one)) for one in ([0.25, 0.75], [1.0]))
-
-    def energy(explained: tuple[list[float], ...], sheared: tuple[list[float], ...]) -> float:
-        names = {id(trunk_and_arm): 0, id(tail): 1}
-        for name, shares in (("_unexplained", explained), ("_sheared", sheared)):
-            monkeypatch.setattr(
-                f"unbend.matching._judge.{name}",
-                lambda shape, images, within, shares=shares: np.array(shares[names[id(shape)]]),
-            )
-        monkeypatch.setattr("unbend.matching._judge._images_of", lambda *given: (None, None))
-        return fine_energy(trunk_and_arm, tail, found)
-
-    none = [0.0, 0.0], [0.0]
-    assert energy(([0.02, 0.5], [0.3]), none) < energy(([0.04, 0.45], [0.3]), none)
-    assert energy(none, none) == pytest.approx(_LEAST**1.5)  # what no mesh shows any more
-    parts, areas = np.array([[0.02, 0.5, 0.3], [0.1, 0.4, 0.2]]) + _LEAST, [0.25, 0.75, 1.0]
-    explained, sheared = (parts**areas).prod(axis=1)
-    assert energy(([0.02, 0.5], [0.3]), ([0.1, 0.4], [0.2])) == pytest.approx(
-        (explained * sheared**0.5) ** 0.5
-    )
-
-
-def test_a_stretch_is_told_by_what_is_unexplained_and_sheared_both_ways() -> None:
-    sheet = _sheet(9)
-    long = replace(sheet, vertices=sheet.vertices * [1, 3, 1])
-    every, pose = np.arange(len(sheet.vertices)), _identity(sheet).source
-    poses = (pose._replace(places=one.vertices) for one in (long, sheet))
-    found = Registered(every, every, *poses)
-    logs = [sheet.areas @ np.log(one + _LEAST) for one in unexplained(sheet, long, found)]
-    sheared = 1 - 3 / 5  # there as back
-    expected = np.exp(np.mean(logs)) * (sheared + _LEAST) ** 0.5
-    assert fine_energy(sheet, long, found) == pytest.approx(expected, rel=1e-4)
-
-
-def test_the_identity_is_as_good_as_meshes_can_show() -> None:
-    sheet = _sheet(9)
-    assert fine_energy(sheet, sheet, _identity(sheet)) == pytest.approx(_LEAST**1.5, rel=1e-2)
 
 
 def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:
     shape = _person()
     identity = _identity(shape)
-    within = shape.vertices[:, 1] > 0
-    lacking = identity.source._replace(within=within)
-    found = judge(shape, shape, Registered(*identity[:2], lacking, lacking))
-    assert found.energy == pytest.approx(0.12 * shape.areas[~within].sum())
+    overlap = shape.vertices[:, 1] > 0
+    lacking = identity.source._replace(overlap=overlap)
+    found = scored(shape, shape, Registered(*identity[:2], lacking, lacking))
+    assert found.energy == pytest.approx(0.12 * shape.areas[~overlap].sum())
 
 
 def test_what_is_left_out_does_not_turn_a_surface() -> None:
     shape = _person()
     identity = _identity(shape)
-    left_out = identity.source._replace(within=np.arange(len(shape.vertices)) % 2 == 0)
-    found = judge(shape, shape, identity._replace(source=left_out, target=left_out))
-    assert found.orientation == pytest.approx(judge(shape, shape, identity).orientation, abs=0.01)
+    left_out = identity.source._replace(overlap=np.arange(len(shape.vertices)) % 2 == 0)
+    found = scored(shape, shape, identity._replace(source=left_out, target=left_out))
+    assert found.orientation == pytest.approx(scored(shape, shape, identity).orientation, abs=0.01)
 
 
 def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
     shape = _person()
     identity = _identity(shape)
     n = len(shape.vertices)
-    within = np.arange(n) % 2 == 0
-    elsewhere = np.where(within, np.arange(n), np.random.default_rng(0).permutation(n))
+    overlap = np.arange(n) % 2 == 0
+    elsewhere = np.where(overlap, np.arange(n), np.random.default_rng(0).permutation(n))
     partial = Registered(
-        elsewhere, np.arange(n), identity.source._replace(within=within), identity.target
+        elsewhere, np.arange(n), identity.source._replace(overlap=overlap), identity.target
     )
     one, other = (replace(_judged(0.1), registered=found) for found in (identity, partial))
     assert _distinct(shape, [one, other]) == [one]

@@ -10,12 +10,12 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
-from unbend.matching import _carrying
 from unbend.matching import _constants as constants
-from unbend.matching._carrying import _best_explained, continued, patches_to_hold
+from unbend.matching import _extrapolation
+from unbend.matching._extrapolation import _best_explained, extrapolate, patches_to_hold
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import candidates, make_sides
-from unbend.matching._polish import _fine_energy, settled
+from unbend.matching._polish import reranked
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._shape import Shape
 
@@ -48,7 +48,7 @@ def _off(found: IntArray, shape: Shape) -> np.ndarray:
 
 
 def _all_continued(shapes: tuple[Shape, Shape], found: Registered) -> list[Registered]:
-    return [continued(*shapes, found, held) for held in patches_to_hold(*shapes, found)]
+    return [extrapolate(*shapes, found, held) for held in patches_to_hold(*shapes, found)]
 
 
 def test_a_leg_that_lies_on_the_other_one_finds_back(
@@ -76,10 +76,10 @@ def test_either_piece_of_a_twisted_map_is_held() -> None:
     held = patches_to_hold(box, box, found)
     assert len(held) == 3  # both, and each
     for mine, other in held:
-        moved = continued(box, box, found, (mine, other))
+        moved = extrapolate(box, box, found, (mine, other))
         np.testing.assert_array_equal(moved.forward[mine], twisted[mine])
         np.testing.assert_array_equal(moved.backward[other], twisted[other])
-    leads = [continued(box, box, found, one).forward for one in held[1:]]
+    leads = [extrapolate(box, box, found, one).forward for one in held[1:]]
     for truth in (every, turned):
         off = [np.linalg.norm(box.vertices[one] - box.vertices[truth], axis=1) for one in leads]
         assert min(one.mean() for one in off) < 0.02
@@ -108,14 +108,14 @@ def test_the_rest_turns_with_what_is_held(monkeypatch: pytest.MonkeyPatch) -> No
 
     def distances(found: Registered) -> np.ndarray:
         """Of both shapes' vertices from where they belong, (2, n)."""
-        carried = continued(box, turned, found, held)
+        carried = extrapolate(box, turned, found, held)
         np.testing.assert_array_equal(carried.forward[held[0]], every[held[0]])
         np.testing.assert_array_equal(carried.backward[held[1]], every[held[1]])
         ahead = carried.source.places - turned.vertices
         return np.linalg.norm([ahead, carried.target.places - box.vertices], axis=2)
 
     np.testing.assert_allclose(distances(right), 0, atol=1e-9)
-    carried = continued(box, turned, right, held)
+    carried = extrapolate(box, turned, right, held)
     np.testing.assert_array_equal(carried.forward, every)
     np.testing.assert_array_equal(carried.backward, every)
     began_unturned = Registered(every, every, *unturned)
@@ -128,7 +128,7 @@ def test_the_rest_turns_with_what_is_held(monkeypatch: pytest.MonkeyPatch) -> No
 def test_where_nothing_has_a_partner_nothing_is_held(
     shapes: tuple[Shape, Shape], swapped: Registered
 ) -> None:
-    none = swapped.source._replace(within=np.zeros(len(shapes[0].areas), dtype=bool))
+    none = swapped.source._replace(overlap=np.zeros(len(shapes[0].areas), dtype=bool))
     assert patches_to_hold(*shapes, swapped._replace(source=none)) == []
 
 
@@ -141,15 +141,14 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     part = prepare_shape(half, 60, True, partial=True).shape
     sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape, thorough=True)
     best, other, *rest = candidates(sides)
-    found, fine = settled(sides, [other, best, *rest])
+    found, fine = reranked(sides, [other, best, *rest])
     assert found[0].registered is best.registered
     known = [one for one in found if one in fine]
     assert len(known) > 1
     was = next(one for one in known if one.registered is other.registered)
     assert was.energy == pytest.approx(other.energy)
     for one in known:  # in the proxies' unit
-        told, first = (_fine_energy(sides, fine[each]) for each in (one, was))
-        assert one.energy == pytest.approx(other.energy * told / first)
+        assert one.energy == pytest.approx(other.energy * fine[one].energy / fine[was].energy)
 
 
 def test_the_best_explained_half_of_what_has_a_partner_is_held() -> None:
@@ -181,7 +180,7 @@ def test_all_and_the_largest_pieces_are_held(
         shares[strips[width]] = 0
         begun += 20 * int(width + 2)
     theirs = np.arange(400) % 2.0  # every other one, on the other shape
-    monkeypatch.setattr(_carrying, "unexplained", lambda *given: (shares, theirs))
+    monkeypatch.setattr(_extrapolation, "unexplained", lambda *given: (shares, theirs))
     every = np.arange(400)
     held = patches_to_hold(sheet, sheet, mapped_start(sheet, sheet, every, every, 1.0))
     expected = [shares == 0, *(np.isin(every, strips[width]) for width in pieces)]
@@ -199,11 +198,11 @@ def test_the_rest_begins_turned_as_what_is_held_nearest(
     every, x = np.arange(64), sheet.vertices[:, 0]
     turns = np.zeros((64, 3, 3)) + every[:, None, None]
     pose = mapped_start(sheet, sheet, every, every, 1.0).source._replace(
-        rotations=turns, within=every < 0
+        rotations=turns, overlap=every < 0
     )
     held = np.abs(x) > 0.49
     assert held.sum() == 16
-    found = continued(sheet, sheet, Registered(every, every, pose, pose), (held, held)).source
+    found = extrapolate(sheet, sheet, Registered(every, every, pose, pose), (held, held)).source
     nearest = np.where(x < 0, every % 8, 56 + every % 8)
     np.testing.assert_array_equal(found.rotations[:, 0, 0], nearest)
-    assert found.within.all()
+    assert found.overlap.all()

@@ -1,9 +1,8 @@
-"""Hypotheses from hypotheses: what a map explains best, continued as rigidly as possible.
+"""Hypotheses from hypotheses: hold what a map explains best, and extrapolate it to the rest.
 
-A map of a part is often right on much of it, and caught elsewhere on the rest: a leg of which a
-camera saw one side lies on the neck. Either piece may be the right one, and fit well; what joins
-them does not. One is held where it is and carries along all the rest, which then lies near where
-it belongs.
+A map of a part is often right on much of it and wrong on the rest: half a leg lies on the neck.
+Either piece may be right, and fit well. One piece is held where it is. The rest follows it as
+rigidly as possible, and then lies near where it belongs.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from scipy.spatial import cKDTree
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.matching import _constants as constants
-from unbend.matching._judge import unexplained
 from unbend.matching._registration import Pose, Registered
+from unbend.matching._score import unexplained
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
@@ -27,12 +26,12 @@ _HELD, _PIECES, _LEAST_PIECE = 0.5, 2, 0.1
 def patches_to_hold(
     source: Shape, target: Shape, found: Registered
 ) -> list[tuple[BoolArray, BoolArray]]:
-    """Find what may be right of a registration, in some ways: which vertices of either shape.
+    """Choose which vertices of either shape to hold: one or more pairs of masks.
 
-    There is none where nothing has a partner.
+    The list is empty if nothing has a partner.
     """
     ours, theirs = (
-        _best_explained(shape.areas * pose.within, shares)
+        _best_explained(shape.areas * pose.overlap, shares)
         for shape, pose, shares in zip(
             (source, target), found[2:], unexplained(source, target, found), strict=True
         )
@@ -53,7 +52,7 @@ def patches_to_hold(
     return held
 
 
-def continued(
+def extrapolate(
     source: Shape,
     target: Shape,
     found: Registered,
@@ -88,10 +87,10 @@ def _carried(
 
     What is nearest there faces as they do. They begin turned as what is held nearest to them.
     """
-    pulls = constants.LOOSE[1] * shape.areas * held
-    system = shape.system_of(pulls)
-    force = pulls[:, None] * goal.vertices[point_map]
-    nearest = np.flatnonzero(held)[snap(shape.ways[:, held]).argmin(axis=1)]
+    data_weights = constants.LOOSE[1] * shape.areas * held
+    system = shape.system_of(data_weights)
+    force = data_weights[:, None] * goal.vertices[point_map]
+    nearest = np.flatnonzero(held)[snap(shape.distances[:, held]).argmin(axis=1)]
     rotations = pose.rotations[nearest]
     for _ in range(constants.STEPS):
         places, *_ = shape.step(system, force, rotations, pose.size)
@@ -100,6 +99,6 @@ def _carried(
         np.hstack([points, constants.NORMAL_WEIGHT * directions])
         for points, directions in zip((places, goal.vertices), normals, strict=True)
     )
-    within = np.ones(len(places), dtype=bool)
-    moved = Pose(places, rotations, within, pose.size)
+    overlap = np.ones(len(places), dtype=bool)
+    moved = Pose(places, rotations, overlap, pose.size)
     return moved, np.where(held, point_map, cKDTree(here).query(there)[1])

@@ -1,8 +1,8 @@
-"""The judge: which of two maps is the better one, and how likely the best is right.
+"""The score of a map, and the probability that the best of several is right.
 
-One number decides. A right map carries every patch of a surface to a turned, little stretched
-copy of it; the energy is what such copies leave unexplained, over both directions. A map that
-turns the surface inside out is no candidate at all, however well it fits.
+A right map carries every patch of a surface to a rotated, little stretched copy. The energy is
+what such copies leave unexplained, in both directions. Maps that turn the surface inside out are
+dropped, however well they fit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.deformation import closest_faces, edge_squares, scatter
+from unbend.deformation import closest_faces, edge_squares
 from unbend.matching import _constants as constants
 from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
@@ -23,17 +23,12 @@ from unbend.mesh import vertex_normals
 
 # Maps are different where more than this share of the area goes to another limb: a limb's end.
 _SHARE = 0.03
-# Where maps that cost nearly the same are told apart, shear counts half as much as what is
-# unexplained, and a vertex without a partner as half of what it does in the energy; below these
-# shares meshes, not maps, differ.
-_SHEAR, _WITHOUT, _LEAST = 0.5, 0.5, 0.005
 _PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
-_NEEDLE = 1e-6  # of the square of a mean edge: no face is taken to be flatter
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A pair of maps between two shapes, registered and judged.
+    """A pair of maps between two shapes, registered and scored.
 
     Attributes
     ----------
@@ -63,13 +58,13 @@ class Candidate:
         return self.energy + constants.MISSED * float(self.missed.sum())
 
 
-def judge(
+def scored(
     source: Shape,
     target: Shape,
     found: Registered,
     reflected: bool = False,
 ) -> Candidate:
-    """Judge a registration of two shapes."""
+    """Score a registration of two shapes."""
     ahead, back = unexplained(source, target, found)
     energy = float(source.areas @ ahead + target.areas @ back) / 2
     orientation = min(
@@ -78,7 +73,7 @@ def judge(
     )
     missed = _missed(source, target, *found[:2])
     overlap = min(
-        float(shape.areas @ pose.within)
+        float(shape.areas @ pose.overlap)
         for shape, pose in zip((source, target), found[2:], strict=True)
     )
     return Candidate(found, energy, orientation, reflected, missed, overlap)
@@ -88,38 +83,16 @@ def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatA
     """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
     ahead, back = _images_of(source, target, found)
     return (
-        _unexplained(source, ahead, found.source.within),
-        _unexplained(target, back, found.target.within),
+        _unexplained(source, ahead, found.source.overlap),
+        _unexplained(target, back, found.target.overlap),
     )
-
-
-def fine_energy(source: Shape, target: Shape, found: Registered) -> float:
-    """Energy that tells apart what costs nearly the same.
-
-    The geometric mean of what is unexplained, times the root of that of what is sheared. Where a
-    surface bends much, every map leaves much unexplained, and how much is chance; where it does
-    not, a little more tells. The mean of logarithms is the likelihood of residuals whose variances
-    nobody knows: it asks by what factor a map does better at each patch. Shear hardly knows of
-    bends.
-    """
-    logs = 0.0
-    for shape, images, pose in zip(
-        (source, target), _images_of(source, target, found), found[2:], strict=True
-    ):
-        for share, weight in (
-            (_unexplained(shape, images, pose.within), 1.0),
-            (_sheared(shape, images, pose.within), _SHEAR),
-        ):
-            counted = np.where(pose.within, share + _LEAST, _WITHOUT * constants.WITHOUT)
-            logs += weight * float(shape.areas @ np.log(counted))
-    return float(np.exp(logs / 2))
 
 
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
     """Costs (p,) of maps as they are, (n, p) and (m, p): what registration makes less of."""
     ahead, back = (
-        shape.areas @ _unexplained(shape, goal.vertices[ways], np.ones(ways.shape, dtype=bool))
-        for shape, goal, ways in ((source, target, forward), (target, source, backward))
+        shape.areas @ _unexplained(shape, goal.vertices[maps], np.ones(maps.shape, dtype=bool))
+        for shape, goal, maps in ((source, target, forward), (target, source, backward))
     )
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
@@ -138,7 +111,7 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def distinct(
-    candidates: Sequence[Candidate], areas: FloatArray, ways: FloatArray, places: IntArray
+    candidates: Sequence[Candidate], areas: FloatArray, distances: FloatArray, places: IntArray
 ) -> list[Candidate]:
     """Leave out of ranked candidates those that lead where a better one does.
 
@@ -147,7 +120,7 @@ def distinct(
     candidates : sequence of Candidate
     areas : (n,) ndarray of float64
         Of the source's vertices.
-    ways : (k, k) ndarray of float64
+    distances : (k, k) ndarray of float64
         Geodesic distances between some vertices of the target.
     places : (m,) ndarray of int64
         Which of those stands for each of the target's vertices.
@@ -156,8 +129,8 @@ def distinct(
 
     def same(one: Candidate, other: Candidate) -> bool:
         images, others = (places[c.registered.forward] for c in (one, other))
-        both = areas * (one.registered.source.within & other.registered.source.within)
-        return bool(both @ (ways[images, others] > constants.LIMB) <= _SHARE)
+        both = areas * (one.registered.source.overlap & other.registered.source.overlap)
+        return bool(both @ (distances[images, others] > constants.LIMB) <= _SHARE)
 
     for one in candidates:
         if not any(same(one, other) for other in found):
@@ -204,7 +177,7 @@ def _images_of(source: Shape, target: Shape, found: Registered) -> tuple[FloatAr
     return ahead, _images(right, left, source, found.backward)
 
 
-def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
+def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatArray:
     """Shares (n, ...) of patches that their images (n, ..., 3), turned and scaled, do not explain.
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
@@ -215,12 +188,12 @@ def _unexplained(shape: Shape, images: FloatArray, within: BoolArray) -> FloatAr
     common = shape.covariances(images).reshape(n, -1, 9)
     theirs = edge_squares(shape.edge_weights, images).reshape(n, -1, 1)
     own = np.broadcast_to(shape.edge_squares[:, None, None], theirs.shape)
-    terms = np.concatenate([common, own, theirs], axis=2) * within.reshape(n, -1, 1)
+    terms = np.concatenate([common, own, theirs], axis=2) * overlap.reshape(n, -1, 1)
     averaged = shape.averaged(terms, shape.detail)
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
-    explained = (largest_traces(cross).reshape(size.shape) / size).reshape(within.shape)
-    return np.where(within, np.maximum(1 - explained, 0), constants.WITHOUT)
+    explained = (largest_traces(cross).reshape(size.shape) / size).reshape(overlap.shape)
+    return np.where(overlap, np.maximum(1 - explained, 0), constants.WITHOUT)
 
 
 @compiled
@@ -261,43 +234,21 @@ def largest_traces(matrices):  # type: ignore[no-untyped-def]
     return found
 
 
-def _sheared(shape: Shape, images: FloatArray, within: BoolArray) -> FloatArray:
-    """Shares (n,) by which what is around vertices is sheared on its way to the images (n, 3).
-
-    One less the ratio of the geometric to the arithmetic mean of both eigenvalues of the metric
-    that is pulled back: 0 where a map is conformal. The metric of the faces that have partners is
-    averaged over `TURNING`.
-    """
-    own, theirs = (
-        points[shape.faces[:, 1:]] - points[shape.faces[:, :1]]
-        for points in (shape.vertices, images)
-    )
-    gram, pulled = (sides @ sides.transpose(0, 2, 1) for sides in (own, theirs))
-    gram += _NEEDLE * shape.edge**2 * np.eye(2)
-    dual = np.linalg.inv(gram) @ own
-    metric = (dual.transpose(0, 2, 1) @ pulled @ dual).reshape(-1, 9)
-    weights = np.sqrt(np.linalg.det(gram)) * within[shape.faces].all(axis=1)
-    sums, _ = scatter(shape.faces, weights.repeat(3), metric, len(images))  # by corner
-    averaged = shape.averaged(sums.sum(axis=1)).reshape(-1, 3, 3)
-    stretches = np.linalg.eigvalsh(averaged)[:, 1:].clip(min=0)
-    ratio = np.sqrt(stretches.prod(axis=1)) / stretches.mean(axis=1).clip(min=np.finfo(float).tiny)
-    return np.asarray(np.maximum(1 - ratio, 0))
-
-
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
     ours, theirs = source.landmarks, target.landmarks
     if not len(ours):
         return np.zeros(0, dtype=bool)
     every = np.arange(len(ours))
     off = np.maximum(
-        target.landmark_ways[every, forward[ours]], source.landmark_ways[every, backward[theirs]]
+        target.landmark_distances[every, forward[ours]],
+        source.landmark_distances[every, backward[theirs]],
     )
     return np.asarray(off > constants.LIMB)
 
 
 def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:
     normals = vertex_normals(pose.places, shape.faces)
-    own = shape.areas * pose.within
+    own = shape.areas * pose.overlap
     agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))
 
@@ -309,8 +260,8 @@ def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
     out (twice), what does not return, and what lands in crowded patches; in the worse direction.
     """
     forward, backward, mine, other = found.registered
-    ahead = source, target, forward, backward, mine.within, other.within
-    back = target, source, backward, forward, other.within, mine.within
+    ahead = source, target, forward, backward, mine.overlap, other.overlap
+    back = target, source, backward, forward, other.overlap, mine.overlap
     disorder = max(
         1 - found.orientation,
         *(measure(*way) for measure in (_not_returning, _crowded) for way in (ahead, back)),
@@ -324,14 +275,14 @@ def _not_returning(
     goal: Shape,
     there: IntArray,
     back: IntArray,
-    within: BoolArray,
-    goal_within: BoolArray,
+    overlap: BoolArray,
+    goal_overlap: BoolArray,
 ) -> float:
     """Share of the area with partners that does not return to where it began."""
     off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
     near = max(constants.THIN, constants.EDGES * max(shape.edge, goal.edge))
-    lost = (off > near) | ~goal_within[there]
-    return _share(shape, lost, within)
+    lost = (off > near) | ~goal_overlap[there]
+    return _share(shape, lost, overlap)
 
 
 def _crowded(
@@ -339,8 +290,8 @@ def _crowded(
     goal: Shape,
     there: IntArray,
     back: IntArray,
-    within: BoolArray,
-    goal_within: BoolArray,
+    overlap: BoolArray,
+    goal_overlap: BoolArray,
 ) -> float:
     """Share of the area with partners that lands in patches which take in too much."""
     fewest = min(len(shape.areas), len(goal.areas))
@@ -349,13 +300,13 @@ def _crowded(
     taken, room = (
         np.bincount(patches, areas, len(middles)) / max(areas.sum(), np.finfo(float).tiny)
         for patches, areas in (
-            (patch[there], shape.areas * within),
-            (patch, goal.areas * goal_within),
+            (patch[there], shape.areas * overlap),
+            (patch, goal.areas * goal_overlap),
         )
     )
-    return _share(shape, (taken > _CROWDED * room)[patch[there]], within)
+    return _share(shape, (taken > _CROWDED * room)[patch[there]], overlap)
 
 
-def _share(shape: Shape, some: BoolArray, within: BoolArray) -> float:
-    areas = shape.areas * within
+def _share(shape: Shape, some: BoolArray, overlap: BoolArray) -> float:
+    areas = shape.areas * overlap
     return float(areas @ some / max(areas.sum(), np.finfo(float).tiny))
