@@ -2,11 +2,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-# Every worker computes with one thread of BLAS: with more, they wait for each other.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
+# Every worker computes with one thread of BLAS: with more, they wait for each other. Workers begin
+# with neighbouring tests, which share shapes, and Python keeps what it compiles, for all of them.
+PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo reproduce test test-browser browser test-portable test-matrix fuzz mutants lint format bench \
-	docs clean
+.PHONY: demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
+	lint format bench docs clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -14,9 +15,22 @@ demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a 
 reproduce: .venv/test.stamp ## the paper's experiments, into reproduction/; ARGS="--quick", ARGS="table1 --data DIR"
 	$(BIN)/python -m paper $(ARGS)
 
-test: .venv/test.stamp lint ## the whole suite: lint, types, tests, doctests, coverage
-	NUMBA_DISABLE_JIT=1 $(PYTEST) tests -m kernels --cov --cov-report= --cov-fail-under=0
+# What most changes could break, without what runs commands, computes for long, or tests tests.
+QUICK := $(addprefix tests/,alignment canonical correspondence deformation distances io linalg mesh \
+	preparation spectral test_api.py test_arrays.py test_layout.py)
+
+quick: .venv/test.stamp ## the numerics and the readers, in less than a minute; no lint, no coverage
+	$(PYTEST) $(QUICK)
+
+test: .venv/test.stamp ## the whole suite: lint, types, tests, doctests, coverage
+	$(MAKE) --jobs=2 lint test-kernels
 	$(PYTEST) --cov --cov-append --cov-report=term
+
+# Only files with kernels are read: many others make shapes, which takes long uncompiled.
+KERNELS = $(shell grep -rl mark.kernels tests --include="test_*.py")
+
+test-kernels: .venv/test.stamp ## tests of kernels, uncompiled; begins the coverage that test goes on with
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 0 $(KERNELS) -m kernels --cov --cov-report= --cov-fail-under=0
 
 # What rounds differently on another x86 processor: the kernels of OpenBLAS, the loops of NumPy,
 # the functions of the C library, and what Numba compiles for. Each run has those of one generation

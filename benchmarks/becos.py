@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from match_cases import Case, Draw, Pair, Set, coarser, of_pair
 
+from testshapes.damage import damaged_truth
 from unbend import read_mesh
 from unbend._types import IntArray
-from unbend.datasets import damaged_truth
 
 
 class Links(NamedTuple):

@@ -42,6 +42,9 @@ from scipy.spatial.distance import cdist
 from things import BODIES, make_thing
 from wares import WARES
 
+from testshapes.bodies import make_body
+from testshapes.damage import cut_discs
+from testshapes.scanning import add_noise
 from unbend import Mesh, distance, read_mesh
 from unbend._types import FloatArray
 from unbend.collection import Retrieval, retrieval_measures
@@ -53,14 +56,7 @@ from unbend.collection._descriptor import (
     wave_kernel,
 )
 from unbend.collection._whole import whole_surface
-from unbend.datasets import (
-    add_noise,
-    cut_discs,
-    make_biped,
-    make_body,
-    make_octopus,
-    make_quadruped,
-)
+from unbend.datasets import make_biped, make_octopus, make_quadruped
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.mesh import vertex_areas
 from unbend.preparation import prepare

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from testshapes.damage import Damaged, damaged_truth, unchanged
 from unbend import Mesh
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.datasets import Damaged, damaged_truth
-from unbend.datasets.damage import unchanged
 
 Chance = np.random.Generator
 

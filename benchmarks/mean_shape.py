@@ -21,12 +21,13 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from testshapes.bodies import make_body, random_proportions
 from unbend import register
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.collection import shape_statistics
 from unbend.correspondence import Registration
-from unbend.datasets import Shape, make_body, random_proportions, rest_map
+from unbend.datasets import Shape, rest_map
 from unbend.mesh import edge_ends, vertex_areas
 from unbend.spectral import use_cache
 

@@ -10,22 +10,12 @@ import numpy as np
 from match_cases import Case, Chance, Draw, Pair, Set, of_pair, of_rows
 from scipy.spatial import cKDTree
 
+from testshapes.bodies import KINDS, make_body
+from testshapes.damage import Damaged, cut, cut_discs, keep
+from testshapes.scanning import add_components, add_noise, seen_from
+from testshapes.welding import fuse, weld
 from unbend import Mesh, read_mesh
-from unbend.datasets import (
-    Damaged,
-    Shape,
-    add_components,
-    add_noise,
-    cut,
-    cut_discs,
-    fuse,
-    keep,
-    make_body,
-    rest_map,
-    seen_from,
-    weld,
-)
-from unbend.datasets.bodies import KINDS
+from unbend.datasets import Shape, rest_map
 
 
 def own_pair(

@@ -10,9 +10,9 @@ from match_cases import Case, Chance, Draw, Set, chosen, coarser, of_rows
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
+from testshapes.damage import Damaged, cut
 from unbend import Mesh, read_mesh
 from unbend._types import IntArray
-from unbend.datasets import Damaged, cut
 
 # Sets with lists of corresponding vertices: row i of NAME.vts is one point on every shape.
 

@@ -22,9 +22,12 @@ from pathlib import Path
 
 import numpy as np
 
+from testshapes.bodies import make_body
+from testshapes.damage import cut_discs, damaged_truth
+from testshapes.scanning import seen_from
 from unbend import Mesh, match, read_mesh, register
 from unbend.correspondence import Registration
-from unbend.datasets import cut_discs, damaged_truth, make_body, rest_map, seen_from
+from unbend.datasets import rest_map
 from unbend.mesh import find_edges, vertex_areas
 
 _KINDS = ("quadruped", "biped", "octopus")

@@ -3,10 +3,10 @@ In Blender's Python
 ===================
 
 Run in Blender's own Python console, with unbend installed into it (``path/to/blender/python -m pip
-install path/to/unbend``, a clone of the repository). It carries the vertex groups of the active
-object to the other selected one, which may stand in another pose and have another mesh. The site
-is built without Blender, so this page only shows the code; it was run with Blender 5.0.1, as the
-``bpy`` package has it.
+install path/to/unbend``, a clone of the repository). It transfers the vertex groups of the active
+object to the other selected one, which may have another pose and another mesh. The site
+is built without Blender, so this page only shows the code. It was run with the ``bpy`` package of
+Blender 5.0.1.
 """
 
 import bpy

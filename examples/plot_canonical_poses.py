@@ -2,8 +2,8 @@
 Canonical forms of three poses
 ==============================
 
-A canonical form is what is left of a shape when its pose is taken out: straight distances within
-it are distances along the surface. A dog that stands, gallops or sits has one and the same.
+A canonical form is a pose-invariant version of a shape: its straight distances approximate the
+distances along the surface. A standing, galloping or sitting dog has nearly the same form.
 """
 
 import matplotlib.pyplot as plt
@@ -18,8 +18,8 @@ dogs = [make_quadruped(pose, n_vertices=2000).mesh for pose in poses]
 forms = [canonical_form(dog) for dog in dogs]
 
 # %%
-# A form is unique up to a rotation or reflection, so all are turned to the first one. What is left
-# between two poses is told in units of the square root of the surface's area.
+# A form is unique up to a rotation or reflection, so all are aligned with the first one. The
+# remaining differences are in units of the square root of the surface's area.
 first = forms[0].points
 fig, axes = plt.subplots(2, 3, figsize=(9, 5.6))
 for column, pose, dog, form in zip(axes.T, poses, dogs, forms, strict=True):
@@ -33,6 +33,6 @@ for column, pose, dog, form in zip(axes.T, poses, dogs, forms, strict=True):
     column[1].set_title(f"form, {apart:.3f} from the first", fontsize=10)
 
 # %%
-# Turn the galloping dog and its form. Pick "distance" to see how far all points are from the one
-# that you click.
+# Drag to turn the galloping dog and its form. Choose "distance" and click a point to see the
+# distances from it.
 form_page(dogs[1], forms[1])

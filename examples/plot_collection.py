@@ -2,8 +2,8 @@
 Search a collection by shape
 ============================
 
-A folder of meshes is described once. Then any shape, in any pose, finds those that are most like
-it; and without labels, those that belong together find each other. Needs the extra ``collection``.
+The meshes of a folder are described once. Then the collection finds the shapes most similar to a
+query, in any pose, and groups its shapes without labels. Needs the extra ``collection``.
 """
 
 import io
@@ -29,7 +29,7 @@ shapes = Collection(folder / "shapes")
 print(shapes.add(folder, workers=0).added, "shapes were added")
 
 # %%
-# A dog that the collection has not got, in another pose and on another mesh.
+# The query is a dog that is not in the collection, with another pose and another mesh.
 query = make_quadruped("galloping", n_vertices=900, meshing=2).mesh
 hits = shapes.search(query, n=5)
 fig, axes = plt.subplots(1, 5, figsize=(10, 2.6), layout="constrained")
@@ -39,7 +39,7 @@ for ax, hit in zip(axes, hits, strict=True):
     ax.set_axis_off()
 
 # %%
-# Groups, without being told how many there are:
+# The number of groups is chosen automatically:
 entries, distances = shapes.distances()
 for group, entry in sorted(zip(find_groups(distances), entries, strict=True), key=lambda x: x[0]):
     print(group, Path(entry.path).stem)

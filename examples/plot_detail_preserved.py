@@ -2,8 +2,8 @@
 Forms that still look like the animal
 =====================================
 
-A canonical form keeps distances and nothing else: limbs become threads and faces vanish. With
-``lay_into_pose`` the surface itself is laid, as rigidly as possible, into the form's pose.
+In a canonical form limbs become thin threads and details are lost. :func:`unbend.lay_into_pose`
+deforms the surface itself, as rigidly as possible, into the form's pose.
 """
 
 import matplotlib.pyplot as plt
@@ -11,13 +11,13 @@ import matplotlib.pyplot as plt
 from unbend import Mesh, canonical_form, lay_into_pose
 from unbend.alignment import procrustes
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, position_colors
+from unbend.report import draw_mesh, mesh_page, position_colors
 
 people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
 unbent = [lay_into_pose(one, canonical_form(one)) for one in people]
 
 # %%
-# Three people in different poses become nearly the same person.
+# Three poses of a person become nearly the same surface.
 upright = people[0].vertices
 fig, axes = plt.subplots(2, 3, figsize=(9, 6.4))
 for column, person, surface in zip(axes.T, people, unbent, strict=True):
@@ -30,5 +30,5 @@ axes[0, 0].set_title("as they stand", loc="left")
 axes[1, 0].set_title("unbent", loc="left")
 
 # %%
-# The last one, that was sitting:
-Mesh(upright, people[2].faces, name="a sitting person, unbent")
+# The last one, which was sitting:
+mesh_page(Mesh(upright, people[2].faces, name="a sitting person, unbent"))

@@ -2,8 +2,8 @@
 Biharmonic, geodesic and other distances
 ========================================
 
-Geodesic distance is the length of the shortest way over the surface. Biharmonic distance takes
-all ways into account, and is smooth. Neither knows the pose.
+The geodesic distance is the length of the shortest path on the surface. The biharmonic distance
+depends on all paths, and is smooth. Both are nearly independent of the pose.
 """
 
 import matplotlib.pyplot as plt
@@ -27,18 +27,18 @@ for ax, (kind, field) in zip(axes.ravel(), fields.items(), strict=True):
     ax.set_title(kind)
 
 # %%
-# How much a pose changes them: the same vertices, sitting.
+# How much they change with the pose: the same vertices, sitting.
 sitting = make_quadruped("sitting", n_vertices=3000).mesh
 for kind, field in fields.items():
     change = distance(sitting, nose, distance=kind)[0] - field
     print(f"{kind:13s} changes by {abs(change).mean() / field.mean():.1%} on average")
 
 # %%
-# Farthest points are spread evenly by any of them.
+# Farthest-point samples are spread evenly with each of them.
 samples = farthest_point_sampling(dog.mesh, 12, distance="biharmonic")
 print(sorted({dog.parts[label] for label in dog.labels[samples]}))
 
 # %%
-# Choose the distance as colour, and click: biharmonic distances from there, on the dog and, as
-# straight ones, within its canonical form.
+# Choose the distance as colour, and click a point. The colours show biharmonic distances on the
+# dog, and straight distances in its canonical form.
 form_page(dog.mesh, canonical_form(dog.mesh))

@@ -2,15 +2,15 @@
 The mean of several bodies
 ==========================
 
-People of different proportions are scanned, each on a mesh of its own. A template is laid onto
-all of them, and then vertices correspond: they have a mean, and directions in which they vary.
+Scans of people of different proportions have different meshes. A template is registered to each
+of them, so that their vertices correspond. Then they have a mean and principal components.
 """
 
 import matplotlib.pyplot as plt
 
 from unbend.collection import mean_shape
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, same_scale
+from unbend.report import draw_mesh, mesh_page, same_scale
 
 template = make_biped("standing", n_vertices=600).mesh
 girths = (0.8, 1.0, 1.3)
@@ -32,4 +32,4 @@ for ax, deviations in zip(axes, (-1.5, 0, 1.5), strict=True):
 same_scale(axes)
 
 # %%
-found.mean
+mesh_page(found.mean)

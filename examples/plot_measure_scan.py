@@ -2,8 +2,8 @@
 Measure a scan with a template
 ==============================
 
-Somebody marked once, on a template, where waists and thighs are measured. Laid onto a scan of
-another body by :func:`unbend.register`, the template measures it, with no marks on the scan.
+The places to measure, waist and thighs, are marked once on a template. After
+:func:`unbend.register` the template lies on the scan of another body and measures it.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +11,7 @@ import numpy as np
 
 from unbend import match, register
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh
+from unbend.report import draw_mesh, mesh_page
 
 template = make_biped("standing", n_vertices=1500)
 scan = make_biped("walking", n_vertices=2000, meshing=1, girth=1.25, torso=1.05)
@@ -19,8 +19,8 @@ fitted = register(template.mesh, scan.mesh, match(template.mesh, scan.mesh))
 print(f"{fitted.coverage:.0%} of the template lies on the scan")
 
 # %%
-# A tape is a cut through the template at rest: points on its edges. Their order around the body is
-# kept, so their length can be taken on the fitted template as well.
+# A tape is a cut through the template at rest: points on its edges. Their order around the body
+# does not change, so their length can be measured on the fitted template too.
 
 
 def tape(body, height, part):
@@ -56,5 +56,5 @@ for ax, title in zip(axes, ("template", "scan", "template on the scan"), strict=
     ax.set_title(title)
 
 # %%
-# The template, lying on the scan:
-fitted.mesh
+# The template on the scan:
+mesh_page(fitted.mesh)

@@ -2,9 +2,9 @@
 A million vertices
 ==================
 
-A canonical form takes time and memory in proportion to the vertices. Here a dog of 5,000 vertices
-is subdivided twice, to 80,000, so that this page is built fast; twice more would make 1.3
-million. Times for a million and for five are measured: :doc:`/benchmarks`.
+The time and memory of a canonical form are proportional to the number of vertices. Here a dog of
+5,000 vertices is subdivided twice, to 80,000. Twice more would give 1.3 million.
+:doc:`/benchmarks` has times for large meshes.
 """
 
 import time

@@ -2,8 +2,8 @@
 With PyVista
 ============
 
-`PyVista <https://docs.pyvista.org>`_ surfaces are taken as they are, and results become their
-point data. The pictures on this page were drawn by PyVista, off screen.
+unbend accepts `PyVista <https://docs.pyvista.org>`_ surfaces, and its results can be stored as
+their point data. The pictures on this page were drawn by PyVista, off screen.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ person = make_biped("running", n_vertices=4000).mesh
 surface = pv.PolyData.from_regular_faces(person.vertices, person.faces)
 
 # %%
-# One function call, then everything that PyVista does with point data.
+# After one function call, PyVista can show the result like any point data.
 (surface["from the head"],) = distance(surface, int(person.vertices[:, 1].argmax()))
 form = canonical_form(surface)
 unbent = surface.copy()

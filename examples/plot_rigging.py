@@ -2,9 +2,8 @@
 Give a new mesh the skinning weights of an old one
 ==================================================
 
-A character was rigged once. Its successor has been modelled anew, stands in another pose, and
-shares no vertex with it. The weights of the bones are carried along a match, each row summing to
-one.
+A character has skinning weights. A new version of it has another pose and another mesh. A match
+transfers the weights; each row sums to one.
 """
 
 import matplotlib.pyplot as plt
@@ -30,7 +29,7 @@ def weights_of(body):
 
 
 # %%
-# The fresh body knows its true weights too, to compare with; a real one would not.
+# Here the true weights of the new body are known, for comparison.
 found = match(rigged.mesh, fresh.mesh, barycentric=True)
 weights = transfer(weights_of(rigged), found, kind="weights", source=rigged.mesh, target=fresh.mesh)
 off = np.abs(weights - weights_of(fresh)).sum(axis=1) / 2

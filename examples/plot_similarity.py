@@ -1,9 +1,9 @@
 """
-How alike are all of them? Clusters without labels
-==================================================
+Similarity of many shapes
+=========================
 
-:func:`unbend.collection.descriptor` makes 206 numbers of any shape, which see neither its pose nor
-its meshing. Distances between them are all that clustering needs.
+:func:`unbend.collection.descriptor` describes a shape by 206 numbers, independent of its pose and
+its mesh. Their distances are enough to cluster shapes.
 """
 
 import matplotlib.pyplot as plt
@@ -27,7 +27,7 @@ shapes = {f"{kind} {i + 1}": make(poses[i], i).mesh for kind, make in makers.ite
 distances = pdist([descriptor(mesh) for mesh in shapes.values()])
 
 # %%
-# Poses of one animal end up beside each other, and each kind in a branch of its own.
+# Poses of one animal are neighbours, and each kind has its own branch.
 fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained")
 tree = dendrogram(linkage(distances, "average"), labels=list(shapes), orientation="left", ax=left)
 order = [list(shapes).index(name) for name in tree["ivl"]]
@@ -39,10 +39,10 @@ right.set_yticks([])
 fig.colorbar(picture, label="distance of descriptors")
 
 # %%
-# Where vertices correspond already, as in an animation, the cosine of canonical forms, the
-# paper's measure, tells whether two frames show one body. In three dimensions the sitting dog
-# looks a little unlike itself: its third and fourth eigenvalues are nearly as large as each other,
-# and the two poses keep different ones. In two or four dimensions nothing of the kind happens.
+# If vertices correspond already, as in an animation, compare canonical forms by their cosine, the
+# measure of the paper. In three dimensions the sitting dog differs a little from the others: its
+# third and fourth eigenvalues are nearly equal, and two poses keep different ones. In two or four
+# dimensions this does not happen.
 dogs = [make_quadruped(pose, n_vertices=900).mesh for pose in poses]
 for d in (2, 3, 4):
     cosines = [similarity(dogs[0], dog, n_components=d) for dog in dogs]

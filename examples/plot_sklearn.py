@@ -2,8 +2,8 @@
 In a scikit-learn pipeline
 ==========================
 
-Meshes go in, classes come out. ``descriptor`` makes each mesh a row of numbers, and from there on
-scikit-learn does what it does with any table. Needs scikit-learn.
+``descriptor`` turns each mesh into a row of numbers, and scikit-learn predicts its class. Needs
+scikit-learn.
 """
 
 import matplotlib.pyplot as plt
@@ -44,6 +44,6 @@ ax.set(xlabel="first principal component", ylabel="second")
 ax.legend()
 
 # %%
-# A canonical form is an estimator as well, with the parameters of ``canonical_form`` and
+# Canonical forms are an estimator too, with the parameters of ``canonical_form`` and
 # ``sampled_canonical_form``.
 SpectralMDS(n_components=3, distance="biharmonic").fit_transform(meshes[0]).shape

@@ -2,8 +2,8 @@
 A dog and a giraffe, with a few landmarks
 =========================================
 
-Different animals are no poses of one another: nothing maps a dog to a giraffe without stretching.
-A few landmarks, roughly placed, say what is meant; the rest follows.
+A map from a dog to a giraffe must stretch the surface. A few roughly placed landmarks help to
+find it.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ dog = make_quadruped("standing", n_vertices=800)
 giraffe = make_quadruped("walking", species="giraffe", n_vertices=800, meshing=1)
 
 # %%
-# The tip of the nose and of the tail, and the left hind paw, as one would click on them.
+# The tips of the nose and the tail, and the left hind paw.
 truth = rest_map(dog, giraffe)
 x, y, z = dog.rest.T
 picked = [z.argmax(), (x - 3 * y - z).argmax(), z.argmin()]

@@ -1,9 +1,9 @@
 """
-Eigenfunctions, against the sphere's truth
-==========================================
+Eigenfunctions of a sphere and an animal
+========================================
 
 On a sphere the eigenvalues of the Laplacian are known: l (l + 1), each of them 2 l + 1 times.
-That is how one sees what a mesh makes of them.
+This shows how accurate those of a mesh are.
 """
 
 import matplotlib.pyplot as plt
@@ -28,7 +28,7 @@ ax.set(xlabel="number of the eigenvalue", ylabel="eigenvalue")
 ax.legend()
 
 # %%
-# On an animal the first ones tell head from tail and limb from limb.
+# On an animal the first ones distinguish head from tail and limb from limb.
 dog = make_quadruped("walking", n_vertices=2000).mesh
 functions = spectrum(dog, 9).eigenfunctions
 fig, axes = plt.subplots(2, 4, figsize=(10, 4.6))

@@ -2,7 +2,7 @@
 Left and right of a body
 ========================
 
-A walking person is not a mirror image of itself in space, but it is within its surface.
+A walking person is not symmetric in space, but its surface has a symmetry.
 :func:`unbend.symmetry` finds for each vertex the one on the other side, in any pose.
 """
 
@@ -16,10 +16,10 @@ from unbend.report import draw_mesh, match_page
 person = make_biped("walking", n_vertices=1000)
 found = symmetry(person.mesh)
 other = found.source_to_target
-print(f"{(other == person.mirror).mean():.1%} of the vertices lead to their very mirror image")
+print(f"{(other == person.mirror).mean():.1%} of the vertices have exactly the right partner")
 
 # %%
-# What was marked on one side is marked on the other: the left arm, in orange, gives the right
+# Use it to copy labels to the other side: the left arm, in orange, gives the right
 # one, in blue.
 left = person.labels == person.parts.index("left_arm")
 colors = np.full((1000, 3), 0.85)

@@ -2,8 +2,8 @@
 Carry a coat from one pose to another
 =====================================
 
-A tabby's stripes are painted on a standing cat. Another cat gallops, and its mesh has other
-vertices and other faces. A match tells which point is which, and :func:`unbend.transfer` carries
+A standing cat has painted stripes. Another cat gallops, and its mesh has other
+vertices and faces. A match finds the corresponding points, and :func:`unbend.transfer` transfers
 the colours.
 """
 
@@ -25,7 +25,7 @@ coat = stripe[:, None] * (232, 160, 84) + (1 - stripe[:, None]) * (92, 56, 30)
 coat[standing.labels == standing.parts.index("head")] = (240, 200, 150)
 
 # %%
-# No landmarks are given. The confidence says how far the match can be trusted.
+# No landmarks are given. The confidence is the estimated probability that the map is right.
 found = match(standing.mesh, galloping.mesh)
 carried = transfer(coat.astype(np.uint8), found)
 print(found)
@@ -35,10 +35,10 @@ draw_mesh(axes[0], standing.mesh, colors=coat / 255, view=(60, 15))
 draw_mesh(axes[1], galloping.mesh, colors=carried / 255, view=(60, 15))
 
 # %%
-# Written with its colours, the cat opens in MeshLab or Blender. Texture coordinates are carried
-# the same way, with ``kind="uv"``.
+# MeshLab and Blender can open the file with its colours. To transfer texture coordinates, use
+# ``kind="uv"``.
 write_mesh(Path(tempfile.mkdtemp(), "galloping.ply"), galloping.mesh, colors=carried)
 
 # %%
-# Point at one cat to see the place on the other; move the slider to morph.
+# Point at one cat to see the corresponding point on the other. Move the slider to morph.
 match_page(standing.mesh, galloping.mesh, found)

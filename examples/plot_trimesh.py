@@ -2,9 +2,9 @@
 With trimesh
 ============
 
-Whatever takes a mesh here takes a `trimesh <https://trimesh.org>`_ object too, and results are
-arrays in the order of its vertices. (Load with ``process=False`` where vertices must stay as they
-are in the file: trimesh merges them otherwise.)
+All functions accept `trimesh <https://trimesh.org>`_ objects, and results are
+arrays in the order of their vertices. (Load with ``process=False`` to keep the vertices of the
+file; otherwise trimesh merges them.)
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +12,7 @@ import trimesh
 
 from unbend import Mesh, canonical_form, diagnose, distance, lay_into_pose
 from unbend.datasets import make_octopus
-from unbend.report import draw_mesh
+from unbend.report import draw_mesh, mesh_page
 
 animal = make_octopus("crawling", n_vertices=1500).mesh
 body = trimesh.Trimesh(animal.vertices, animal.faces, process=False)
@@ -20,7 +20,7 @@ health = diagnose(body)
 print(body, f"closed: {health.closed}, genus {health.genus}", sep="\n")
 
 # %%
-# The octopus in its canonical form, as a trimesh object again, that trimesh's own tools take.
+# The canonical form of the octopus is a trimesh object again, for trimesh's own tools.
 form = canonical_form(body)
 unbent = trimesh.Trimesh(lay_into_pose(body, form), body.faces, process=False)
 print(f"sides of the box: {body.extents.round(2)} as it crawls, {unbent.extents.round(2)} unbent")
@@ -34,4 +34,4 @@ draw_mesh(axes[0], body, colors=field)
 draw_mesh(axes[1], unbent, colors=field, view=(0, 60))
 
 # %%
-Mesh(unbent.vertices, unbent.faces, name="octopus, unbent")
+mesh_page(Mesh(unbent.vertices, unbent.faces, name="octopus, unbent"))

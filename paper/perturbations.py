@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from testshapes.damage import Damaged, cut_discs
+from testshapes.scanning import add_noise
+from testshapes.welding import weld
 from unbend._arrays import nearest_rows
-from unbend.datasets.damage import Damaged, cut_discs
-from unbend.datasets.scanning import add_noise
-from unbend.datasets.welding import weld
 from unbend.errors import InputError, MissingExtraError
 from unbend.mesh import Mesh
 from unbend.preparation import prepare

@@ -14,10 +14,10 @@ from paper.perturbations import perturb
 from paper.result import Result
 from paper.robustness_page import draw, text
 from paper.run import Arrays, Run, everywhere, piece
+from testshapes.damage import Damaged
 from unbend.choices import DistanceKind, Method
 from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_octopus, make_quadruped, rest_map
-from unbend.datasets.damage import Damaged
 from unbend.errors import InputError, MeshError
 from unbend.matching import match
 from unbend.mesh import Mesh

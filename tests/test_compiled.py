@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import unbend
-from unbend._compiled import FLOATS, compiled, kernel
+from unbend._compiled import compiled
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -29,18 +29,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def filler(width: int) -> Callable[..., None]:
-    @kernel(FLOATS)
-    def fill(row: Any) -> None:
-        for i in range(width):
-            row[i] = width
+def filler() -> Callable[[Any, Any], None]:
+    @compiled
+    def fill(row, lanes):  # type: ignore[no-untyped-def]
+        for i in range(len(lanes)):
+            row[i] = len(lanes)
 
     return fill
 
 
 def filled(width: int) -> list[float]:
     row = np.zeros(20)
-    filler(width)(row)
+    filler()(row, (0.0,) * width)
     return row.tolist()
 
 
@@ -65,9 +65,6 @@ def test_compiled_code_is_kept_and_found_again(folder: Path) -> None:
     again = halver()
     assert again(3.0) == 1.5
     assert n_loaded(again) == 1
-    assert n_loaded(filler(8)) == 0
-    assert n_loaded(filler(8)) == 1
-    assert n_loaded(filler(16)) == 0
 
 
 def test_code_of_another_version_of_numba_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,18 +96,13 @@ def test_processes_that_compile_at_once_mix_up_neither_widths_nor_types(
 ) -> None:
     for name, width, number in (("one", 8, 3), ("other", 16, 3.0)):
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / name))
-        filler(width)
+        filled(width)
         halver()(number)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder))
     for _ in mixtures(tmp_path / "one", tmp_path / "other", folder):
         assert filled(8) == [8.0] * 8 + [0.0] * 12
         assert filled(16) == [16.0] * 16 + [0.0] * 4
         assert halver()(3) == halver()(3.0) == 1.5
-
-
-def test_kernels_made_for_each_width_have_names_of_their_own() -> None:
-    """The linker knows functions by their names alone."""
-    assert filler(8).__qualname__ != filler(16).__qualname__
 
 
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {
@@ -126,7 +118,7 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_files_cost_a_compilation(damage: str, folder: Path) -> None:
     halver()(3.0)
-    filler(8)
+    filled(8)
     assert files(folder)
     for path in files(folder):
         path.write_bytes(DAMAGES[damage](path.read_bytes()))
@@ -173,11 +165,11 @@ def test_a_folder_in_the_place_of_a_file_costs_a_compilation(folder: Path) -> No
 FULL_DISK = """
 import resource
 import numpy as np
-from unbend._compiled import FLOATS, compiled, kernel
+from unbend._compiled import compiled
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 assert compiled(lambda x: x / 2)(3.0) == 1.5
 row = np.ones(3)
-kernel(FLOATS)(lambda row: row[0])(row)
+compiled(lambda row: row[0])(row)
 """
 
 
@@ -195,7 +187,7 @@ def test_a_full_disk_costs_a_compilation(folder: Path) -> None:
 
 def test_what_fails_to_compile_is_an_error() -> None:
     with pytest.raises(numba.errors.TypingError):
-        kernel(FLOATS)(lambda row: row.unknown)
+        compiled(lambda row: row.unknown)(np.zeros(3))
 
 
 FILES = {

@@ -10,7 +10,7 @@ import pytest
 
 from corpus import CASES, Case, try_case
 
-TABLE = Path(__file__).parents[1] / "docs" / "bad-input.md"
+TABLE = Path(__file__).parent / "corpus" / "README.md"
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: re.sub(r"[^\w.]+", "-", case.name))

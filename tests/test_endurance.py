@@ -11,13 +11,11 @@ from endurance import COMMANDS, interrupt, kernels
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are others there")
-@pytest.mark.parametrize(
-    ("name", "by"), [("distance", signal.SIGKILL), ("collection export", signal.SIGINT)]
-)
-def test_an_ended_command_leaves_no_half(name: str, by: signal.Signals) -> None:
-    codes = interrupt(COMMANDS[name], by, [0.9])
-    assert set(codes) <= {0, 130, -by, 1}
+@pytest.mark.parametrize("by", ["SIGKILL", "SIGINT"])
+def test_an_ended_command_leaves_no_half(by: str) -> None:
+    codes = interrupt(COMMANDS["distance"], signal.Signals[by], [0.9])
+    assert set(codes) <= {0, 130, -signal.Signals[by], 1}
 
 
 def test_processes_that_compile_at_once_solve_right() -> None:
-    assert kernels(4, "qdldl") > 0
+    assert kernels(2, "qdldl") > 0

@@ -11,16 +11,9 @@ import numpy as np
 import pytest
 
 import unbend.matching
+from testshapes.damage import cut_discs, damaged_truth, unchanged
 from unbend import write_mesh
-from unbend.datasets import (
-    cut_discs,
-    damaged_truth,
-    make_biped,
-    make_quadruped,
-    make_sphere,
-    rest_map,
-)
-from unbend.datasets.damage import unchanged
+from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 pytestmark = pytest.mark.skipif(

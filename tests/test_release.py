@@ -57,7 +57,9 @@ def test_lowest_versions_are_those_of_the_bounds():
     assert told == matrix.PYTHONS[0]
 
 
-OURS = sorted(path for folder in ("src", "paper") for path in (ROOT / folder).rglob("*.py"))
+OURS = sorted(
+    path for folder in ("src", "paper", "testshapes") for path in (ROOT / folder).rglob("*.py")
+)
 
 
 @pytest.mark.parametrize("path", OURS, ids=lambda path: path.stem)

@@ -67,10 +67,10 @@ def index_page() -> str:
     parts = [
         "# Commands",
         "The commands cover the main functions; [Python](../api/index) has more of them, and more "
-        "of their options. Results go to standard output or to the file "
-        "that `-o` names, notes and warnings to standard error. `--json` prints what a program "
-        "can read. A mistake gives one sentence and exit code 2; no file is left half-written. "
-        "These pages are made from the commands themselves, as `unbend COMMAND --help` is.",
+        "of their options. Results go to standard output or to the file of `-o`, notes and "
+        "warnings to standard error. `--json` prints JSON. A mistake gives one sentence and exit "
+        "code 2, and no file is left half-written. `unbend COMMAND --help` prints the same text as "
+        "these pages.",
     ]
     for subject, words in (*SUBJECTS.items(), *([("More", tuple(left))] if left else [])):
         rows = [(f"[unbend {word}]({_file(f'unbend {word}')})", _first(top[word].help))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from unbend.matching import symmetry as symmetry
     from unbend.mesh import Mesh as Mesh
     from unbend.preparation import diagnose as diagnose
+    from unbend.report import plot as plot
     from unbend.spectral import laplacian as laplacian
     from unbend.spectral import spectrum as spectrum
 
@@ -55,7 +56,7 @@ _FOLDERS: dict[str, tuple[str, ...]] = {
     "matching": ("Match", "match", "symmetry"),
     "mesh": ("Mesh",),
     "preparation": ("diagnose",),
-    "report": (),
+    "report": ("plot",),
     "spectral": ("laplacian", "spectrum"),
 }
 _HOME = {name: folder for folder, names in _FOLDERS.items() for name in names}

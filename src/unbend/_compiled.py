@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import pickle
 import secrets
@@ -16,10 +15,6 @@ import numba
 from numba.core.caching import FunctionCache
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
-
-# Types of arrays that kernels are compiled for.
-INTS, LONGS, FLOATS = "int32[::1]", "int64[::1]", "float64[::1]"
-PAIRS, BLOCK = "int64[:, ::1]", "float64[:, ::1]"
 
 
 def _kernel_sources() -> Iterator[bytes]:
@@ -86,9 +81,7 @@ def _seal(origin: bytes, code: bytes) -> bytes:
 
 
 def compiled(
-    function: Callable[..., Any],
-    signature: str | None = None,
-    fastmath: frozenset[str] = frozenset(),
+    function: Callable[..., Any], fastmath: frozenset[str] = frozenset()
 ) -> Callable[..., Any]:
     """Compile a kernel that releases the GIL, and keep the code on disk where that is possible.
 
@@ -96,33 +89,21 @@ def compiled(
     ----------
     function : callable
         Written in what Numba understands.
-    signature : str, optional
-        Types to compile for at once; by default it is compiled when first called.
     fastmath : frozenset of str
         Liberties that LLVM may take: ``"reassoc"`` adds in whatever order is fastest.
 
     Returns
     -------
     callable
+        Compiled for the types of its arguments when it is first called with them.
     """
     if numba.config.DISABLE_JIT:
         return function
-    # The linker and the cache tell kernels apart by name: add the values of a closure to it.
-    for cell in function.__closure__ or ():
-        function.__qualname__ += f"_{cell.cell_contents}"
     made: Any = numba.njit(nogil=True, fastmath=set(fastmath))(function)
     if _SOURCES:  # without them, as in a zip file, old code could not be told from new
         with suppress(Exception):  # no usable folder costs compilations, never the result
             made._cache = _Cache(function)
-    if signature is not None:
-        made.compile(signature)
-        made.disable_compile()
     return made  # type: ignore[no-any-return]
-
-
-def kernel(*types: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Make a decorator that compiles for arguments of these types at once."""
-    return functools.partial(compiled, signature=f"({', '.join(types)},)")
 
 
 def generated(plain: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

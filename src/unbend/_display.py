@@ -1,36 +1,13 @@
-"""How results show themselves: what draws them is looked up when they are asked to."""
+"""How results show themselves: in a line, and in a notebook as a table."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
-from importlib import import_module
+from html import escape
 from typing import Any
 
 _LISTED = 3  # entries of a tuple that are shown
-
-
-class Drawn:
-    """What can be drawn, by :mod:`unbend.report.display`."""
-
-    def plot(self) -> Any:
-        """Draw this with matplotlib.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Notebooks show it; ``savefig`` writes it.
-
-        Raises
-        ------
-        MissingExtraError
-            If matplotlib is not installed.
-        """
-        return import_module("unbend.report.display").figure_of(self)
-
-    def _repr_html_(self) -> str:
-        """Show this in a notebook."""
-        html: str = import_module("unbend.report.display").html_of(self)
-        return html
 
 
 class Brief:
@@ -51,3 +28,13 @@ def _brief(value: Any) -> str:
     if isinstance(value, tuple) and len(value) > _LISTED:
         return f"<{len(value)}>"
     return repr(value)
+
+
+def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
+    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
+    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
+    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
+    for first, *others in rows:
+        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
+        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
+    return "<table>" + "\n".join(lines) + "</table>"

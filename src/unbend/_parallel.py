@@ -157,18 +157,25 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_begin_anew)
 
 
-def chunk_width(count: int) -> int:
-    """Choose how many columns solves for so many work on at once: half a chunk or a chunk.
+def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) -> FloatArray:
+    """Solve for a block of right-hand sides, (n, r), a chunk of columns at a time, in threads.
 
-    Eight columns cost little more than one.
-
-    Examples
-    --------
-    >>> from unbend._parallel import chunk_width
-    >>> [chunk_width(count) for count in (1, 8, 9, 40)]
-    [8, 8, 16, 16]
+    A chunk has the rows of the block in a factor's order, and 8 or 16 columns; those past the last
+    one are zero. Eight columns cost little more than one.
     """
-    return COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+    n, count = rhs.shape
+    width = COLUMNS // 2 if count <= COLUMNS // 2 else COLUMNS
+    solution = np.empty_like(rhs)
+
+    def work(part: slice) -> None:
+        chunk = np.zeros((n, width))
+        used = part.stop - part.start
+        chunk[:, :used] = rhs[order, part]
+        solve(chunk)
+        solution[order, part] = chunk[:, :used]
+
+    run_all(functools.partial(work, part) for part in column_slices(count))
+    return solution
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:

@@ -324,12 +324,6 @@ def test_every_stage_is_begun_and_ended(blob, method):
         assert shares == sorted(shares)
 
 
-def test_a_form_that_does_not_fit_into_memory_is_refused_with_the_remedy(blob, monkeypatch):
-    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
-    with pytest.raises(MeshError, match="are free; reduce the mesh to fewer vertices first"):
-        canonical_form(blob)
-
-
 @pytest.mark.parametrize("height", [1e9, 1e15, 1e20, 1e29])
 def test_what_rounding_leaves_of_no_extent_is_not_taken_for_distances_that_are_not_euclidean(
     height: float,

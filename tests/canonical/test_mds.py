@@ -71,7 +71,7 @@ def test_all_samples_and_all_eigenpairs_leave_nothing_to_approximate(
     assert dense.relative_error(sampled.points, exact.points) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["cat0", "cat1", "cat2", "cat3", "cat6", "cat8"])
+@pytest.mark.parametrize("name", ["cat0", "cat3", "cat8"])
 def test_the_paper_s_sampling_comes_within_a_thousandth_on_cats(real_data, name):
     mesh = real_data / "tosca_remeshed" / f"{name}.off"
     exact = canonical_form(mesh)

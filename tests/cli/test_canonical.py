@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from unbend import canonical_form, read_mesh, sampled_canonical_form, write_mesh
+from unbend import canonical_form, lay_into_pose, read_mesh, sampled_canonical_form, write_mesh
 from unbend.cli import app
 
 runner = CliRunner()
@@ -124,6 +124,10 @@ def test_a_component_keeps_its_place_among_all_vertices(blob, tmp_path):
         (["blob.off", "-o", "nowhere/form.ply"], "there is no folder nowhere"),
         (["blob.off", "-o", "form.npy", "--n-components", "0"], "dimension must be 1 to 641"),
         (["blob.off", "--component", "x"], "must be largest or a number"),
+        (
+            ["blob.off", "--detail", "preserved", "--n-components", "2"],
+            "at least 3 dimensions, not",
+        ),
         (["blob.off", "--n-samples", "1"], "n_samples must be a whole number of at least 2"),
     ],
 )
@@ -138,3 +142,15 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("keep_scale", [False, True])
+def test_the_surface_in_the_forms_pose_is_written_in_the_forms_unit(
+    mesh, blob, tmp_path, keep_scale
+):
+    out = tmp_path / "posed.npy"
+    done = run(mesh, "-o", out, "--detail", "preserved", "--json", *["--keep-scale"] * keep_scale)
+    assert "detail" in json.loads(done.stdout)["steps"]
+    form = canonical_form(blob)
+    unit = 1 if keep_scale else np.sqrt(form.area)
+    np.testing.assert_allclose(np.load(out), lay_into_pose(blob, form) / unit, atol=1e-6)

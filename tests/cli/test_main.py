@@ -301,7 +301,8 @@ def interrupted():
     held = Held()
     kept = weakref.ref(held, lambda _: signal.raise_signal(signal.SIGINT))
     del held
-    time.sleep(20)
+    for _ in range(200):
+        time.sleep(0.1)  # only between two of them is it seen
     print("went on")
 
 cli.main()

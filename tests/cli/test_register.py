@@ -8,10 +8,11 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
+from testshapes.damage import cut_discs, damaged_truth
 from unbend import read_mesh, write_mesh
 from unbend.cli import app
 from unbend.correspondence import read_match, write_match
-from unbend.datasets import cut_discs, damaged_truth, make_quadruped, rest_map
+from unbend.datasets import make_quadruped, rest_map
 from unbend.io import write_map
 from unbend.matching import Match
 

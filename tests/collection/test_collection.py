@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -100,6 +101,15 @@ def test_a_file_that_kills_its_worker_is_named_too(
     monkeypatch.setattr(_adding, "engine", deadly)
     done = Collection(tmp_path / "store").add(path)
     assert (done.added, done.failures) == (0, (Failure(str(path), "it died"),))
+
+
+def test_workers_are_those_asked_for(
+    stones: Path, tmp_path: Path, idle_engine: Callable[[object], dict]
+) -> None:
+    asked = idle_engine(_adding)
+    where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
+    Collection(tmp_path / "store").add(stones, **where)
+    assert asked == where
 
 
 def test_open_and_torn_shapes_in_pieces_are_welcome(tmp_path: Path) -> None:

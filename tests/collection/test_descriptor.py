@@ -6,11 +6,13 @@ from scipy.linalg import logm
 from scipy.sparse.csgraph import connected_components
 
 from sheets import make_sheet, make_torus
+from testshapes.damage import cut_discs
+from testshapes.scanning import add_noise
 from unbend import Mesh, read_mesh
 from unbend.collection import descriptor
 from unbend.collection._descriptor import Basis, describe, make_basis, wave_kernel
 from unbend.collection._whole import whole_surface
-from unbend.datasets import add_noise, cut_discs, make_biped, make_octopus, make_quadruped
+from unbend.datasets import make_biped, make_octopus, make_quadruped
 from unbend.errors import MeshError, SolverError, UnbendWarning
 
 
@@ -84,21 +86,22 @@ def variants(mesh: Mesh) -> dict[str, Mesh]:
     }
 
 
-def check_order_does_not_matter(mesh: Mesh) -> None:
-    own = descriptor(mesh)
-    for what, other in variants(mesh).items():
-        apart = np.abs(descriptor(other) - own).max() / np.abs(own).max()
-        assert apart < 1e-6, what
-
-
 @pytest.mark.parametrize("name", OF_OUR_OWN)
 def test_the_order_of_vertices_and_corners_changes_nothing(name):
-    check_order_does_not_matter(OF_OUR_OWN[name]())
+    mesh = OF_OUR_OWN[name]()
+    own = descriptor(mesh)
+    for what, other in variants(mesh).items():
+        assert np.abs(descriptor(other) - own).max() < 1e-6 * np.abs(own).max(), what
 
 
-@pytest.mark.parametrize("name", ["cat0", "david0", "dog1", "centaur2", "michael13"])
+@pytest.mark.parametrize("name", ["cat0", "david0", "centaur2"])
 def test_the_order_changes_nothing_on_real_shapes(real_data, name):
-    check_order_does_not_matter(read_mesh(real_data / "tosca_remeshed" / f"{name}.off"))
+    mesh = read_mesh(real_data / "tosca_remeshed" / f"{name}.off")
+    other = mesh
+    for what in variants(mesh):  # all of them, one after the other
+        other = variants(other)[what]
+    own = descriptor(mesh)
+    assert np.abs(descriptor(other) - own).max() < 1e-6 * np.abs(own).max()
 
 
 def test_poses_and_meshings_change_little(apart):

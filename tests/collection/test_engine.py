@@ -175,12 +175,6 @@ def test_workers_that_do_not_come_are_told() -> None:
         _engine._wait_for_workers(SimpleNamespace(wait_for_workers=never), "start one")
 
 
-@pytest.mark.parametrize(("threads", "tasks", "items"), [(0, 1, 1), (49, 49, 1), (120, 120, 3)])
-def test_where_threads_are_many_each_takes_several_items(threads, tasks, items) -> None:
-    client = SimpleNamespace(nthreads=lambda: {"one": threads})
-    assert _engine._plan(client) == (_engine._TASKS_PER_THREAD * tasks, items)
-
-
 @pytest.mark.parametrize(("alone", "most"), [(False, 10 * _engine._TASKS_PER_THREAD), (True, 1)])
 def test_workers_that_come_later_have_work_too_unless_one_item_is_tried_alone(
     monkeypatch: pytest.MonkeyPatch, alone: bool, most: int

@@ -8,7 +8,6 @@ import scipy.sparse as sp
 
 from sheets import make_sheet
 from unbend import Mesh
-from unbend._types import FloatArray
 from unbend.collection import _whole
 from unbend.collection._whole import face_areas, whole_surface
 from unbend.datasets import make_sphere
@@ -16,7 +15,7 @@ from unbend.errors import MeshError
 from unbend.mesh import find_edges
 
 
-def links_of(points: FloatArray, joined: int) -> FloatArray:
+def links_of(points: np.ndarray, joined: int) -> np.ndarray:
     """Weights of links among points of which the first so many are one piece, others alone."""
     n = len(points)
     chain = sp.diags_array(np.arange(n - 1) < joined - 1, offsets=1, shape=(n, n), dtype=float)

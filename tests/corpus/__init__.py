@@ -1,7 +1,7 @@
-"""A corpus of bad input: what each command makes of files that are not as they should be.
+"""A corpus of bad input: the answer of each command to damaged and unusual files.
 
-Every case is made by code. ``python -m tests.corpus`` runs them all and writes what was seen into
-``docs/bad-input.md``.
+Every case is made by code. ``python -m tests.corpus`` runs them all and writes the answers into
+``README.md`` here.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Run every case and write the table of ``docs/bad-input.md``: ``python -m tests.corpus``."""
+"""Run every case and write the table into ``README.md``: ``python -m tests.corpus``."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 
 from . import CASES, try_case
 
-PAGE = Path(__file__).parents[2] / "docs" / "bad-input.md"
+PAGE = Path(__file__).parent / "README.md"
 HEAD = """\
 # Bad input
 
-What the command line makes of files that are not as they should be. Each case is made by code in
+The answers of the command line to damaged and unusual files. Each case is made by code in
 `tests/corpus` and run by the tests, most of them through every command that reads such a file. A
-case ends in one of two ways: with an answer, which is compared with that of the same mesh mended;
-or with exit code 2 and one sentence that names the file and what is wrong with it. No traceback, no
-hang, nothing left half-written, and never more memory than the file itself accounts for.
+case ends in one of two ways: with a result, which is compared with that of the repaired mesh, or
+with exit code 2 and one sentence that names the file and the problem. There is no traceback and no
+hang, no file is half-written, and no command uses more memory than the file accounts for.
 
 This page is written by `python -m tests.corpus`.
 

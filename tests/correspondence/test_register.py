@@ -4,17 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testshapes.bodies import make_body
+from testshapes.damage import cut_discs, damaged_truth
+from testshapes.scanning import add_components, seen_from
 from unbend import Mesh, register
-from unbend.datasets import (
-    add_components,
-    cut_discs,
-    damaged_truth,
-    make_body,
-    make_quadruped,
-    make_sphere,
-    rest_map,
-    seen_from,
-)
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError
 
 # Two poses of one mesh, and the second pose meshed anew.

@@ -161,7 +161,7 @@ ONE = _match([0], [0])
     ("values", "mapping", "options", "sentence"),
     [
         ([1.0, 2], _match([0, 1], [2]), {}, "names source vertex 2, but there are 2 values"),
-        ([1.0, 2], [0, 0], {}, "leads from source to target: to turn it round, give"),
+        ([1.0, 2], [0, 0], {}, "maps from source to target: to invert it, give"),
         ([1.0, 2], [0.5], {}, "must be a Match or a list"),
         ([1.0, 2], [-2], {}, "must be a Match or a list"),
         (1.0, ONE, {}, "one value to carry"),

@@ -127,13 +127,6 @@ def test_a_source_off_the_surface_is_refused():
         distance((np.vstack([sphere.vertices, [[5, 5, 5]]]), sphere.faces), 42)
 
 
-def test_unknown_distances_and_times_are_refused():
-    with pytest.raises(InputError, match="choose one of biharmonic, commute-time"):
-        distance(make_sphere(1), 0, distance="euclidean")
-    with pytest.raises(InputError, match="time must be positive"):
-        distance(make_sphere(1), 0, distance="diffusion", time=0)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

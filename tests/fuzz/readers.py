@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import tempfile
 import warnings
@@ -92,14 +93,23 @@ def _check_functional_map(found: Any) -> None:
 
 def seeds(family: str) -> Iterator[bytes]:
     """Give what the corpus of bad input has for a family, each with the byte of its format."""
-    from corpus import CASES
-
     known = {"meshes": _MESHES, "maps": _MAPS, "values": (".csv", ".txt", ".npy")}
     suffixes = known.get(family, (".npz",))
+    for suffix, data in _small_files():
+        if suffix in suffixes:
+            yield (b"" if family == "archives" else bytes([suffixes.index(suffix)])) + data
+
+
+@functools.cache
+def _small_files() -> list[tuple[str, bytes]]:
+    """Read the small files of the corpus of bad input, with their suffixes."""
+    from corpus import CASES
+
+    found = []
     for case in CASES:
         with tempfile.TemporaryDirectory() as folder:
             case.make(Path(folder))
             for path in sorted(Path(folder).glob("*.*")):
-                if path.suffix in suffixes and path.is_file() and path.stat().st_size < 2**16:
-                    first = b"" if family == "archives" else bytes([suffixes.index(path.suffix)])
-                    yield first + path.read_bytes()
+                if path.is_file() and path.stat().st_size < 2**16:
+                    found.append((path.suffix, path.read_bytes()))
+    return found

@@ -148,13 +148,13 @@ def test_larger_systems_have_other_engines(n, options, expected):
 def test_the_engine_named_does_the_work(many, monkeypatch):
     """Small systems are solved without what is compiled, unless there is much to solve."""
     chunks = []
-    solve = factorization._solve_in_chunks
+    solve = factorization.in_chunks
 
     def spy(*arguments):
         chunks.append(arguments)
         return solve(*arguments)
 
-    monkeypatch.setattr(factorization, "_solve_in_chunks", spy)
+    monkeypatch.setattr(factorization, "in_chunks", spy)
     factor = factorize(grid(1.0), many=many)
     assert factor.backend == ("qdldl+numba" if many else "qdldl")
     factor.solve(np.ones((144, 2)))

@@ -8,7 +8,8 @@ import scipy.sparse as sp
 
 from tests.linalg.problems import laplacian, scattered
 from unbend.linalg import multifrontal
-from unbend.linalg._sweeps import sweeps
+from unbend.linalg._sweeps import forward
+from unbend.linalg.dissection import Supernodes
 from unbend.linalg.multifrontal import _stack_updates, factor, solve
 
 pytestmark = pytest.mark.kernels
@@ -63,15 +64,14 @@ def test_subtrees_leave_what_is_above_them_to_their_sums(width):
     """Otherwise threads would add to the same rows at once."""
     stiffness, areas = laplacian(*scattered(300, 0))
     matrix = sp.csc_matrix(stiffness + sp.diags_array(areas))
-    nodes, most, _, places, squares, panels = factor(matrix)
-    forward, _ = sweeps(width)
+    found = factor(matrix)
+    nodes = found.nodes
     *subtrees, top = nodes.parts
     below = int(nodes.starts[top[0]])
-    tree = most, nodes.starts, nodes.row_starts, nodes.rows, places, squares, panels
     for first, last in subtrees:
         values = np.random.default_rng(0).standard_normal((300, width))
         before, sums = values.copy(), np.zeros((300 - below, width))
-        forward(*tree, values, sums, below, first, last)
+        forward(found, values, sums, below, first, last, (0.0,) * width)
         own = slice(nodes.starts[first], nodes.starts[last])
         assert (values[own] != before[own]).any()
         assert (sums[:, 0] != 0).any()
@@ -119,8 +119,11 @@ def test_update_matrices_never_lie_on_one_another(room: int) -> None:
                 children[i, c] = roots.pop()
             roots.append(i)
         heights = draw.integers(0, 5, n)
-        offsets = np.empty(n, np.int64)
-        end = _stack_updates(children, heights, np.zeros(n, np.int64), offsets, 0, n, room)
+        none = np.zeros(n, np.int64)
+        row_starts = np.append(0, np.cumsum(heights))
+        nodes = Supernodes(none, none, none, children, row_starts, none, none)
+        depths, offsets = np.zeros((2, n), np.int64)
+        end = _stack_updates(nodes, depths, offsets, 0, n, room)
         depths = np.zeros(n, int)
         for i in range(n - 1, -1, -1):
             depths[children[i][children[i] >= 0]] = depths[i] + 1

@@ -7,8 +7,9 @@ to be looked for; what is much better is a reason to lower the bounds.
 
 import numpy as np
 
+from testshapes.bodies import make_body
 from unbend.correspondence import evaluate
-from unbend.datasets import Shape, make_biped, make_body, make_quadruped, rest_map
+from unbend.datasets import Shape, make_biped, make_quadruped, rest_map
 from unbend.matching import match
 
 RIGHT = 0.08  # a map whose mean error is larger has a limb, a side or an end mistaken

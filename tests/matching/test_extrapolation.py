@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import keep
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
-from unbend.datasets import keep, make_quadruped, make_sphere, rest_map
+from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.matching import _constants as constants
 from unbend.matching import _extrapolation
 from unbend.matching._extrapolation import _best_explained, extrapolate, patches_to_hold
@@ -26,7 +27,7 @@ THERE, BACK = rest_map(SOURCE, TARGET), rest_map(TARGET, SOURCE)
 
 @pytest.fixture(scope="module")
 def shapes() -> tuple[Shape, Shape]:
-    first, second = (prepare_shape(body.mesh, 20, True).shape for body in (SOURCE, TARGET))
+    first, second = (prepare_shape(body.mesh, 20).shape for body in (SOURCE, TARGET))
     return first, second
 
 
@@ -67,7 +68,7 @@ def test_what_is_right_stays_so(shapes: tuple[Shape, Shape]) -> None:
 def test_either_piece_of_a_twisted_map_is_held() -> None:
     """One end of a box as it is, the other half a turn on: either end may be right."""
     ball = make_sphere(3)
-    box = prepare_shape(Mesh(ball.vertices * [2.4, 1.0, 0.7], ball.faces), 20, True).shape
+    box = prepare_shape(Mesh(ball.vertices * [2.4, 1.0, 0.7], ball.faces), 20).shape
     every = np.arange(len(box.areas))
     turned = cKDTree(box.vertices).query(box.vertices * [1, -1, -1])[1]
     front = box.vertices[:, 0] > 0
@@ -97,7 +98,7 @@ def test_the_rest_turns_with_what_is_held(monkeypatch: pytest.MonkeyPatch) -> No
         [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     )
     box, turned = (
-        prepare_shape(Mesh(one, ball.faces), 20, False).shape for one in (places, places @ turn.T)
+        prepare_shape(Mesh(one, ball.faces), 20).shape for one in (places, places @ turn.T)
     )
     every = np.arange(len(places))
     right = mapped_start(box, turned, every, every, 1.0)
@@ -138,8 +139,8 @@ def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
     """Whatever the proxies say: all that may be best is looked at, and what is best there wins."""
     monkeypatch.setattr("unbend.matching._constants.NEARLY", np.inf)
     half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
-    part = prepare_shape(half, 60, True, partial=True).shape
-    sides = make_sides(part, prepare_shape(TARGET.mesh, 60, True).shape, thorough=True)
+    part = prepare_shape(half, 60, partial=True).shape
+    sides = make_sides(part, prepare_shape(TARGET.mesh, 60).shape, thorough=True)
     best, other, *rest = candidates(sides)
     found, fine = reranked(sides, [other, best, *rest])
     assert found[0].registered is best.registered
@@ -172,7 +173,7 @@ def test_all_and_the_largest_pieces_are_held(
     monkeypatch: pytest.MonkeyPatch, columns: list[float], pieces: list[float]
 ) -> None:
     """Of a sheet of twenty columns, ten of which are well explained, in strips."""
-    sheet = prepare_shape(make_sheet(20), 20, False, partial=True).shape
+    sheet = prepare_shape(make_sheet(20), 20, partial=True).shape
     sheet = replace(sheet, areas=np.ones(400))
     shares, strips, begun = np.ones(400), {}, 0
     for width in columns:
@@ -194,7 +195,7 @@ def test_the_rest_begins_turned_as_what_is_held_nearest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("unbend.deformation._surface.turn_rotations", lambda *given: None)
-    sheet = prepare_shape(make_sheet(8), 20, False).shape
+    sheet = prepare_shape(make_sheet(8), 20).shape
     every, x = np.arange(64), sheet.vertices[:, 0]
     turns = np.zeros((64, 3, 3)) + every[:, None, None]
     pose = mapped_start(sheet, sheet, every, every, 1.0).source._replace(

@@ -25,7 +25,7 @@ from unbend.matching._shape import Shape
 
 def test_a_person_has_five_tips() -> None:
     body = make_biped("walking", n_vertices=1500)
-    extremities = find_extremities(prepare_shape(body.mesh, 60, True)[1])
+    extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
     np.testing.assert_allclose(extremities.distances, extremities.distances.T)
@@ -40,7 +40,7 @@ def test_a_star_has_a_tip_on_every_ray() -> None:
     angles = 2 * np.pi * np.arange(5) / 5
     rays = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     reach = 1 + 2 * np.exp(-12 * (1 - ball.vertices @ rays.T)).sum(axis=1)
-    star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40, True)[1]
+    star = prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 40)[1]
     extremities = find_extremities(star)
     ends = star.vertices[extremities.vertices]
     ends /= np.linalg.norm(ends, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ def _spiky(rays: np.ndarray) -> Shape:
     ball = make_sphere(3)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     reach = 1 + 1.5 * np.exp(-40 * (1 - ball.vertices @ rays.T)).sum(axis=1)
-    return prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 60, False).shape
+    return prepare_shape(Mesh(ball.vertices * reach[:, None], ball.faces), 60).shape
 
 
 def test_every_most_remote_place_is_a_tip_the_most_remote_first() -> None:
@@ -95,7 +95,7 @@ def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
 
 def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
     body = make_octopus("floating", n_vertices=1500)
-    extremities = find_extremities(prepare_shape(body.mesh, 60, True)[1])
+    extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
 
@@ -247,7 +247,7 @@ def test_the_order_of_tips_does_not_matter() -> None:
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
     bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
-    extremities = [find_extremities(prepare_shape(body.mesh, 60, True)[1]) for body in bodies]
+    extremities = [find_extremities(prepare_shape(body.mesh, 60)[1]) for body in bodies]
     labels = [body.labels[one.vertices] for body, one in zip(bodies, extremities, strict=True)]
     guesses = guess_limbs(*extremities, 200)
     right = [(labels[0][one.source] == labels[1][one.target]).sum() for one in guesses]
@@ -355,7 +355,7 @@ def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60, True)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60)[1]
     ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
@@ -364,7 +364,7 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     i, j = shape.edge_weights.nonzero()
     lengths = np.linalg.norm(shape.vertices[i] - shape.vertices[j], axis=1)
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
-    smooth = find_extremities(prepare_shape(blob, 60, True)[1])
+    smooth = find_extremities(prepare_shape(blob, 60)[1])
     assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3
 
 
@@ -379,7 +379,7 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
 
 
 def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
-    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30, True)[1]
+    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30)[1]
     ends = find_extremities(shape).vertices
     for landmark in ends:
         found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices

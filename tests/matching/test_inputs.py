@@ -12,6 +12,7 @@ from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import _inputs
 from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
+from unbend.spectral import use_cache
 
 
 def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
@@ -27,13 +28,13 @@ def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
         return [task() for task in tasks]
 
     monkeypatch.setattr(_inputs, "run_all", run_all)
-    expected = prepare_shapes([egg, egg], 10, False, [False, True])
+    expected = prepare_shapes([egg, egg], 10, [False, True])
     assert ran == [2]
     monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 2 * 162 - 1)
     monkeypatch.setattr(_inputs, "run_all", None)
-    found = prepare_shapes([egg, egg], 10, False, [False, True])
+    found = prepare_shapes([egg, egg], 10, [False, True])
     assert [one.shape.partial for one in found] == [False, True]
-    assert not prepare_shape(egg, 10, False).shape.partial
+    assert not prepare_shape(egg, 10).shape.partial
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.shape.vertices, other.shape.vertices)
         np.testing.assert_array_equal(one.shape.eigenvalues, other.shape.eigenvalues)
@@ -48,7 +49,7 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
         name="both",
     )
     with pytest.warns(UnbendWarning, match="42 of 55 vertices; 1 smaller component goes along"):
-        found = prepare_shape(mesh, 10, False)
+        found = prepare_shape(mesh, 10)
     np.testing.assert_array_equal(found.kept, np.arange(13, 55))
     np.testing.assert_array_equal(found.local(found.kept), np.arange(42))
     nearest = np.linalg.norm(mesh.vertices[:12, None] - large.vertices, axis=2).argmin(axis=1)
@@ -65,9 +66,9 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
 def test_what_cannot_be_matched_is_refused(moebius_strip: Mesh) -> None:
     cloud = Mesh(make_sphere(0).vertices, name="cloud")
     with pytest.raises(InputError, match="cloud: matching needs faces, and this is a point cloud"):
-        prepare_shape(cloud, 10, False)
+        prepare_shape(cloud, 10)
     with pytest.raises(MeshError, match="only one side, like a Möbius strip"):
-        prepare_shape(moebius_strip, 10, False)
+        prepare_shape(moebius_strip, 10)
 
 
 def test_there_are_at_most_half_as_many_functions_as_vertices() -> None:
@@ -79,15 +80,16 @@ def test_there_are_at_most_half_as_many_functions_as_vertices() -> None:
     thirteen = Mesh(np.vstack([ball.vertices, 1.2 * middle]), np.vstack([ball.faces[1:], fan]))
     for mesh in (ball, thirteen):
         for asked, k in ((4, 3), (6, 5), (10, 5)):
-            assert prepare_shape(mesh, asked, False).shape.k == k
+            assert prepare_shape(mesh, asked).shape.k == k
 
 
-def test_the_cache_is_used_only_if_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_can_be_switched_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
     ball = make_sphere(1)
-    without = prepare_shape(ball, 10, False)
+    with use_cache(gib=0):
+        without = prepare_shape(ball, 10)
     assert not any(tmp_path.iterdir())
-    with_it = prepare_shape(ball, 10, True)
+    with_it = prepare_shape(ball, 10)
     assert any(tmp_path.iterdir())
     np.testing.assert_array_equal(with_it.shape.basis, without.shape.basis)
 
@@ -106,7 +108,7 @@ def _with_odds() -> Mesh:
 def test_points_on_faces_are_the_same_points_on_the_mesh_s_own() -> None:
     mesh = _with_odds()
     with pytest.warns(UnbendWarning):
-        found = prepare_shape(mesh, 10, False)
+        found = prepare_shape(mesh, 10)
     np.testing.assert_array_equal(found.kept, [*range(1, 21), *range(22, 44)])
     faces = np.arange(len(found.shape.faces))
     assert len(faces) == 80
@@ -122,7 +124,7 @@ def test_points_on_faces_are_the_same_points_on_the_mesh_s_own() -> None:
 def test_a_map_between_vertices_in_use_becomes_one_between_all() -> None:
     mesh = _with_odds()
     with pytest.warns(UnbendWarning):
-        found = prepare_shape(mesh, 10, False)
+        found = prepare_shape(mesh, 10)
     n = len(found.kept)
     images = np.random.default_rng(0).permutation(n)
     overlap = np.arange(n) % 5 != 2

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from sheets import lopsided, make_egg, make_twisted_ball
+from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
-from unbend.datasets import Damaged, keep, make_biped, make_quadruped, make_sphere, rest_map
+from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import match, prepare_spectrum, symmetry
 from unbend.matching._inputs import prepare_shape
@@ -75,7 +76,7 @@ def test_the_judge_prefers_the_right_map_to_its_rivals() -> None:
     # A person back to front is nearly the same person: only patches of the surface tell.
     source = make_biped("standing", n_vertices=1500)
     target = make_biped("walking", n_vertices=1200, meshing=1)
-    sides = make_sides(*(prepare_shape(one.mesh, 150, True)[1] for one in (source, target)))
+    sides = make_sides(*(prepare_shape(one.mesh, 150)[1] for one in (source, target)))
     first, *rivals = candidates(sides)
     assert rivals
     truth = rest_map(source, target)
@@ -200,7 +201,7 @@ def test_a_map_that_is_not_refined_is_right_too(blob: Mesh) -> None:
     assert _share_right(match(blob, blob, refine=False).source_to_target, blob, every) == 1
 
 
-@pytest.mark.filterwarnings("ignore:the map is in disorder")
+@pytest.mark.filterwarnings("ignore:part of the map is wrong")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
     other = make_quadruped("walking", n_vertices=600).mesh
     told: list[tuple[str, float]] = []
@@ -338,7 +339,7 @@ def _without_end() -> Damaged:
     return keep(egg, egg.vertices[:, 1] > np.quantile(egg.vertices[:, 1], 0.2))
 
 
-@pytest.mark.filterwarnings("ignore:the map is in disorder")
+@pytest.mark.filterwarnings("ignore:part of the map is wrong")
 @pytest.mark.parametrize("partial", get_args(Partial))
 def test_only_what_the_other_shape_may_lack_has_no_partner(partial: Partial) -> None:
     egg, torn = make_egg(3), _without_end()

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import keep
 from unbend._types import BoolArray, IntArray
-from unbend.datasets import keep, make_sphere
+from unbend.datasets import make_sphere
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._partners import cycle_consistent, keep_matched
 from unbend.matching._shape import Shape
@@ -27,7 +28,7 @@ class Bitten(NamedTuple):
 def _bitten(least: float) -> Bitten:
     lacking = BALL.vertices[:, 2] > least
     bitten = keep(BALL, ~lacking)
-    whole, part = (prepare_shape(one, 20, True, partial=True).shape for one in (BALL, bitten.mesh))
+    whole, part = (prepare_shape(one, 20, partial=True).shape for one in (BALL, bitten.mesh))
     lengths = (
         np.linalg.norm(np.subtract(*one.vertices[ends]))
         for one, ends in ((part, [0, -1]), (whole, bitten.origin[[0, -1]]))
@@ -77,7 +78,7 @@ def test_an_outline_much_longer_than_the_rim_is_none(bitten: Bitten) -> None:
 @pytest.mark.kernels
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_outline_of_half_a_square_is_as_long_as_its_side(axis: int) -> None:
-    square = prepare_shape(make_sheet(12), 20, False, partial=True).shape
+    square = prepare_shape(make_sheet(12), 20, partial=True).shape
     half = (square.vertices[:, axis] > 0)[:, None]
     for length, kept in ((0.33, True), (0.34, False)):
         square.__dict__["boundary_length"] = length

@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 
 from sheets import make_sheet
+from testshapes.damage import Damaged, cut, cut_discs, damaged_truth, keep
+from testshapes.scanning import add_components
 from unbend import Mesh, evaluate, match
-from unbend.datasets import (
-    Damaged,
-    add_components,
-    cut,
-    cut_discs,
-    damaged_truth,
-    keep,
-    make_biped,
-    make_octopus,
-    make_sphere,
-    rest_map,
-)
 from unbend.datasets import Shape as ShapeWithTruth
+from unbend.datasets import make_biped, make_octopus, make_sphere, rest_map
 from unbend.errors import InputError, UnbendWarning
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
@@ -58,9 +49,9 @@ def test_the_rim_of_a_sheet_leads_outward() -> None:
 
 def test_only_a_part_has_a_rim(blob: Mesh) -> None:
     half = _sheet()
-    assert not prepare_shape(half, 20, True).shape.conormals.any()
-    assert prepare_shape(half, 20, True, partial=True).shape.conormals.any()
-    assert not prepare_shape(blob, 20, True, partial=True).shape.partial
+    assert not prepare_shape(half, 20).shape.conormals.any()
+    assert prepare_shape(half, 20, partial=True).shape.conormals.any()
+    assert not prepare_shape(blob, 20, partial=True).shape.partial
 
 
 @pytest.mark.parametrize(("level", "partial"), [(3, True), (5, False)])
@@ -68,15 +59,13 @@ def test_a_pinhole_makes_no_part(level: int, partial: bool) -> None:
     # Without one face the rim is three edges long: 0.12 and 0.03 of sqrt(area).
     ball = make_sphere(level)
     pricked = Mesh(ball.vertices, ball.faces[1:])
-    assert prepare_shape(pricked, 20, True, partial=True).shape.partial == partial
+    assert prepare_shape(pricked, 20, partial=True).shape.partial == partial
 
 
 def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
     # From the truth, of a body and the same one without an arm, the truth stays.
     torn = keep(SOURCE.mesh, SOURCE.labels != SOURCE.parts.index("left_arm"))
-    whole, part = (
-        prepare_shape(mesh, 60, True, partial=True).shape for mesh in (SOURCE.mesh, torn.mesh)
-    )
+    whole, part = (prepare_shape(mesh, 60, partial=True).shape for mesh in (SOURCE.mesh, torn.mesh))
     size = float(
         np.sqrt(vertex_areas(SOURCE.mesh).sum() / vertex_areas(torn.mesh).sum())
     )  # a part of unit area is drawn larger
@@ -106,7 +95,7 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 
 def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     torn = cut(SOURCE.mesh, SOURCE.mesh.vertices[:, 2], 0.5).mesh
-    whole, part = (prepare_shape(one, 20, True, True).shape for one in (SOURCE.mesh, torn))
+    whole, part = (prepare_shape(one, 20, True).shape for one in (SOURCE.mesh, torn))
     assert limited(whole, whole, constants.DATA_WEIGHTS) == constants.DATA_WEIGHTS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
@@ -205,7 +194,7 @@ def test_hints_settle_which_arm_is_which() -> None:
 def test_a_wrong_hint_is_outvoted_and_named() -> None:
     arm, head = _end(SOURCE, "left_arm"), _end(SOURCE, "head")
     hints = [(arm, TRUTH[arm]), (head, TRUTH[_end(SOURCE, "left_leg")])]
-    with pytest.warns(UnbendWarning, match="landmark 1 is left aside"):
+    with pytest.warns(UnbendWarning, match="landmark 1 is ignored"):
         found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints)
     assert found.missed_landmarks == (1,)
     assert evaluate(found, TARGET.mesh, np.arange(900), TRUTH).mean() < 0.03
@@ -248,7 +237,7 @@ def test_what_cannot_be_hinted_is_said(blob: Mesh) -> None:
 
 def test_a_mirror_image_has_the_mirrored_rim() -> None:
     half = _sheet()
-    shape = prepare_shape(half, 20, True, partial=True).shape
+    shape = prepare_shape(half, 20, partial=True).shape
     mirror = shape.reflected()
     np.testing.assert_allclose(mirror.conormals, shape.conormals * [-1, 1, 1], atol=1e-12)
     fresh: Shape = replace(mirror)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from sheets import make_sheet
+from testshapes.damage import cut
 from unbend import Mesh
-from unbend.datasets import cut, make_biped, make_sphere
+from unbend.datasets import make_biped, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching import _points
 from unbend.matching._extremities import Guess
@@ -29,7 +30,7 @@ RADII = constants.PATCH * 2 ** (np.arange(9) / 4)  # of surroundings
 
 
 def shape_of(mesh: Mesh, partial: bool = True) -> Shape:
-    return prepare_shape(mesh, 40, True, partial).shape
+    return prepare_shape(mesh, 40, partial).shape
 
 
 def test_points_are_far_from_each_other_and_near_to_everything():
@@ -94,7 +95,7 @@ def test_surroundings_do_not_depend_on_place_and_unit():
 def test_a_guess_leads_a_part_to_where_it_was(share, swapped):
     body = make_biped("walking", n_vertices=1000).mesh
     part = cut(body, body.vertices[:, 2], share)
-    sides = [prepare_shape(mesh, 40, True, True) for mesh in (part.mesh, body)]
+    sides = [prepare_shape(mesh, 40, True) for mesh in (part.mesh, body)]
     origins = [part.origin[sides[0].kept], sides[1].kept]
     if swapped:
         sides, origins = sides[::-1], origins[::-1]

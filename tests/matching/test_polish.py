@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_egg, make_sheet
+from testshapes.damage import keep
 from unbend import Mesh
-from unbend.datasets import keep, make_octopus, make_sphere, rest_map
+from unbend.datasets import make_octopus, make_sphere, rest_map
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import Sides, candidates, make_sides
 from unbend.matching._polish import (
@@ -40,7 +41,7 @@ def _bumpy_boxes(partial: bool) -> tuple[Sides, Candidate, Candidate]:
     bent = points + np.outer(points[:, 0] ** 2, [0, 0.2, 0])
     wanted = np.abs(box[:, 2]) < (0.6 if partial else 1)
     first, second = (keep(Mesh(one, ball.faces), wanted) for one in (points, bent))
-    shapes = [prepare_shape(one.mesh, 30, False, partial).shape for one in (first, second)]
+    shapes = [prepare_shape(one.mesh, 30, partial).shape for one in (first, second)]
     right, wrong = (
         scored(*shapes, mapped_start(*shapes, way, way, 1.0))
         for way in (np.arange(len(first.origin)), first.image[turn[first.origin]])
@@ -89,7 +90,7 @@ def test_small_eyes_tell_which_arm_is_which() -> None:
     source = make_octopus("floating", n_vertices=2000)
     target = make_octopus("resting", n_vertices=2000, meshing=1)
     truth = target.mesh.vertices[rest_map(source, target)]
-    ours, theirs = (prepare_shape(one.mesh, 100, False).shape for one in (source, target))
+    ours, theirs = (prepare_shape(one.mesh, 100).shape for one in (source, target))
     sides = make_sides(ours, theirs)
     right, *others = candidates(sides)
     found, fine = reranked(sides, [*others[:2], right])
@@ -107,7 +108,7 @@ def test_the_polish_mends_half_a_map(torn: bool) -> None:
     if torn:
         box = keep(box, box.vertices[:, 0] < 0.9).mesh
     bent = Mesh(box.vertices + np.outer(box.vertices[:, 0] ** 2, [0, 0.4, 0]), box.faces)
-    both = [prepare_shape(one, 30, False, True).shape for one in (box, bent)]
+    both = [prepare_shape(one, 30, True).shape for one in (box, bent)]
     every = np.arange(len(box.vertices))
     half = np.where(box.vertices[:, 0] > 0, np.roll(every, 1), every)
     begun = scored(*both, mapped_start(*both, half, half, 1.0))
@@ -120,7 +121,7 @@ def test_the_polish_mends_half_a_map(torn: bool) -> None:
 
 def test_a_map_grows_as_far_as_both_have_functions() -> None:
     egg = make_egg(2)
-    many = prepare_shape(egg, 60, False).shape
+    many = prepare_shape(egg, 60).shape
     few = replace(many, eigenvalues=many.eigenvalues[:30], basis=many.basis[:, :30])
     every = np.arange(egg.n_vertices)
     near = mapped_start(many, few, every, every, 1.0)
@@ -135,7 +136,7 @@ def test_a_map_grows_as_far_as_both_have_functions() -> None:
 
 
 def test_a_map_that_is_nearly_right_grows_to_be_right() -> None:
-    few, many = (prepare_shape(make_egg(level), 80, False).shape for level in (2, 3))
+    few, many = (prepare_shape(make_egg(level), 80).shape for level in (2, 3))
     chance = np.random.default_rng(0)
     forward, backward = (
         cKDTree(goal.vertices).query(chance.normal(one.vertices, 0.05))[1]
@@ -152,7 +153,7 @@ def test_a_map_that_is_nearly_right_grows_to_be_right() -> None:
 
 def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> None:
     few, many, mirrored = (
-        prepare_shape(make_egg(*one), 40, False).shape for one in ((2, 1), (3, 1), (3, -1))
+        prepare_shape(make_egg(*one), 40).shape for one in ((2, 1), (3, 1), (3, -1))
     )
     forward = np.arange(162)
     backward = cKDTree(few.vertices).query(many.vertices)[1]
@@ -178,7 +179,7 @@ def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> No
 
 
 def test_a_vertex_has_a_partner_where_most_around_it_have() -> None:
-    sheet = prepare_shape(make_sheet(15), 10, False, partial=True).shape
+    sheet = prepare_shape(make_sheet(15), 10, partial=True).shape
     inner = np.abs(sheet.vertices[:, :2]).max(axis=1) < 0.4
     beyond = sheet.vertices[:, 0] + 0.2
     most = beyond > 0
@@ -206,7 +207,7 @@ def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
     ball = make_sphere(3)
     upper, lower = ball.vertices[:, 2] > 0.6, ball.vertices[:, 2] < -0.9
     bitten = keep(ball, ~upper)
-    whole, part = (prepare_shape(one, 10, False, partial=True).shape for one in (ball, bitten.mesh))
+    whole, part = (prepare_shape(one, 10, partial=True).shape for one in (ball, bitten.mesh))
     back, ahead = bitten.origin, cKDTree(bitten.mesh.vertices).query(ball.vertices)[1]
     poses = mapped_start(whole, part, ahead, back, 1.0)[2:]
     poses = [poses[0]._replace(overlap=~(upper | lower)), poses[1]._replace(overlap=back >= 0)]
@@ -221,6 +222,6 @@ def test_a_patch_has_none_only_where_the_other_shape_ends() -> None:
 def test_half_of_those_around_is_not_most() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    every = prepare_shape(Mesh(corners, faces), 2, False).shape  # each beside every other one
+    every = prepare_shape(Mesh(corners, faces), 2).shape  # each beside every other one
     for n, most in ((4, True), (3, True), (2, False), (1, False)):
         assert _as_most_around(every, np.arange(4) < n).tolist() == [most] * 4

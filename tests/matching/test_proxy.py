@@ -12,7 +12,7 @@ from unbend.matching._shape import Shape, make_proxy
 
 @pytest.fixture(scope="module")
 def shape(blob: Mesh) -> Shape:
-    found = prepare_shape(blob, 40, True).shape
+    found = prepare_shape(blob, 40).shape
     return replace(found, landmarks=np.array([3, 600]))
 
 

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from sheets import make_sheet
+from testshapes.damage import cut
 from unbend import match, register, transfer
-from unbend.datasets import cut, make_biped, make_quadruped
+from unbend.datasets import make_biped, make_quadruped
 from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape
@@ -21,7 +22,7 @@ SIDE = 41
 
 @pytest.fixture(scope="module")
 def sheet() -> Shape:
-    return prepare_shape(make_sheet(SIDE), 10, False).shape
+    return prepare_shape(make_sheet(SIDE), 10).shape
 
 
 def bound(
@@ -86,7 +87,7 @@ def test_only_what_has_a_partner_counts(sheet: Shape) -> None:
 
 def test_shapes_of_very_different_resolution_are_not_crowded() -> None:
     fine, coarse = make_sheet(SIDE), make_sheet(5)
-    shapes = tuple(prepare_shape(mesh, 10, False).shape for mesh in (fine, coarse))
+    shapes = tuple(prepare_shape(mesh, 10).shape for mesh in (fine, coarse))
     there, back = (
         cKDTree(one.vertices).query(other.vertices)[1] for one, other in (shapes[::-1], shapes)
     )
@@ -112,7 +113,7 @@ def test_what_uses_a_match_in_disorder_says_so() -> None:
     poor = Match(every, every, np.eye(1), 0.68, 0.0, 0.1, confidence_bound=0.1)
     with pytest.warns(UnbendWarning, match=r"orientation \+0.68, confidence at most 0.10"):
         transfer(np.arange(25.0), poor, target=sheet)
-    with pytest.warns(UnbendWarning, match="in disorder"):
+    with pytest.warns(UnbendWarning, match="part of the map is wrong"):
         register(sheet, sheet, poor)
     good = replace(poor, confidence_bound=1.0)
     transfer(np.arange(25.0), good, target=sheet)

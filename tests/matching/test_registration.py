@@ -34,7 +34,7 @@ from unbend.matching._shape import Shape, make_proxy
 
 
 def _shape(mesh: Mesh) -> Shape:
-    return prepare_shape(mesh, 60, True)[1]
+    return prepare_shape(mesh, 60)[1]
 
 
 def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
@@ -340,9 +340,7 @@ def test_a_smooth_start_has_maps_near_those_it_was_given(standing: Shape, walkin
 
 
 def test_what_lands_on_a_rim_does_not_pull() -> None:
-    ours, theirs = (
-        prepare_shape(make_sheet(side), 20, False, partial=True).shape for side in (9, 12)
-    )
+    ours, theirs = (prepare_shape(make_sheet(side), 20, partial=True).shape for side in (9, 12))
     apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
     maps = apart.argmin(axis=1), apart.argmin(axis=0)
     moving = [
@@ -406,9 +404,7 @@ def test_a_smooth_start_is_one_of_vertices_in_any_order(standing: Shape, walking
 
 
 def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
-    fine, coarse = (
-        prepare_shape(make_sheet(side), 10, False, partial=True).shape for side in (13, 7)
-    )
+    fine, coarse = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 7))
     data_weights = (1.0, 10.0, 3000.0, 9000.0)
     most = 1 / coarse.edge**2
     assert data_weights[1] < most < data_weights[2]
@@ -442,9 +438,7 @@ def test_closest_points_of_parts_are_sought_by_both_positions(walking: Shape) ->
 @pytest.mark.parametrize("size", [1.0, 1.3])
 def test_how_far_something_is_beyond_a_rim(size: float) -> None:
     """Of a square, and one that is drawn larger around it; in the smaller one's unit."""
-    ours, theirs = (
-        prepare_shape(make_sheet(side), 10, False, partial=True).shape for side in (13, 6)
-    )
+    ours, theirs = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 6))
     wide, still = 1.5 * ours.vertices, np.tile(np.eye(3), (169, 1, 1))
     ours = replace(ours, vertices=size * wide)
     moving = _Moving(ours, theirs, [Pose(wide, still, np.ones(169, dtype=bool), 1 / size)])
@@ -489,7 +483,7 @@ def test_how_much_larger_a_part_is_found_unless_asked_not_to(
 def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both: bool) -> None:
     """Of a square within a wider one, which leads back even from its sides."""
     part, wide = (
-        prepare_shape(make_sheet(side), 10, False, partial=one).shape
+        prepare_shape(make_sheet(side), 10, partial=one).shape
         for side, one in ((6, True), (13, both))
     )
     wide = replace(wide, vertices=1.5 * wide.vertices)
@@ -536,9 +530,7 @@ def test_half_of_the_area_is_larger_than_the_median(
 @pytest.mark.parametrize("first", [False, True])
 def test_normals_do_not_lead_away_from_a_rim(both: bool, first: bool) -> None:
     """Of a square onto itself, where the rim faces another way, but what lies beside it not."""
-    part, whole = (
-        prepare_shape(make_sheet(13), 10, False, partial=one).shape for one in (True, both)
-    )
+    part, whole = (prepare_shape(make_sheet(13), 10, partial=one).shape for one in (True, both))
     every, aside = np.arange(169)[:, None], np.tile([1.0, 0, 0], (169, 1))
     whole.__dict__["normals"] = aside
     part.__dict__["normals"] = np.where(part.on_boundary[:, None], [0, 0, 1], aside)

@@ -30,11 +30,11 @@ from unbend.matching._shape import Shape
 
 @functools.cache
 def _person() -> Shape:
-    return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30, True)[1]
+    return prepare_shape(make_biped("walking", n_vertices=1000).mesh, 30)[1]
 
 
 def _sheet(side: int) -> Shape:
-    return prepare_shape(make_sheet(side), 10, False)[1]
+    return prepare_shape(make_sheet(side), 10)[1]
 
 
 def _identity(shape: Shape) -> Registered:
@@ -97,7 +97,7 @@ def _hairpin(side: int) -> Mesh:
 
 
 def test_limbs_that_touch_are_not_taken_for_each_other() -> None:
-    shape = prepare_shape(_hairpin(15), 10, False).shape
+    shape = prepare_shape(_hairpin(15), 10).shape
     ends = np.array([0, len(shape.areas) - 15])  # two corners, one over the other
     shape = replace(shape, landmarks=ends)
     identity = _identity(shape)
@@ -145,7 +145,7 @@ def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> Non
 def test_the_energy_of_a_stretch_is_bounded_in_closed_form(stretch: float) -> None:
     # Of a patch's edges a share p lies along the stretch s; its correlation with its image,
     # (1 + (s - 1) p) / sqrt(1 + (s^2 - 1) p), is least at p = 1 / (s + 1).
-    ball = prepare_shape(make_sphere(3), 10, True)[1]
+    ball = prepare_shape(make_sphere(3), 10)[1]
     for shape in (ball, _person()):
         energy = _loss(shape, shape.vertices * [1, stretch, 1])
         most = 1 - 2 * np.sqrt(stretch) / (1 + stretch)
@@ -175,7 +175,7 @@ def test_the_overlap_is_the_share_of_the_shape_of_which_less_has_a_partner() -> 
 def test_a_sheet_seen_from_behind_is_inside_out() -> None:
     square = make_sheet(9)
     sheet = Mesh(square.vertices * [1.4, 1, 1], square.faces)
-    shape = prepare_shape(sheet, 10, True)[1]
+    shape = prepare_shape(sheet, 10)[1]
     identity = _identity(shape)
     assert scored(shape, shape, identity).orientation == pytest.approx(1)
     flipped = np.arange(81).reshape(9, 9)[::-1].ravel()

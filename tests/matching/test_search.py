@@ -24,7 +24,7 @@ from unbend.matching._shape import Shape
 
 @pytest.fixture(scope="module")
 def shape(blob: Mesh) -> Shape:
-    return prepare_shape(blob, 40, True)[1]
+    return prepare_shape(blob, 40)[1]
 
 
 def test_a_generic_shape_is_found_to_be_itself_first(shape: Shape) -> None:
@@ -56,7 +56,7 @@ def test_the_order_of_vertices_does_not_matter(shape: Shape) -> None:
 
 def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
     dog = make_quadruped("standing", n_vertices=1200)
-    shape = prepare_shape(dog.mesh, 40, True)[1]
+    shape = prepare_shape(dog.mesh, 40)[1]
     maps = search(shape, shape)
     mirror = shape.basis[:, :20].T @ (shape.areas[:, None] * shape.basis[dog.mirror, :20])
     for expected in (np.eye(20), mirror):
@@ -77,7 +77,7 @@ def test_few_functions_give_maps_of_few(shape: Shape) -> None:
 
 def test_two_meshes_of_one_surface_have_nearly_the_same_functions(shape: Shape, blob: Mesh) -> None:
     few = make_sphere(2).faces  # whose vertices are the first of a finer sphere
-    coarse = prepare_shape(Mesh(blob.vertices[:162], few), 40, False)[1]
+    coarse = prepare_shape(Mesh(blob.vertices[:162], few), 40)[1]
     low = slice(0, 6)
     for source, target in ((shape, coarse), (coarse, shape)):
         found = search(source, target)[0][low, low]
@@ -104,7 +104,7 @@ def test_maps_that_hardly_differ_count_once() -> None:
 def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
     ball = make_sphere(2)  # all of its vertices are samples
     box = Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces)  # itself under three half turns
-    shape = prepare_shape(box, 40, True)[1]
+    shape = prepare_shape(box, 40)[1]
     maps = search(shape, shape)[:4]
     np.testing.assert_allclose(abs(maps), [np.eye(20)] * 4, atol=1e-3)
     for seed in range(3):

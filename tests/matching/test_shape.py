@@ -18,11 +18,11 @@ from unbend.matching._shape import (
 
 
 def _shape(mesh: Mesh, n_eigenpairs: int = 40) -> Shape:
-    return prepare_shape(mesh, n_eigenpairs, True)[1]
+    return prepare_shape(mesh, n_eigenpairs)[1]
 
 
 def _square(side: int) -> Shape:
-    return prepare_shape(make_sheet(side), 10, False, partial=True).shape
+    return prepare_shape(make_sheet(side), 10, partial=True).shape
 
 
 def _area(shape: Shape) -> float:
@@ -89,9 +89,7 @@ def test_a_part_is_what_is_said_to_be_one_and_ends_along_a_rim_that_is_not_tiny(
 
 def test_a_square_ends_along_its_four_sides_if_it_is_a_part() -> None:
     side = 6
-    part, whole = (
-        prepare_shape(make_sheet(side), 10, False, partial=one).shape for one in (True, False)
-    )
+    part, whole = (prepare_shape(make_sheet(side), 10, partial=one).shape for one in (True, False))
     inside = (np.arange(side) % (side - 1) > 0).astype(int)
     outline = (np.outer(inside, inside) == 0).ravel()
     np.testing.assert_array_equal(part.on_boundary, outline)
@@ -112,7 +110,7 @@ def test_the_tip_of_a_slit_is_on_the_rim() -> None:
     for vertex, copy in zip(left, copies, strict=True):
         faces[below[:, None] & (faces == vertex)] = copy
     vertices = np.concatenate([sheet.vertices, sheet.vertices[left]])
-    shape = prepare_shape(Mesh(vertices, faces), 10, False, partial=True).shape
+    shape = prepare_shape(Mesh(vertices, faces), 10, partial=True).shape
     extremity = row * side + row
     assert shape.on_boundary[[*left, *copies, extremity]].all()
     assert not shape.on_boundary[extremity + 1 : extremity + row].any()
@@ -121,7 +119,7 @@ def test_the_tip_of_a_slit_is_on_the_rim() -> None:
 def test_lengths_and_ways_along_edges_of_a_square() -> None:
     side = 6
     sheet = make_sheet(side)
-    shape = prepare_shape(sheet, 10, False).shape
+    shape = prepare_shape(sheet, 10).shape
     ends = np.concatenate([sheet.faces[:, [0, 1]], sheet.faces[:, [1, 2]], sheet.faces[:, [2, 0]]])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     long = np.linalg.norm(sheet.vertices[ends[:, 0]] - sheet.vertices[ends[:, 1]], axis=1)
@@ -139,9 +137,9 @@ def test_side_by_side_shapes_are_prepared_as_one_by_one(
 ) -> None:
     meshes = blob, make_quadruped("standing", n_vertices=700).mesh
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    together = prepare_shapes(meshes, 40, False, (True, False))
+    together = prepare_shapes(meshes, 40, (True, False))
     monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 0)
-    for one, other in zip(together, prepare_shapes(meshes, 40, False, (True, False)), strict=True):
+    for one, other in zip(together, prepare_shapes(meshes, 40, (True, False)), strict=True):
         np.testing.assert_array_equal(one.shape.basis, other.shape.basis)
         np.testing.assert_array_equal(one.shape.vertices, other.shape.vertices)
         np.testing.assert_array_equal(one.kept, other.kept)

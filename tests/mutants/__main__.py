@@ -1,4 +1,4 @@
-"""Change a module in small ways, one at a time: ``python -m tests.mutants io/_maps.py``."""
+"""Change modules in small ways, one at a time: ``python -m tests.mutants io/_maps.py``."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import itertools
 import os
 import pickle
 import random
+import re
 import resource
 import shutil
 import signal
@@ -35,7 +36,6 @@ from .changes import Place, changes
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "unbend"
-EXPLAINED = Path(__file__).parent / "explained.tsv"  # module, function, change, why, a sentence
 UNCOMPILED = bool(os.environ.get("NUMBA_DISABLE_JIT"))
 ROOM = 4 << 30  # bytes that a change may take
 
@@ -44,6 +44,7 @@ def main() -> int:
     """Run the tests on every change, and list those changes that no test sees."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("modules", nargs="+", help="files below src/unbend")
+    parser.add_argument("--since", help="a commit: only lines that changed since then")
     parser.add_argument("--tests", nargs="*", help="instead of the modules' and their folders'")
     parser.add_argument("--share", type=float, default=1.0, help="of the changes, drawn at random")
     parser.add_argument("--seconds", type=float, default=20.0, help="of tests for one change")
@@ -51,7 +52,7 @@ def main() -> int:
     paths = [SOURCE / one for one in asked.modules]
     tests = asked.tests or sorted({f"tests/{Path(one).parts[0]}" for one in asked.modules})
     kind = ["-m", "kernels"] if UNCOMPILED else []
-    runner = Runner(paths, asked.share, asked.seconds)
+    runner = Runner(paths, asked.since, asked.share, asked.seconds)
     arguments = ["-q", "--tb=native", "-p", "no:cacheprovider", *kind, *more]
     pytest.main([*arguments, *tests, *map(str, paths)], plugins=[runner])
     kernels = any(any(True for _ in changes(one.read_text("utf-8"), True)) for one in paths)
@@ -64,8 +65,8 @@ def main() -> int:
 class Runner:
     """A plugin of pytest: it collects once, and runs tests in a process forked for every change."""
 
-    def __init__(self, paths: list[Path], share: float, seconds: float) -> None:
-        self.paths, self.share, self.seconds = paths, share, seconds
+    def __init__(self, paths: list[Path], since: str | None, share: float, seconds: float) -> None:
+        self.paths, self.since, self.share, self.seconds = paths, since, share, seconds
         self.out = os.fdopen(os.dup(1), "w", buffering=1)  # pytest captures the other
         self.failed = 0
 
@@ -96,14 +97,17 @@ class Runner:
     ) -> None:
         """Make the changes of one module."""
         source = path.read_text("utf-8")
-        n_changes = sum(1 for _ in changes(source, UNCOMPILED))
-        n_chosen = round(self.share * n_changes)
-        chosen = set(random.Random(0).sample(range(n_changes), n_chosen))
-        answers, found = _explained(path), Counter[str]()
+        places = [place for place, _ in changes(source, UNCOMPILED)]
+        asked = range(len(places))
+        if self.since:
+            changed = _changed(path, self.since)
+            asked = [i for i in asked if changed.intersection(places[i].lines)]
+        chosen = set(random.Random(0).sample(asked, round(self.share * len(asked))))
+        found = Counter[str]()
         for i, (place, tree) in enumerate(changes(source, UNCOMPILED)):
             if i not in chosen:
                 continue
-            lines = range(place.first, place.last + 1) if place.function else reached[path]
+            lines = place.lines if place.function else reached[path]
             seen = {test for line in lines for test in reached[path].get(line, ())}
             items = [one for one in tests if one.nodeid in seen]
             ends = itertools.accumulate(times[one.nodeid] for one in items)
@@ -112,15 +116,14 @@ class Runner:
             make = functools.partial(_make, path, place, tree, functions)
             test = functools.partial(_test, make, items, limit)
             result = (self._forked(test) or "killed") if items else "not reached"
-            answer = answers.get((place.function, place.text), result)
-            found[result if result == "killed" else answer] += 1
-            if result != "killed" and answer == result:
+            found[result] += 1
+            if result != "killed":
                 self.failed = 1
                 print(place.first, result, place.function, place.text, sep="\t", file=self.out)
         counts = ", ".join(f"{count} {what}" for what, count in sorted(found.items()))
         kind = " uncompiled" if UNCOMPILED else ""
         name = path.relative_to(SOURCE)
-        print(f"{name}{kind}: {n_chosen} of {n_changes}: {counts}", file=self.out)
+        print(f"{name}{kind}: {len(chosen)} of {len(places)}: {counts}", file=self.out)
 
     def _forked(self, work: Any) -> Any:
         """Do work in a process of its own; return what it returns, or None if it ended early."""
@@ -148,11 +151,12 @@ class Runner:
         return pickle.loads(data) if data else None
 
 
-def _explained(path: Path) -> dict[tuple[str, str], str]:
-    """The survivors of a module that were read, and what was found."""
-    rows = [row.split("\t") for row in EXPLAINED.read_text("utf-8").splitlines()]
-    name = path.relative_to(SOURCE).as_posix()
-    return {(row[1], row[2]): row[3] for row in rows if row[0] == name}
+def _changed(path: Path, since: str) -> set[int]:
+    """The lines of a file that are not as they were in a commit."""
+    run = ["git", "diff", "--unified=0", since, "--", str(path)]
+    text = subprocess.run(run, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    pieces = re.findall(r"^@@ \S+ \+(\d+)(?:,(\d+))? @@", text, re.MULTILINE)
+    return {int(first) + i for first, count in pieces for i in range(int(count or 1))}
 
 
 def _follow(

@@ -40,6 +40,11 @@ class Place:
     text: str
     at_import: bool  # whether it runs then: a constant, or what an argument is by default
 
+    @property
+    def lines(self) -> range:
+        """The lines of the statement."""
+        return range(self.first, self.last + 1)
+
 
 def changes(source: str, kernels: bool) -> Iterator[tuple[Place, ast.Module]]:
     """Yield every change of a module with the changed tree, which is good until the next.
@@ -70,7 +75,7 @@ def _compiled(statement: ast.stmt, tree: ast.Module) -> bool | None:
     known = {a.name for one in imports if one.module == "unbend._compiled" for a in one.names}
     used = {one.id for one in ast.walk(statement) if isinstance(one, ast.Name)} & known
     is_function = isinstance(statement, ast.FunctionDef)
-    return None if "generated" in used else is_function and bool(used & {"compiled", "kernel"})
+    return None if "generated" in used else is_function and bool(used & {"compiled"})
 
 
 def _sites(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from paper.perturbations import perturb
+from testshapes.measures import area, mean_edge
 from unbend import diagnose
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.datasets._measures import area, mean_edge
 from unbend.errors import InputError, MissingExtraError
 
 BALL = make_sphere(3)

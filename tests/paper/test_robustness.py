@@ -14,8 +14,8 @@ from paper.robustness import KINDS, compare, robustness
 from paper.robustness_page import text
 from paper.run import Run
 from tests.paper.folders import write_animals
+from testshapes.damage import unchanged
 from unbend.datasets import make_quadruped
-from unbend.datasets.damage import unchanged
 from unbend.errors import InputError
 
 

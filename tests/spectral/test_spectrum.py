@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from dense import eigenpairs as dense_eigenpairs
 from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
-from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
+from unbend.errors import InputError, SolverError, UnbendWarning
 from unbend.linalg.signs import fix_basis, fix_signs
-from unbend.spectral import Laplacian, _spectrum, eigenpairs, make_surface, use_cache
+from unbend.spectral import Laplacian, _spectrum, eigenpairs, make_surface
 from unbend.spectral._assembly import assemble_stiffness
 from unbend.spectral._spectrum import whole_eigenpairs
 
@@ -287,23 +287,6 @@ def test_areas_are_of_the_kind_asked_for(blob, areas):
     np.testing.assert_allclose(
         found.eigenvalues, dense_eigenpairs(operator)[0][:5], rtol=1e-9, atol=1e-12
     )
-
-
-def test_what_was_kept_is_not_computed_again(tmp_path, monkeypatch):
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    monkeypatch.delenv("UNBEND_CACHE_GIB")
-    kept = spectrum(make_sphere(1), 3)
-    monkeypatch.delattr(_spectrum, "whole_eigenpairs")
-    found = spectrum(make_sphere(1), 3)
-    np.testing.assert_array_equal(found.eigenfunctions, kept.eigenfunctions)
-    with use_cache(gib=0), pytest.raises(NameError):
-        spectrum(make_sphere(1), 3)
-
-
-def test_what_does_not_fit_into_memory_is_refused(blob, monkeypatch):
-    monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
-    with pytest.raises(MeshError, match="642 vertices need about"):
-        spectrum(blob, 3)
 
 
 def test_few_functions_of_many_components_take_little_memory():

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from unbend._arrays import is_whole
-from unbend._display import Brief, Drawn
+from unbend._display import Brief, table
 from unbend._types import FloatArray, Progress
 from unbend.canonical._routes import Options, Scaled, Steps, exact, sampled
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
@@ -29,7 +29,7 @@ _EQUAL = {"exact": 1e-6, "sampled": 5e-4}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CanonicalForm(Brief, Drawn):
+class CanonicalForm(Brief):
     """A shape's canonical form and how it was made.
 
     Attributes
@@ -64,6 +64,17 @@ class CanonicalForm(Brief, Drawn):
     area: float
     notes: tuple[str, ...]
     seconds: dict[str, float]
+
+    def _repr_html_(self) -> str:
+        n, d = self.points.shape
+        rows = [
+            ("canonical form", f"{n:,} points in {d} dimensions"),
+            ("distance", f"{self.distance}, {self.method}, {self.weighting} weights"),
+            ("eigenvalues", ", ".join(f"{value:.4g}" for value in self.eigenvalues[:8])),
+            ("stress", f"{self.stress:.3f}"),
+            ("done to the input", "; ".join(self.notes) or "nothing"),
+        ]
+        return table(rows)
 
 
 def canonical_form(

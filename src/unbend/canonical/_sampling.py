@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from unbend._arrays import first_largest, is_whole
-from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
-from unbend.distances import GEODESIC, check_kind, diffusion_time, make_metric
+from unbend.distances import check_kind, diffusion_time, make_metric, refuse_of_geodesics
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
@@ -72,11 +71,8 @@ def farthest_point_sampling(
     """
     check_kind(distance)
     diffused = diffusion_time(distance, time)
-    if distance in GEODESIC and start is not None:
-        refuse_given(
-            f"is for spectral distances, not {distance} ones; leave it out",
-            laplacian=None if laplacian == "auto" else laplacian,
-        )
+    if start is not None:  # else an eigenfunction chooses it
+        refuse_of_geodesics(distance, laplacian=laplacian != "auto")
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     metric = make_metric(distance, surface, time=diffused, sources=True)
     if start is None:

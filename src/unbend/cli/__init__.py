@@ -133,7 +133,7 @@ def _options(
         typer.Option(
             "--memory-limit",
             metavar="GIB",
-            help="Refuse what would take more memory; by default, more than is free.",
+            help="Refuse work that needs more memory. By default, more than is free.",
         ),
     ] = None,
 ) -> None:

@@ -69,7 +69,7 @@ Csv = Annotated[
 Up = Annotated[
     choices.Axis,
     typer.Option(
-        "--up", help="The axis that points upward, to look at it; of two shapes the source's."
+        "--up", help="The axis that points upward in pictures; for two shapes, the source's."
     ),
 ]
 Component = Annotated[
@@ -82,14 +82,14 @@ Component = Annotated[
 ]
 Laplacian = Annotated[
     choices.LaplacianKind,
-    typer.Option("--laplacian", help="auto: robust where faces or edges are out of order."),
+    typer.Option("--laplacian", help="auto: robust for degenerate faces or non-manifold edges."),
 ]
 Cache = Annotated[
     bool,
     typer.Option(
         "--cache/--no-cache",
         callback=_switch_cache,
-        help="Keep eigenpairs on disk for the next time.",
+        help="Keep eigenpairs on disk for later runs.",
     ),
 ]
 
@@ -129,7 +129,8 @@ Partial = Annotated[
     choices.Partial,
     typer.Option(
         "--partial",
-        help="Which may be a part, torn or seen from one side; auto: what ends at a rim.",
+        help="Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
+        "boundary.",
     ),
 ]
 Landmarks = Annotated[
@@ -137,7 +138,7 @@ Landmarks = Annotated[
     typer.Option(
         "--landmarks",
         metavar="CSV",
-        help="Hints: a line for each, source vertex, target vertex, counted from 0.",
+        help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
     ),
 ]
 MinConfidence = Annotated[
@@ -173,4 +174,4 @@ Scheduler = Annotated[
         help="A Dask scheduler whose workers to use; they must see the files under these paths.",
     ),
 ]
-Report = Annotated[str | None, report("Write a page of pictures that open, for a browser.")]
+Report = Annotated[str | None, report("Write an interactive page of pictures, for a browser.")]

@@ -82,7 +82,7 @@ def warn_if_doubtful(confidence: float) -> None:
         say(
             "warning",
             f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
-            "or look alike from both sides; judge it by unbend match --report",
+            "or be symmetric; check the match with unbend match --report",
         )
 
 

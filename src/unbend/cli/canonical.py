@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -39,10 +41,10 @@ def canonical(
     up: options.Up = "y",
     n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the form keeps.")
+        DistanceKind, typer.Option("--distance", help="The distance that the form approximates.")
     ] = "biharmonic",
     weighting: Annotated[
-        Weighting, typer.Option("--weighting", help="Count vertices alike, or by their area.")
+        Weighting, typer.Option("--weighting", help="Weight vertices equally, or by their area.")
     ] = "uniform",
     n_samples: Annotated[
         int | None,
@@ -68,16 +70,16 @@ def canonical(
         Detail | None,
         typer.Option(
             "--detail",
-            help="preserved: write the surface itself, laid as rigidly as possible into the form's "
-            "pose, in place of the form.",
+            help="preserved: write the surface itself instead of the form, deformed as rigidly as "
+            "possible into the form's pose.",
         ),
     ] = None,
     cache: options.Cache = True,
 ) -> None:
-    """Unbend a mesh: its pose-free form, whose straight distances are the mesh's intrinsic ones.
+    """Compute the canonical form of a mesh: a pose-invariant version of the shape.
 
-    The form has the mesh's vertices, in their order, and is at unit area unless --keep-scale is
-    given.
+    The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
+    is given.
 
     Examples
     --------
@@ -118,7 +120,9 @@ def canonical(
         )
         posed = None
         if detail is not None:
+            start = perf_counter()
             posed = lay_into_pose(shape, form, progress=progress)
+            form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
             posed = posed if keep_scale else posed / form.area**0.5
         if out is not None:
             progress("writing", 0)

@@ -39,11 +39,11 @@ def check(
         typer.Argument(metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files."),
     ],
 ) -> None:
-    """Tell what is wrong with meshes and what unbend will do about it.
+    """Report problems of meshes, and how unbend will handle them.
 
     Several meshes get one table, a line each; a file that cannot be read does not end the check.
-    Exits with 0 if unbend can work with all of them, perhaps with an option that is named, and
-    with 2 if not.
+    The exit code is 0 if unbend can use all meshes, perhaps with an option that it names, and 2 if
+    not.
 
     Examples
     --------

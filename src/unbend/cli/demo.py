@@ -34,7 +34,7 @@ _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 def demo(
     out: Annotated[str, options.out("Where to write the picture.", "PNG")] = "unbend-demo.png",
 ) -> None:
-    """Unbend a dog and a person in three poses each, and compare them before and after.
+    """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
     Examples
     --------

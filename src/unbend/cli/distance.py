@@ -34,7 +34,7 @@ def distance(
     ] = "biharmonic",
     n_eigenpairs: Annotated[
         int | None,
-        typer.Option("--n-eigenpairs", help="Truncate to so many; by default nothing is left out."),
+        typer.Option("--n-eigenpairs", help="Number of eigenpairs; by default no truncation."),
     ] = None,
     time: Annotated[
         float | None,

@@ -47,11 +47,11 @@ def evaluate(
     base: options.Base = None,
     figure: Annotated[str | None, options.figure("Draw the error curves")] = None,
 ) -> None:
-    """Measure a map's geodesic errors against the truth, in units of sqrt(target area).
+    """Measure the geodesic errors of a map against the ground truth, in units of sqrt(target area).
 
-    The protocols: direct, against the truth as given; map-min, the better of the truth and its
-    mirror image for the whole map; vertex-min, the better for each row on its own. Of parts, -1
-    in the truth says that a vertex has no partner, and the overlap that was found is measured too.
+    The protocols are: direct, against the ground truth as given; map-min, the better of the ground
+    truth and its reflection for the whole map; vertex-min, the better for each row. For partial
+    shapes, -1 in the ground truth means no partner, and the overlap is measured too.
 
     Examples
     --------

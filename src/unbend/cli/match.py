@@ -50,7 +50,7 @@ def match(
             "-n",
             "--n-matches",
             metavar="N",
-            help="Give the N best ways to match: MAP, MAP-2, MAP-3 ...",
+            help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
         ),
     ] = 1,
     n_eigenpairs: Annotated[
@@ -60,7 +60,7 @@ def match(
         bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
     ] = False,
     refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map to the last vertex.")
+        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
     ] = True,
     component: options.Component = None,
     figure: Annotated[
@@ -100,9 +100,9 @@ def match(
 ) -> None:
     """Match two shapes: find the target vertex of each source vertex.
 
-    The shapes may stand in different poses and be meshed in different ways. Nothing is left to
-    chance: the same meshes give the same map. With --min-confidence, a match that is less sure is
-    told but not written, and the exit code is 3.
+    The shapes may have different poses and different meshes. Nothing is random: the same meshes
+    give the same map. With --min-confidence, a less confident match is printed but not written, and
+    the exit code is 3.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def match(
                 shown: Any = {"up": up, "truth": known, "command": command_line()}
                 match_page(shapes[0], shapes[1], found, report, progress=progress, **shown)
     warn_if_doubtful(found.confidence)
-    others = [f"or, at confidence {one.confidence:.2f}, another way" for one in found.alternatives]
+    others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {
             "source": source,
@@ -187,14 +187,14 @@ def _check_options(
     mirrored_truth: str | None,
 ) -> None:
     from unbend.errors import InputError
-    from unbend.io import VALUE_MESH_SUFFIXES, check_writable
+    from unbend.io import COLOR_SUFFIXES, check_writable
 
     for path in colored or ():
-        check_writable(path, VALUE_MESH_SUFFIXES)
+        check_writable(path, COLOR_SUFFIXES)
     if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
         raise InputError(f"--colored needs two files, and both are {colored[0]}")
     if truth is not None and report is None:
-        raise InputError("a truth is shown by --report; add it, or leave out --truth")
+        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
 
@@ -205,7 +205,7 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
     trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
-        trust += f" (the map's disorder allows at most {found.confidence_bound:.2f})"
+        trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     return {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
@@ -219,7 +219,7 @@ def describe_side(orientation: float) -> str:
     """Say whether a map keeps the surface right side out."""
     if abs(orientation) < _CLEAR_SIDE:
         return "unclear which side is out"
-    return "right side out" if orientation > 0 else "inside out, a mirror image"
+    return "right side out" if orientation > 0 else "inside out, a reflection"
 
 
 def _measures(found: Match) -> dict[str, Any]:

@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 
 
 def register(
-    template: Annotated[
-        str, typer.Argument(metavar="TEMPLATE", help="The mesh to lay onto the scan.")
-    ],
-    scan: Annotated[str, typer.Argument(metavar="SCAN", help="The mesh to lay it onto.")],
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE", help="The mesh to deform.")],
+    scan: Annotated[str, typer.Argument(metavar="SCAN", help="The mesh to fit it to.")],
     out: Annotated[
         str,
         options.out(
@@ -39,10 +37,10 @@ def register(
     component: options.Component = None,
     cache: options.Cache = True,
 ) -> None:
-    """Lay a template onto a scan: its own vertices and faces, on the scan's surface.
+    """Register a template to a scan: deform it so that it lies on the scan's surface.
 
-    Where the scan has nothing the template goes on smoothly. The result is in the scan's
-    coordinates and unit.
+    The template keeps its vertices and faces, and its shape over holes of the scan. The result is
+    in the scan's coordinates and unit.
 
     Examples
     --------
@@ -53,7 +51,7 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     from unbend.correspondence import register as lay
-    from unbend.io import VALUE_MESH_SUFFIXES, check_writable, value_colors, write_mesh
+    from unbend.io import COLOR_SUFFIXES, check_writable, value_colors, write_mesh
 
     check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
     with progress_on_stderr() as progress:
@@ -74,7 +72,7 @@ def register(
         suffix = Path(out).suffix.lower()
         scalars = {"distance": found.distances} if suffix == ".ply" else None
         colors = None
-        if suffix in VALUE_MESH_SUFFIXES:
+        if suffix in COLOR_SUFFIXES:
             colors = value_colors(found.distances, limits=(0, found.tolerance))
         write_mesh(out, found.mesh, scalars=scalars, colors=colors)
     on = _spread(found, found.distances[found.covered])

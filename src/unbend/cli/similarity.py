@@ -46,7 +46,7 @@ def similarity(
         int, typer.Option("--n-components", help="Dimension that is compared.")
     ] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the forms keep.")
+        DistanceKind, typer.Option("--distance", help="The distance that the forms approximate.")
     ] = "biharmonic",
     component: options.Component = None,
     csv: options.Csv = None,
@@ -61,9 +61,9 @@ def similarity(
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
-    """Tell how alike shapes are, whatever their poses: 1 for the same shape.
+    """Measure how similar shapes are, whatever their poses: 1 for the same shape.
 
-    The measure is the cosine of the canonical forms, aligned as well as they can be.
+    The measure is the cosine of the canonical forms after the best alignment.
 
     Examples
     --------

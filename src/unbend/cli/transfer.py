@@ -48,7 +48,7 @@ def transfer(
     min_confidence: options.MinConfidence = None,
     cache: options.Cache = True,
 ) -> None:
-    """Carry values from the source's vertices to the target's: numbers are averaged, labels vote.
+    """Transfer values from source to target: numbers are averaged, labels by majority.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def transfer(
     from unbend.correspondence import transfer as carry
     from unbend.correspondence import value_kind
     from unbend.io import (
-        VALUE_MESH_SUFFIXES,
+        COLOR_SUFFIXES,
         VALUE_SUFFIXES,
         check_storable,
         check_writable,
@@ -69,7 +69,7 @@ def transfer(
         write_values,
     )
 
-    check_writable(out, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
+    check_writable(out, VALUE_SUFFIXES + COLOR_SUFFIXES)
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target))

@@ -11,13 +11,13 @@ from typing import Any
 from unbend._types import Progress
 from unbend.collection._engine import engine
 from unbend.collection._entry import make_row
-from unbend.collection._files import count_files, find_files, hashed, is_gone
+from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._progress import counted
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
 
-# Rows are committed as they come, but commits are to take no more than a twentieth of the time
-# (an object store is slow), and none follows another at once. No more rows than this wait.
+# Rows are committed as they come. Commits take at most a twentieth of the time (an object store is
+# slow) and are a quarter of a second apart, unless this many rows wait.
 _COMMITS_SHARE, _SECONDS_BETWEEN, _MOST_ROWS = 1 / 20, 0.25, 4096
 
 File = tuple[str, str]  # path and hash
@@ -34,7 +34,7 @@ def add_files(
     """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
     start = time.monotonic()
     adding = _Adding(store)
-    tell = counted(progress, "shapes", count_files(given))
+    tell = counted(progress, "shapes", sum(1 for _ in find_files(given)))
 
     def show() -> None:
         tell(adding.computed, adding.skipped, len(adding.failures))
@@ -64,7 +64,7 @@ def add_files(
 
 
 class _Adding:
-    """Where adding stands."""
+    """The state of adding: counts, failures, and rows that wait to be committed."""
 
     def __init__(self, store: Store) -> None:
         self.added = self.skipped = self.new_paths = 0
@@ -72,8 +72,8 @@ class _Adding:
         self._store = store
         self._rows: list[dict[str, Any]] = []
         self._next = 0.0  # when the next commit is due
-        self._under_way: set[str] = set()  # hashes given out ...
-        self._committed: set[str] = set()  # ... of which the store has got these since it was asked
+        self._under_way: set[str] = set()  # hashes given to workers
+        self._committed: set[str] = set()  # those of them committed since the store was last asked
         self._copies: dict[str, list[str]] = {}  # paths of identical files, by hashes under way
 
     @property
@@ -81,7 +81,7 @@ class _Adding:
         return self.added + len(self._rows) + len(self.failures)
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
-        """Files whose content is nowhere yet, and None after each lot."""
+        """Files with new content, and None after each batch."""
         for files in hashed(find_files(given)):
             self.failures += [one for one in files if isinstance(one, Failure)]
             readable = [one for one in files if not isinstance(one, Failure)]
@@ -101,13 +101,13 @@ class _Adding:
             yield None
 
     def _update(self, files: Sequence[File], paths: dict[str, list[str]]) -> None:
-        """Give shapes that are there the paths of these files, and drop paths without a file."""
+        """Add the paths of these files to shapes in the store, and drop paths without a file."""
         new = [
             (path, digest)
             for path, digest in dict.fromkeys(files)
             if path not in paths.get(digest, [path])
         ]
-        self._store.copy(new)  # first: an interruption then leaves a path too many, not too few
+        self._store.copy(new)  # first, so that an interruption loses no path
         self.new_paths += len(new)
         old = {path for _, digest in files for path in paths.get(digest, [])}
         self._store.remove(sorted(filter(is_gone, old - {path for path, _ in files})))
@@ -141,7 +141,7 @@ class _Adding:
         self._next = end + max(_SECONDS_BETWEEN, (end - start) / _COMMITS_SHARE)
 
     def finish(self) -> None:
-        """Add copies that were found after the file that they are copies of was committed."""
+        """Add copies that were found after their original was committed."""
         files = [(path, digest) for digest, some in self._copies.items() for path in some]
         self._update(files, self._store.paths_of(self._copies))
         self._copies = {}

@@ -93,15 +93,7 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
 
 
 class Basis(NamedTuple):
-    """Eigenpairs of all of a mesh as one connected surface of unit area.
-
-    Attributes
-    ----------
-    values : (k,) ndarray of float64
-        The first is 0.
-    functions : (n, k) ndarray of float64
-    areas : (n,) ndarray of float64
-    """
+    """Eigenpairs of a whole mesh, as one connected surface of unit area; the first value is 0."""
 
     values: FloatArray
     functions: FloatArray

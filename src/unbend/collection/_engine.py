@@ -18,22 +18,19 @@ from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend.errors import InputError, MissingExtraError, UnbendError
 
-# Tasks given out for each thread of the cluster: one is computed, one waits beside it.
+# Tasks for each thread of the cluster: one is computed while the next waits.
 _TASKS_PER_THREAD = 2
 _THREADS_PER_ITEM = 50  # see _plan
-# Memory that a worker with all its libraries loaded needs to get anywhere.
+# Memory that a worker needs, with all its libraries loaded.
 _WORKER_BYTES = 2**29
 _HEARTBEAT_SECONDS = 0.5
 _PATIENCE_SECONDS = 60
-_DEADLY = (
-    "the worker process died of it twice: of a crash, or for want of memory, of which fewer "
-    "workers have more each"
-)
+_DEADLY = "the worker process crashed twice, perhaps out of memory; try fewer workers"
 _THREADS_OF = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 
 class Outcome(NamedTuple):
-    """What came of an item: a value, or the reason why there is none."""
+    """The value of an item, or the reason why there is none."""
 
     item: Any
     value: Any
@@ -45,28 +42,15 @@ Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
 
 @contextmanager
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Iterator[Run]:
-    """Make workers ready for as long as the ``with`` block lasts.
+    """Workers for as long as the ``with`` block lasts; see `Collection.add` for the options.
 
-    What it yields calls a function on every item, and tells what came of them as it comes. No
-    more items are taken than are worked on, so that there may be any number of them; an item that
-    is None only lets results pass, from an iterable that takes its time.
+    Yields a callable that applies a function, which workers can import and which raises nothing, to
+    an iterable of items. It gives lists of :class:`Outcome`, in any order and perhaps empty, and
+    takes no more items than are worked on. An item that is None yields the results so far, for
+    iterables that take their time.
 
-    A worker that dies is replaced. Items that it was given are tried once more at the end, one at
-    a time: where the worker dies again, the item is the reason.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Number of local processes; by default as many as the machine and its control groups have
-        processors and memory for. 0: work in this process, which a crash then ends.
-    scheduler : str, optional
-        Address of a Dask scheduler, ``tcp://host:port``, whose workers to use instead.
-
-    Yields
-    ------
-    callable
-        Of a function that workers can import, which raises nothing, and an iterable of items;
-        gives lists of :class:`Outcome`, in any order, perhaps empty.
+    A worker that crashes is replaced. The items it had are tried again at the end, one at a time;
+    an item whose worker crashes again is reported. ``workers=0`` works in this process.
 
     Raises
     ------
@@ -109,7 +93,7 @@ def _stream(
     *,
     alone: bool,
 ) -> Iterator[list[Outcome]]:
-    """Keep all threads busy, or with `alone` one; collect the items whose worker died."""
+    """Keep all threads busy, or only one if `alone`; collect the items whose worker crashed."""
     source = iter(items)
     pending: dict[Any, list[Any]] = {}
     finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -147,7 +131,7 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
     from distributed import CancelledError, KilledWorker
 
     try:
-        # Where the worker died before this was fetched, it is worked out anew, which may fail.
+        # If the worker crashed before the result was fetched, Dask computes it again.
         values = future.result()
     except KilledWorker:
         suspects += lot
@@ -163,7 +147,7 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
 
 
 def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
-    """Whatever is in a queue, after waiting a while for the first."""
+    """All that is in a queue, after waiting a while for the first."""
     found = []
     try:
         found.append(finished.get(timeout=patience) if patience else finished.get_nowait())
@@ -174,10 +158,9 @@ def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
 
 
 def _plan(client: Any) -> tuple[int, int]:
-    """Choose how many tasks are under way, and how many items each has.
+    """Choose the number of tasks under way, and of items in each.
 
-    A scheduler can give out some hundred tasks a second: where there are many threads, each takes
-    several items at once.
+    A scheduler starts some hundred tasks a second, so on large clusters a task has several items.
     """
     threads = max(sum(map(int, client.nthreads().values())), 1)
     return _TASKS_PER_THREAD * threads, 1 + threads // _THREADS_PER_ITEM
@@ -204,12 +187,12 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         return
     count, share, memory = _local_shape(workers)
     settings = {
-        # The engine tries again by itself, apart from others that only stood beside.
+        # The engine itself tries again, one item at a time.
         "distributed.scheduler.allowed-failures": 0,
-        # A worker that died is replaced, however long a busy machine takes to start another:
-        # after the 15 seconds that are the default, the cluster would give it up for good.
+        # A crashed worker is replaced, however long that takes on a busy machine. By default, the
+        # cluster would give up after 15 seconds.
         "distributed.deploy.lost-worker-timeout": "1 day",
-        # Rows are small: what grows is what the mesh at hand takes, which cannot be spilled.
+        # Memory is used by the current mesh, which cannot be spilled; rows are small.
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
@@ -223,7 +206,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             threads_per_worker=1,
             memory_limit=memory,
             host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # whichever is free
+            dashboard_address="127.0.0.1:0",  # any free port
             silence_logs=logging.CRITICAL,
             preload=[__name__],
         ) as cluster,
@@ -231,7 +214,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ):
         _wait_for_workers(client, "the machine is too busy, or out of memory")
         yield client
-        with suppress(TimeoutError):  # Dask cannot end a worker that is only just starting again
+        with suppress(TimeoutError):  # Dask cannot stop a worker that is just starting
             client.wait_for_workers(count, timeout=_PATIENCE_SECONDS)
 
 
@@ -242,13 +225,13 @@ def _local_cluster(**options: Any) -> Any:
     try:
         return LocalCluster(**options)
     except KeyboardInterrupt:
-        # At exit Dask would complain of a cluster half made, whose processes end with this one.
+        # At exit, Dask would log errors about the unfinished cluster, whose processes end anyway.
         atexit.unregister(spec.close_clusters)
         raise
 
 
 def dask_setup(worker: Any) -> None:
-    """Leave Ctrl-C to the parent, which ends its workers; Dask calls this in each as it starts."""
+    """Ignore Ctrl-C, which the parent handles; Dask calls this in each worker as it starts."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -260,7 +243,7 @@ def _wait_for_workers(client: Any, hint: str) -> None:
 
 
 def _local_shape(workers: int | None) -> tuple[int, int, int]:
-    """Workers, threads of each, and bytes of each, that this machine has room for."""
+    """Choose the number of workers for this machine, and threads and bytes of each."""
     cores, free = n_cores(), available_memory() or 2**33
     count = workers or max(min(cores, free // _WORKER_BYTES), 1)
     return count, max(cores // count, 1), free // count
@@ -268,11 +251,10 @@ def _local_shape(workers: int | None) -> tuple[int, int, int]:
 
 @contextmanager
 def _setting(share: int, memory: int) -> Iterator[None]:
-    """Put things as processes started meanwhile shall find them, and back in the end.
+    """Environment of processes started meanwhile: their threads and memory.
 
-    They are held to their share of threads, which libraries read as they are loaded, and of the
-    memory that the user allows, if that was said; and they do
-    not run the user's script again, of which they need nothing.
+    Libraries read the number of threads as they are loaded. Without ``__file__`` and ``__spec__``
+    of the main module, the processes do not run the user's script again.
     """
     names: dict[str, Any] = vars(sys.modules["__main__"])
     hidden: list[str] = [name for name in ("__file__", "__spec__") if name in names]

@@ -1,4 +1,4 @@
-"""One shape of a collection: all that is kept of it, computed from its file."""
+"""The row of one shape in a collection, computed from its file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from unbend.report.raster import rasterize, rgb_of, view_rotation
 FORM_POINTS, FORM_COMPONENTS = 256, 3
 _THUMBNAIL = 96  # pixels across
 
-# What the numbers of a row were computed with: rows of other parameters do not compare.
+# Parameters of a row's numbers. Rows with other parameters cannot be compared.
 PARAMETERS: Mapping[str, Any] = {
     "descriptor": DESCRIPTOR_VERSION,
     "form_points": FORM_POINTS,
@@ -33,18 +33,9 @@ PARAMETERS: Mapping[str, Any] = {
 
 
 def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
-    """Read a shape and compute its row; whatever goes wrong with it is its own failure.
+    """Read a shape and compute its columns in the store; any error becomes its failure.
 
-    Parameters
-    ----------
-    path : str
-    digest : str
-        Hash of the file's bytes.
-
-    Returns
-    -------
-    dict or Failure
-        The columns of :func:`unbend.collection._store.schema`.
+    `digest` is the hash of the file's bytes.
     """
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -67,24 +58,15 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
             "form": form.astype(np.float32).ravel(),
             "thumbnail": thumbnail(mesh),
         }
-    except Exception as error:  # of whatever kind: it is this mesh's, and others go on
+    except Exception as error:  # of any kind: other meshes go on
         return Failure.of(path, error)
 
 
 def sample_form(basis: Basis) -> FloatArray:
-    """Take the canonical form at its farthest points, the same number for all shapes.
+    """Sample the canonical form at its farthest points, the same number for all shapes.
 
     Weighted by area, the exact form of biharmonic distances is the eigenfunctions, each divided
-    by its eigenvalue.
-
-    Parameters
-    ----------
-    basis : Basis
-
-    Returns
-    -------
-    (FORM_POINTS, FORM_COMPONENTS) ndarray of float64
-        Points repeat where the surface has fewer vertices.
+    by its eigenvalue. Points repeat where the surface has fewer vertices.
     """
     kept = slice(1, 1 + FORM_COMPONENTS)
     points = basis.functions[:, kept] / basis.values[kept]
@@ -100,16 +82,7 @@ def sample_form(basis: Basis) -> FloatArray:
 
 
 def thumbnail(mesh: Mesh) -> bytes:
-    """Draw a shape into a small square PNG; nothing for a point cloud.
-
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    bytes
-    """
+    """Draw a shape as a small square PNG; empty for a point cloud."""
     if not mesh.n_faces:
         return b""
     seen = mesh.vertices @ view_rotation("three-quarter").T

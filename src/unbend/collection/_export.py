@@ -1,4 +1,4 @@
-"""A collection as one table, for other programs."""
+"""Export of a collection as one table."""
 
 from __future__ import annotations
 

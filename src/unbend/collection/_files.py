@@ -1,4 +1,4 @@
-"""Files that may be meshes, found and told apart by their bytes."""
+"""Finding mesh files, and identifying them by the hash of their bytes."""
 
 from __future__ import annotations
 
@@ -15,39 +15,26 @@ from unbend._parallel import run_all
 from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError
 
-# What a folder is searched through for: points and arrays are added by name or pattern only.
+# Files that are added from folders. Points and arrays are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl")
 _FILES_AT_ONCE = 256
 
 
 def find_files(given: Sequence[str]) -> Iterator[str]:
-    """Absolute paths of files, of those in folders, and of those that patterns match.
+    """Absolute paths of files, of the meshes in and below folders, and of files matching patterns.
 
-    Parameters
-    ----------
-    given : sequence of str
-        A folder stands for the meshes in it and below it, without what is hidden. What is
-        nothing of all this comes back as it is.
-
-    Yields
-    ------
-    str
+    Hidden files are left out of folders. A name that is none of these comes back as it is.
     """
     for one in given:
         matches: Iterable[str] = [one]
         if not os.path.exists(one) and glob.has_magic(one):
-            matches = itertools.chain(*_matching(glob.iglob(one, recursive=True), one))
+            found = glob.iglob(one, recursive=True)
+            matches = itertools.chain([next(found, one)], found)
         for match in matches:
             if os.path.isdir(match):
                 yield from _walk(os.path.abspath(match))
             else:
                 yield os.path.abspath(match)
-
-
-def _matching(found: Iterator[str], pattern: str) -> tuple[Iterable[str], Iterable[str]]:
-    """Find the matches of a pattern, or the pattern itself if there are none."""
-    first = next(found, None)
-    return ([pattern] if first is None else [first], found)
 
 
 def _walk(folder: str) -> Iterator[str]:
@@ -58,19 +45,8 @@ def _walk(folder: str) -> Iterator[str]:
                 yield os.path.join(here, name)
 
 
-def count_files(given: Sequence[str]) -> int:
-    """Count what :func:`find_files` finds, without keeping it."""
-    return sum(1 for _ in find_files(given))
-
-
 def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:
-    """Hash files some hundreds at a time.
-
-    Yields
-    ------
-    list of (str, str) or Failure
-        Path and hash, or why it cannot be read.
-    """
+    """Paths with the hashes of their files, or failures, some hundreds at a time."""
     while some := list(itertools.islice(paths, _FILES_AT_ONCE)):
         yield run_all(functools.partial(_hash, path) for path in some)
 
@@ -80,7 +56,9 @@ def _hash(path: str) -> tuple[str, str] | Failure:
         path.encode()
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe may never end, nor a device
             return Failure(path, "it is not a regular file")
-        return path, content_hash(path)
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16))
+        return path, digest.hexdigest()
     except UnicodeEncodeError:
         readable = path.encode(errors="replace").decode()
         return Failure(readable, "its name is no text in UTF-8; rename it")
@@ -91,12 +69,9 @@ def _hash(path: str) -> tuple[str, str] | Failure:
 
 
 def find_file(shape: Entry | Hit, store: str) -> str:
-    """Find a file of a shape that has the content with which it was added.
+    """Find a file of a shape that still has the content it was added with.
 
-    Raises
-    ------
-    FileError
-        If there is none; the message says how to bring the collection at `store` up to date.
+    Raises FileError if there is none, with advice on how to update the collection at `store`.
     """
     reasons = []
     for path in (shape.path, *shape.also):
@@ -114,7 +89,7 @@ def find_file(shape: Entry | Hit, store: str) -> str:
 
 
 def is_gone(path: str) -> bool:
-    """Whether there is certainly no file; one that cannot be looked for may be there."""
+    """Whether there is certainly no such file."""
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -127,10 +102,7 @@ def is_gone(path: str) -> bool:
 def make_folder(path: str | os.PathLike[str]) -> Path:
     """Make a folder for results, if there is none, before anything is computed.
 
-    Raises
-    ------
-    FileError
-        If it cannot be made, or we may not write into it.
+    Raises FileError if it cannot be made or written to.
     """
     folder = Path(path)
     try:
@@ -140,10 +112,3 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"cannot write into the folder {folder}: no permission")
     return folder
-
-
-def content_hash(path: str | os.PathLike[str]) -> str:
-    """Hash of a file's bytes, 32 hexadecimal digits."""
-    with Path(path).open("rb") as file:
-        digest = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16))
-    return digest.hexdigest()

@@ -61,21 +61,20 @@ class MeanShape(Brief):
 
 
 class Task(NamedTuple):
-    """A shape to lay the template onto."""
+    """A shape to register the template to."""
 
     number: int
     mesh: MeshLike
     template: Mesh
 
 
-class Laid(NamedTuple):
-    """The template's vertices on a shape, or why there are none."""
+class Registered(NamedTuple):
+    """The template's vertices on a shape."""
 
     name: str
     vertices: FloatArray
     confidence: float
     coverage: float
-    reason: str = ""
 
 
 def mean_shape(
@@ -147,23 +146,23 @@ def mean_shape(
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
     tasks = [Task(i, mesh, template) for i, mesh in enumerate(meshes)]
-    rows: dict[int, Laid] = {}
+    rows: dict[int, Registered | Failure] = {}
     tell = counted(progress, "shapes", len(tasks))
     if scheduler is not None and workers == 0:
         workers = None
     with engine(workers=workers, scheduler=scheduler) as run:
-        for outcomes in run(lay, tasks):
-            for task, laid, died in outcomes:
-                rows[task.number] = laid or _nothing(_name(task), died or "")
-            tell(len(rows), 0, sum(1 for one in rows.values() if one.reason))
-    every = [_judged(rows[i], min_confidence, min_coverage) for i in range(len(tasks))]
-    kept = [one for one in every if not one.reason]
-    left_out = tuple(Failure(one.name, one.reason) for one in every if one.reason)
+        for outcomes in run(register_to, tasks):
+            for task, found, reason in outcomes:
+                rows[task.number] = found or Failure(_name(task), reason or "")
+            tell(len(rows), 0, sum(isinstance(one, Failure) for one in rows.values()))
+    every = [_checked(rows[i], min_confidence, min_coverage) for i in range(len(tasks))]
+    kept = [one for one in every if not isinstance(one, Failure)]
+    left_out = tuple(one for one in every if isinstance(one, Failure))
     if len(kept) < 2:
         why = f"; {left_out[0].path} was left out: {left_out[0].reason}" if left_out else ""
         raise InputError(f"statistics need at least 2 shapes, and {len(kept)} are left{why}")
     weights = vertex_areas(template)
-    # Turned as the template stands, so that the mean stands so too.
+    # Aligned with the template, so that the mean is, too.
     placed = [
         one.vertices
         @ procrustes(one.vertices, template.vertices, weights=weights, reflect=False)[0].T
@@ -181,27 +180,29 @@ def mean_shape(
     )
 
 
-def lay(task: Task) -> Laid:
-    """Register the template to a shape; whatever goes wrong with it is its own."""
+def register_to(task: Task) -> Registered | Failure:
+    """Register the template to a shape; any error becomes the shape's failure."""
     name = _name(task)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = register(task.template, as_mesh(task.mesh))
-    except Exception as error:  # of whatever kind: it is this mesh's, and others go on
-        return _nothing(name, Failure.of(name, error).reason)
-    return Laid(name, found.mesh.vertices, found.confidence, found.coverage)
+    except Exception as error:  # of any kind: other shapes go on
+        return Failure.of(name, error)
+    return Registered(name, found.mesh.vertices, found.confidence, found.coverage)
 
 
-def _judged(one: Laid, min_confidence: float, min_coverage: float) -> Laid:
-    if one.reason:
+def _checked(
+    one: Registered | Failure, min_confidence: float, min_coverage: float
+) -> Registered | Failure:
+    if isinstance(one, Failure):
         return one
     if one.confidence < min_confidence:
         said = f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"
-        return one._replace(reason=said)
+        return Failure(one.name, said)
     if one.coverage < min_coverage:
         said = f"{100 * one.coverage:.4g}% of the template lies on it, less than"
-        return one._replace(reason=f"{said} {100 * min_coverage:g}%")
+        return Failure(one.name, f"{said} {100 * min_coverage:g}%")
     return one
 
 
@@ -209,7 +210,3 @@ def _name(task: Task) -> str:
     if isinstance(task.mesh, (str, os.PathLike)):
         return os.fspath(task.mesh)
     return task.mesh.name if isinstance(task.mesh, Mesh) else f"shape {task.number}"
-
-
-def _nothing(name: str, reason: str) -> Laid:
-    return Laid(name, np.empty((0, 3)), 0.0, 0.0, reason)

@@ -80,7 +80,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     with suppress(MissingExtraError):
         draw_components(found, folder / "components.png")
         written.append(folder / "components.png")
-    for old in folder.glob("component_*_*.ply"):  # of an earlier mean that had more of them
+    for old in folder.glob("component_*_*.ply"):  # of an earlier mean with more components
         if re.fullmatch(r"component_\d+_(minus|plus)\.ply", old.name) and old not in written:
             old.unlink()
     return tuple(written)

@@ -33,11 +33,11 @@ Pair = tuple[Entry, Entry]
 
 
 class Task(NamedTuple):
-    """A shape whose spectrum is wanted, or a pair to match; `out` is the folder of all."""
+    """A shape to compute the spectrum of, or a pair to match."""
 
     entries: tuple[Entry, ...]
-    out: str
-    store: str  # whose shapes they are
+    out: str  # folder of all results
+    store: str  # path of the collection
 
 
 def match_pairs(
@@ -50,24 +50,10 @@ def match_pairs(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Matched:
-    """Match pairs of shapes whose match is not there yet, and write a table of all.
+    """Match pairs of shapes that have no match yet, and write a table of all.
 
-    Parameters
-    ----------
-    pairs : callable
-        Gives the pairs anew at each call.
-    n_pairs : int
-    out : path
-        Folder for the matches; made if it does not exist.
-    store : str
-        Path of the collection.
-    workers, scheduler
-        See :func:`unbend.collection._engine.engine`.
-    progress : callable, optional
-
-    Returns
-    -------
-    Matched
+    See `Collection.match`. `pairs` gives the pairs anew at each call; `store` is the path of the
+    collection.
     """
     start = time.monotonic()
     folder = make_folder(out)
@@ -113,7 +99,7 @@ def _each(
 
 
 def keep_spectrum(task: Task) -> Failure | None:
-    """Compute the eigenpairs that a shape's matches need, and keep them for them."""
+    """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
     return _tried(task, lambda: prepare_spectrum(_read(task.entries[0], task.store)))
 
 
@@ -133,7 +119,7 @@ def _tried(task: Task, work: Callable[[], None]) -> Failure | None:
         with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT), warnings.catch_warnings():
             warnings.simplefilter("ignore", UnbendWarning)  # of pieces that go along, say
             work()
-    except Exception as error:  # of whatever kind: it is these meshes', and others go on
+    except Exception as error:  # of any kind: other pairs go on
         return Failure.of(_name(task.entries), error)
     return None
 
@@ -143,7 +129,7 @@ def _name(entries: Sequence[Entry]) -> str:
 
 
 def file_name(source: Entry, target: Entry) -> str:
-    """Name of the file of a match: both stems, to read, and the beginnings of both ids."""
+    """File name of a match: the stems of both files, and the first digits of both ids."""
     stems = [re.sub(r"[^\w.-]", "_", Path(one.path).stem)[:60] for one in (source, target)]
     return f"{stems[0]}-{stems[1]}-{source.id[:8]}-{target.id[:8]}.npz"
 
@@ -157,7 +143,7 @@ def _done(folder: Path, pair: Pair) -> bool:
 
 
 def _write_table(folder: Path, pairs: Iterator[Pair]) -> None:
-    """Tell what each match came to, as far as there are matches."""
+    """Write a row for each match there is."""
     with atomic_write(folder / _TABLE) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
         writer = csv.writer(text, lineterminator="\n")

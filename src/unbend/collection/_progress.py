@@ -1,4 +1,4 @@
-"""How far a long run is, in words."""
+"""Progress of long runs, in words."""
 
 from __future__ import annotations
 
@@ -9,20 +9,10 @@ from unbend._types import Progress
 
 
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
-    """Make of a progress callback one that takes counts, and tells the rate and the time left.
+    """Wrap a progress callback: report counts, the rate and the time left.
 
-    Parameters
-    ----------
-    progress : callable or None
-    noun : str
-        What is counted, in the plural.
-    total : int
-
-    Returns
-    -------
-    callable
-        Of the number that is computed, the number that needed no computing, and the number of
-        failures among the first.
+    The wrapper takes the number of items computed, the number skipped, and the number that failed
+    among those computed. `noun` is the plural of what is counted.
     """
     start = time.monotonic()
 

@@ -1,4 +1,4 @@
-"""The best of a search ranked again, by more than their descriptors."""
+"""Re-ranking of the best hits of a search by canonical forms or matches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from unbend.mesh import Mesh
 
 
 def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
-    """Rank by the root mean square distance of canonical forms, aligned as well as they can be."""
+    """Rank by the root mean square distance of aligned canonical forms."""
     rows = store.of_ids(["form"], [hit.id for hit in hits])
     forms = [np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows]
     return _ranked(hits, [align(own, form).residual for form in forms])
@@ -32,12 +32,9 @@ def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit
 def rank_by_match(
     query: Mesh, hits: Sequence[Hit], store: str, progress: Progress | None
 ) -> list[Hit]:
-    """Rank by the energy of the match with each; what cannot be matched comes last.
+    """Rank by the energy of each match; shapes that cannot be matched come last.
 
-    Warns
-    -----
-    UnbendWarning
-        If there is no file of a shape; it comes last, too.
+    So do shapes whose file is gone, with a warning.
     """
     energies = []
     for i, hit in enumerate(hits):

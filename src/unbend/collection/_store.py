@@ -1,4 +1,4 @@
-"""The table of a collection, in LanceDB: every change is one commit, seen wholly or not at all."""
+"""The table of a collection, in LanceDB; every change is one atomic commit."""
 
 from __future__ import annotations
 
@@ -21,40 +21,28 @@ from unbend.collection._rows import Entry, Hit
 from unbend.errors import FileError, MissingExtraError, UnbendError
 
 _TABLE = "shapes"
-# Two processes that add one path at once then have one row: the later merges into the earlier's.
+# With this key, two processes that add one path at once get one row.
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
-SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns that an Entry has
-# Versions of the table that readers may still be at; older ones make room.
+SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
+# Readers may still use a version of the table this old; older ones are removed.
 _KEPT_VERSIONS = timedelta(minutes=15)
-# Small commits that pile up before they are merged into one file: so many at least, and for so
-# long that merging, which grows with the table, takes no more than this share of the time.
+# Small commits are merged into one file after this many, but merging, which takes longer for
+# larger tables, has at most this share of the time.
 _COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
 _ROWS_AT_ONCE = 4096
-_FORMAT = "2.0"  # of Lance's files; a search reads the vectors of later ones half as fast
-_PROBES = 20  # cells, of some thousand rows each, that an approximate search looks into
-_WAITS = 0.05, 0.2, 0.5  # seconds for which a table that is being made is waited for
+_FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
+_PROBES = 20  # cells, of some thousand rows each, in an approximate search
+_WAITS = 0.05, 0.2, 0.5  # seconds to wait for a table that another process creates
 
 
 class Store:
     """The rows of a collection on disk or in an object store: one for each file.
 
-    Files with the same content have the same id, and are one shape.
-
-    Parameters
-    ----------
-    path : path
-        A folder, or an address that LanceDB knows, ``s3://bucket/name`` for one.
-
-    Raises
-    ------
-    FileError
-        If it is a file, or a folder of something else.
-    MissingExtraError
-        If LanceDB is not installed.
+    Files with the same content have the same id, and are one shape. See `Collection` for the path.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        # Lance leaves two processors to others, which on a machine of two leaves it one.
+        # By default Lance leaves two processors idle.
         os.environ.setdefault("LANCE_CPU_THREADS", str(n_cores()))
         try:
             import lancedb
@@ -65,21 +53,21 @@ class Store:
         self._table: Any = None
         self._connect = functools.partial(
             lancedb.connect,
-            read_consistency_interval=timedelta(0),  # what another process commits is seen at once
+            read_consistency_interval=timedelta(0),  # see commits of other processes at once
             storage_options={"new_table_data_storage_version": _FORMAT},
         )
         if "://" not in self.path:
             _check_folder(Path(self.path))
             if not _begun(Path(self.path)):
                 return
-        with self._told():
+        with self._explained():
             database = self._connect(self.path)
             if _TABLE in database.list_tables().tables:
                 self._table = _opened(database)
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Say what LanceDB could not do; it raises whatever comes to hand."""
+    def _explained(self) -> Iterator[None]:
+        """Turn errors of LanceDB, of many types, into a FileError."""
         try:
             yield
         except UnbendError:
@@ -97,7 +85,7 @@ class Store:
         return self._table is not None
 
     def __len__(self) -> int:
-        with self._told():
+        with self._explained():
             return int(self._table.count_rows()) if self.exists else 0
 
     def n_shapes(self) -> int:
@@ -113,7 +101,7 @@ class Store:
         if not rows:
             return
         data = _arrow(rows)
-        with self._told():
+        with self._explained():
             if not self.exists:
                 database = self._connect(self.path)
                 self._table = database.create_table(_TABLE, schema=data.schema, exist_ok=True)
@@ -124,11 +112,11 @@ class Store:
             self.tidy()
 
     def tidy(self) -> None:
-        """Merge small files, bring the indices up to date, and drop old versions."""
+        """Merge small files, update the indices, and remove old versions."""
         from lancedb.index import BTree
 
         start = time.monotonic()
-        with self._told():
+        with self._explained():
             try:
                 indices = self._table.list_indices()
                 indexed = {column for index in indices for column in index.columns}
@@ -136,14 +124,14 @@ class Store:
                     self._table.create_index(column, config=BTree())
                 self._table.optimize(cleanup_older_than=_KEPT_VERSIONS)
             except RuntimeError as error:
-                if "conflict" not in str(error):  # another process came first, and may tidy too
+                if "conflict" not in str(error):  # another process tidies
                     raise
         end = time.monotonic()
         self._commits, self._next_tidy = 0, end + (end - start) / _MERGING_SHARE
 
     @property
     def schema(self) -> Any:
-        """Columns and their types, as Arrow has them."""
+        """Columns and their types, as Arrow's schema."""
         return self._table.schema
 
     @property
@@ -154,7 +142,7 @@ class Store:
     @property
     def indexed(self) -> bool:
         """Whether there is an index of the descriptors."""
-        with self._told():
+        with self._explained():
             return any("descriptor" in index.columns for index in self._table.list_indices())
 
     def n_bytes(self) -> int | None:
@@ -164,13 +152,13 @@ class Store:
         return sum(one.stat().st_size for one in Path(self.path).rglob("*") if one.is_file())
 
     def parameters(self) -> dict[str, Any]:
-        """Tell what the rows were computed with."""
+        """Read the parameters that the rows were computed with."""
         found: dict[str, Any] = json.loads(self.schema.metadata[b"parameters"])
         return found
 
     def version(self) -> str | None:
         """Version of the descriptors; None where there are none."""
-        with self._told():
+        with self._explained():
             query = self._table.search().select(["version"]).limit(1) if self.exists else None
             rows = query.to_list() if query is not None else []
         return rows[0]["version"] if rows else None
@@ -199,7 +187,7 @@ class Store:
         """Arrow batches of the rows that a condition holds for, in the order of the store."""
         if not self.exists:
             return
-        with self._told():
+        with self._explained():
             query = self._table.search().select(list(columns))
             if where is not None:
                 query = query.where(where)
@@ -223,14 +211,14 @@ class Store:
     def remove(self, paths: Sequence[str]) -> None:
         """Remove rows in one commit; a shape that has other paths stays."""
         if paths:
-            with self._told():
+            with self._explained():
                 self._table.delete(among("path", paths))
 
     def nearest(self, descriptor: npt.NDArray[np.float32], n: int, *, index: bool) -> list[Hit]:
         """Shapes with the nearest descriptors, the nearest first."""
         limit = n
         while True:
-            with self._told():
+            with self._explained():
                 query = self._table.search(descriptor, vector_column_name="descriptor")
                 query = query.distance_type("l2").select(["id", "_distance"]).limit(limit)
                 query = query.nprobes(_PROBES) if index else query.bypass_vector_index()
@@ -238,7 +226,7 @@ class Store:
             apart = {row["id"]: float(np.sqrt(max(row["_distance"], 0))) for row in rows}
             if len(apart) >= n or len(rows) < limit:
                 break
-            limit *= 2  # some are of one shape
+            limit *= 2  # several rows were of one shape
         paths = self.paths_of(list(apart)[:n])
         return [
             Hit(one, paths[one][0], distance, also=tuple(paths[one][1:]))
@@ -247,11 +235,11 @@ class Store:
         ]
 
     def build_index(self) -> None:
-        """Index the descriptors, or what was added since they were."""
+        """Index the descriptors, or those added since."""
         from lancedb.index import IvfFlat
 
         if not self.indexed:
-            with self._told():
+            with self._explained():
                 self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
         self.tidy()
 
@@ -263,7 +251,7 @@ def among(column: str, values: Iterable[str]) -> str:
 
 
 def _opened(database: Any) -> Any:
-    """Open the table; for a moment another process that makes it has its folder alone."""
+    """Open the table; for a moment, one that another process creates has a folder only."""
     for wait in _WAITS:
         try:
             return database.open_table(_TABLE)
@@ -275,13 +263,7 @@ def _opened(database: Any) -> Any:
 
 
 def check_outside(store: str, out: str | os.PathLike[str]) -> None:
-    """Refuse to write into the folder of a collection, which may be removed as a whole.
-
-    Raises
-    ------
-    FileError
-        If a file or folder is, or would be, inside.
-    """
+    """Raise FileError for an output inside a collection's folder, which holds nothing else."""
     if "://" not in store:
         folder, place = Path(os.path.realpath(store)), Path(os.path.realpath(out))
         if place.is_relative_to(folder):
@@ -291,9 +273,9 @@ def check_outside(store: str, out: str | os.PathLike[str]) -> None:
 
 
 def _begun(path: Path) -> bool:
-    """Whether there is a file: a disk that was full when it was made leaves empty folders.
+    """Whether the table has files.
 
-    So does, for a moment, another process that makes it.
+    A full disk leaves empty folders, as does, for a moment, another process that creates the table.
     """
     folder = path / f"{_TABLE}.lance"
     for wait in _WAITS:

@@ -1,8 +1,8 @@
-"""All of a mesh as one surface: what is torn is closed, what is in pieces is joined.
+"""A mesh of any quality as one closed, connected surface.
 
-Meshes that people have come in pieces, with holes, as sheets and with a dozen large triangles. One
-shape so made is to be described like the same shape made well, so the surface is not taken as it
-comes: it is welded, rid of dust, closed, refined where it is coarse, and its pieces are linked.
+Meshes come in pieces, with holes, as sheets, or with a dozen large triangles. A shape should have
+the same descriptor however it was meshed. So the surface is welded, freed of tiny pieces, closed
+and refined, and its pieces are linked.
 """
 
 from __future__ import annotations
@@ -20,37 +20,29 @@ from unbend.errors import MeshError
 from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces, vertex_areas
 from unbend.spectral import laplacian
 
-# A piece with less of the area is dust, unless half of the area is.
+# Pieces with a smaller share of the area are removed, unless they make up half of it.
 _DUST = 1e-3
-# Rims of two pieces that are so near at unit area are one seam.
+# Boundaries of two pieces are joined where they are nearer than this, at unit area.
 _SEAM = 3e-3
 # Longest edge at unit area. Even triangles with such edges have about 900 vertices.
 _LONGEST = 0.036
 _ROUNDS = 12
-# More vertices than these, and four times as many as there were, are not made: spikes need them.
+# Refinement stops at this many vertices, or four times as many as there were: spikes need many.
 _MOST = 20_000
-# Pieces touch where vertices are so near, at unit area; where none are, this many links join them.
+# Pieces touch where vertices are this near, at unit area. Others are joined by this many links.
 _TOUCH = 0.02
 _LINKS = 8
 # Distances that differ by less, at unit area, are equal.
 _TIE = 1e-9
-# Where there are more pieces than these, many are joined at once to one of so many neighbours.
+# More pieces than this are first joined to pieces among this many nearest neighbours.
 _FEW = 16
 _NEIGHBOURS = 16, 64, 256
-# Weight of a link: that of an edge between two right angles opposite to 45 degrees is 1.
+# An edge of a square grid, opposite two angles of 45 degrees, has weight 1.
 _LINK_WEIGHT = 0.5
 
 
 class Whole(NamedTuple):
-    """A connected surface of unit area and its Laplacian.
-
-    Attributes
-    ----------
-    points : (n, 3) ndarray of float64
-    stiffness : (n, n) sparse array of float64
-    areas : (n,) ndarray of float64
-        Positive; their sum is 1.
-    """
+    """A connected surface of unit area and its Laplacian."""
 
     points: FloatArray
     stiffness: SparseMatrix
@@ -58,22 +50,10 @@ class Whole(NamedTuple):
 
 
 def whole_surface(mesh: Mesh) -> Whole:
-    """Take all of a mesh as one connected surface of unit area.
+    """Connect all of a mesh, of any kind, or of a point cloud to one surface of unit area.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A triangle mesh of any kind, or a point cloud.
-
-    Returns
-    -------
-    Whole
-        Its points are not those of the mesh.
-
-    Raises
-    ------
-    MeshError
-        If the mesh has no area, or fewer than 4 points.
+    Its points are not those of the mesh. Raises MeshError if the mesh has no area, or fewer than 4
+    points.
     """
     if mesh.is_point_cloud:
         points = mesh.vertices[np.unique(first_equal_row(mesh.vertices))]
@@ -88,7 +68,7 @@ def whole_surface(mesh: Mesh) -> Whole:
     area = mass.sum()
     points = one.vertices / np.sqrt(area)
     stiffness = sp.csr_array(operator.stiffness + _links(points, operator.stiffness))
-    # Of a degenerate face a vertex may have no area at all, which no eigenproblem can take.
+    # Vertices of degenerate faces may have no area, which the eigenproblem does not allow.
     areas = np.maximum(mass / area, 1e-12)
     return Whole(points, stiffness, areas / areas.sum())
 
@@ -101,7 +81,7 @@ def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Only the vertices in use, about the middle of them, at unit area."""
+    """Keep the vertices in use, centred and at unit area."""
     used, numbers = np.unique(faces, return_inverse=True)
     points = vertices[used] - vertices[used].mean(axis=0)
     faces = numbers.reshape(faces.shape)
@@ -109,7 +89,7 @@ def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, In
 
 
 def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
-    """Vertices at one place are one, faces are there once, and dust is gone."""
+    """Merge vertices at equal positions; remove repeated faces and tiny pieces."""
     largest = np.abs(mesh.vertices[mesh.faces]).max()
     vertices = mesh.vertices / (largest or 1.0)
     faces = proper_faces(first_equal_row(vertices)[mesh.faces])
@@ -125,53 +105,53 @@ def _welded(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     return _at_unit_area(vertices, faces)
 
 
-def _rim(vertices: FloatArray, faces: IntArray) -> IntArray:
+def _boundary(vertices: FloatArray, faces: IntArray) -> IntArray:
     """Edges with a single face, (r, 2)."""
     edges = find_edges(faces, len(vertices))
     return np.asarray(edges.ends[edges.n_faces == 1])
 
 
 def _stitched(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Join pieces where vertices on the rims of two are each the other's nearest."""
-    rim = np.unique(_rim(vertices, faces))
-    piece = find_components(faces, len(vertices)).of_vertex[rim]
-    if not len(rim) or (piece == piece[0]).all():
+    """Join pieces where two boundary vertices are each the other's nearest."""
+    boundary = np.unique(_boundary(vertices, faces))
+    piece = find_components(faces, len(vertices)).of_vertex[boundary]
+    if not len(boundary) or (piece == piece[0]).all():
         return vertices, faces
-    partner, least = np.full(len(rim), -1), np.full(len(rim), _SEAM)
-    near = cKDTree(vertices[rim]).query_pairs(_SEAM, output_type="ndarray")
+    partner, least = np.full(len(boundary), -1), np.full(len(boundary), _SEAM)
+    near = cKDTree(vertices[boundary]).query_pairs(_SEAM, output_type="ndarray")
     near = near[piece[near[:, 0]] != piece[near[:, 1]]]
-    lengths = np.linalg.norm(np.diff(vertices[rim[near]], axis=1)[:, 0], axis=1)
+    lengths = np.linalg.norm(np.diff(vertices[boundary[near]], axis=1)[:, 0], axis=1)
     for (i, j), length in zip(near.tolist(), lengths, strict=True):
         for here, there in ((i, j), (j, i)):
             if length < least[here]:
                 partner[here], least[here] = there, length
-    paired = np.flatnonzero((partner >= 0) & (partner[partner] == np.arange(len(rim))))
+    paired = np.flatnonzero((partner >= 0) & (partner[partner] == np.arange(len(boundary))))
     image = np.arange(len(vertices))
-    image[rim[paired]] = rim[np.minimum(paired, partner[paired])]
+    image[boundary[paired]] = boundary[np.minimum(paired, partner[paired])]
     return _at_unit_area(vertices, proper_faces(image[faces]))
 
 
 def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Close each rim by a fan around its middle; a sheet becomes a closed surface, flat on itself.
+    """Close each connected part of the boundary by a fan around its centre.
 
-    A rim is a connected group of edges with a single face.
+    A sheet becomes a closed surface, folded flat.
     """
-    rim = _rim(vertices, faces)
-    if not len(rim):
+    boundary = _boundary(vertices, faces)
+    if not len(boundary):
         return vertices, faces
-    group = np.unique(group_rows(rim, len(vertices))[: len(rim)], return_inverse=True)[1]
-    lengths = np.linalg.norm(vertices[rim[:, 0]] - vertices[rim[:, 1]], axis=1)
-    middles = lengths[:, None] * vertices[rim].mean(axis=1)
+    group = np.unique(group_rows(boundary, len(vertices))[: len(boundary)], return_inverse=True)[1]
+    lengths = np.linalg.norm(vertices[boundary[:, 0]] - vertices[boundary[:, 1]], axis=1)
+    middles = lengths[:, None] * vertices[boundary].mean(axis=1)
     total = np.bincount(group, lengths)
     tips = np.stack([np.bincount(group, axis) for axis in middles.T], axis=1) / total[:, None]
-    fans = np.column_stack([rim, len(vertices) + group])
+    fans = np.column_stack([boundary, len(vertices) + group])
     vertices = np.concatenate([vertices, tips])
     fans = fans[face_areas(vertices, fans) > 0]
     return _at_unit_area(vertices, np.concatenate([faces, fans]))
 
 
 def _refined(vertices: FloatArray, faces: IntArray) -> Mesh:
-    """Split edges until none is long; large flat faces are to carry short waves too."""
+    """Split edges until none is long, so that large faces carry high frequencies, too."""
     most = max(_MOST, 4 * len(vertices))
     for _ in range(_ROUNDS):
         edges = find_edges(faces, len(vertices))
@@ -228,17 +208,17 @@ def _split(faces: IntArray, middles: IntArray, centres: IntArray) -> IntArray:
 
 
 def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
-    """Laplacian of the links that make one piece of several.
+    """Laplacian of the links that connect all pieces.
 
-    Vertices of two pieces that are near each other are linked. What is still apart is linked to
-    what is nearest to it.
+    Vertices of two pieces that are near each other are linked. Pieces that are still separate are
+    linked to what is nearest to them.
     """
     n = len(points)
     count, piece = connected_components(stiffness, directed=False)
     links = [np.empty((0, 2), dtype=np.int64)]
     if count > 1:
         tree = cKDTree(points)
-        touching = min(_TOUCH, 2 / np.sqrt(n))  # no farther than the next vertices but one
+        touching = min(_TOUCH, 2 / np.sqrt(n))  # at most two edges of an even mesh
         near = tree.query_pairs(touching, output_type="ndarray")
         links.append(near[piece[near[:, 0]] != piece[near[:, 1]]])
         piece = _merged(piece, links[-1])
@@ -249,7 +229,7 @@ def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
                 piece = _merged(piece, links[-1])
         while piece.max() > 0:
             counts = np.bincount(piece)
-            smallest = np.flatnonzero(counts == counts.min())  # all of them at once
+            smallest = np.flatnonzero(counts == counts.min())
             links.append(np.concatenate([_to_rest(points, piece == one) for one in smallest]))
             piece = _merged(piece, links[-1])
     ends = np.unique(np.sort(np.concatenate(links), axis=1), axis=0)
@@ -270,13 +250,9 @@ def _to_rest(points: FloatArray, mine: BoolArray) -> IntArray:
 
 
 def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
-    """Link each piece to another where they are nearest, among neighbours that are known.
+    """Link each piece to the nearest other, among k neighbours of each vertex.
 
-    Parameters
-    ----------
-    piece : (n,) ndarray of int64
-    apart, there : (n, k) ndarrays
-        Distances and numbers of the neighbours of each vertex, the nearest first.
+    Their distances and numbers, (n, k), begin with the nearest.
     """
     apart = np.where(piece[there] != piece[:, None], apart, np.inf)
     least = np.full(piece.max() + 1, np.inf)
@@ -287,6 +263,6 @@ def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
 
 
 def _merged(piece: IntArray, links: IntArray) -> IntArray:
-    """Pieces numbered anew, those that links join as one."""
+    """Renumber pieces after links have joined some."""
     joined = group_rows(piece[links], int(piece.max()) + 1)[len(links) :]
     return np.unique(joined[piece], return_inverse=True)[1]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of
-from unbend._display import Brief, Drawn
+from unbend._display import Brief, table
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._transfer import as_point_map, check_target
@@ -21,6 +21,7 @@ from unbend.mesh import Mesh, edge_ends, vertex_areas
 
 THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
+_SHOWN = (4, 8)  # thresholds that a table shows
 
 # Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.
 _KEPT_BYTES = 2**30
@@ -47,7 +48,7 @@ class Overlap:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Brief, Drawn):
+class Evaluation(Brief):
     """Geodesic errors of a point map, by three protocols.
 
     Errors are geodesic distances on the target, divided by the square root of its area; infinite
@@ -113,6 +114,20 @@ class Evaluation(Brief, Drawn):
         """Area under the curve from 0 to 0.2, as a share of the best possible: 0 to 1."""
         curve = self.curve(protocol) / 100
         return float(((curve[1:] + curve[:-1]) / 2).mean())
+
+    def _repr_html_(self) -> str:
+        protocols = ["direct"] + ["map-min", "vertex-min"] * (self.map_min is not None)
+        rows = [
+            (
+                name,
+                f"{self.mean(name):.4f}",
+                f"{self.median(name):.4f}",
+                *(f"{self.curve(name)[i]:.1f} %" for i in _SHOWN),
+            )
+            for name in protocols
+        ]
+        within = [f"within {THRESHOLDS[i]:g}" for i in _SHOWN]
+        return table(rows, ("protocol", "mean error", "median", *within))
 
 
 def evaluate(

@@ -185,7 +185,7 @@ def _preimages(
         _check_size("source", len(point_map), source)
         if target is None:
             raise InputError(
-                "a map given as an array leads from source to target: to turn it round, give the "
+                "a map given as an array maps from source to target: to invert it, give the "
                 "target's mesh too, or give a Match"
             )
         vertices = invert_map(point_map, target)

@@ -12,27 +12,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from unbend._types import FloatArray, IntArray
+from unbend._types import FloatArray
 from unbend.datasets._skeleton import Bone, cones_of, skin_weights
 
 _N_STEPS = 16
-_ON_SKIN = 1e-3  # in units of the body's length
-_TURNED_OVER = 0.002  # share of the area
 
 
 def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> FloatArray:
-    """Carry points of a resting skin onto the skin of a body with other proportions.
+    """Carry points (n, 3) of a resting skin onto the skin of a body with other proportions.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float64
-        On the skin of ``bones``.
-    bones, onto : sequence of Bone
-        The same bones in the same order, of other places and sizes.
-
-    Returns
-    -------
-    (n, 3) ndarray of float64
+    `bones` and `onto` are the same bones in the same order, of other places and sizes.
     """
     now = list(bones)
     for step in range(1, _N_STEPS + 1):
@@ -93,25 +82,3 @@ def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
         step = values / np.einsum("ni,ni->n", gradients, gradients)
         points = points - np.clip(step, -0.02, 0.02)[:, None] * gradients
     return points
-
-
-def is_carried_well(
-    points: FloatArray, carried: FloatArray, faces: IntArray, bones: Sequence[Bone]
-) -> bool:
-    """Whether carried vertices lie on the skin of ``bones`` and hardly a face is turned over.
-
-    They do not where parts have grown together: the web between two legs has no place on a body
-    whose legs are apart.
-    """
-    values, gradients = cones_of(bones).local_field(carried)[0](carried)
-    outward = np.einsum("fi,fi->f", _normals(carried, faces), gradients[faces].mean(axis=1)) > 0
-    areas = np.linalg.norm(_normals(points, faces), axis=1)
-    return bool(
-        np.abs(values).max() < _ON_SKIN and areas[~outward].sum() < _TURNED_OVER * areas.sum()
-    )
-
-
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    normals: FloatArray = np.cross(b - a, c - a)
-    return normals

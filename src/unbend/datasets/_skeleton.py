@@ -43,13 +43,7 @@ def chosen_proportions(
     name: str,
     given: Mapping[str, float],
 ) -> dict[str, float]:
-    """Take a species' proportions, with the caller's own on top.
-
-    Raises
-    ------
-    InputError
-        If there is no such species or proportion, or a factor is not positive and finite.
-    """
+    """Combine the default, the species' and the caller's proportions, and check their names."""
     if name not in species:
         raise InputError(f"there is no species {name!r}; the species are {', '.join(species)}")
     for key, value in given.items():

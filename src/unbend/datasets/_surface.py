@@ -25,29 +25,11 @@ _COARSEST = 0.025  # grid spacing that no part of a body slips through
 def skin(
     cones: Cones, n_vertices: int, *, symmetric: bool, meshing: int
 ) -> tuple[FloatArray, IntArray, IntArray | None]:
-    """Mesh the skin of a body.
+    """Mesh the skin of a body with exactly so many vertices; also return its mirror map, or None.
 
-    Parameters
-    ----------
-    cones : Cones
-        The body; symmetric about x = 0 if ``symmetric``.
-    n_vertices : int
-        Exact number of vertices wanted.
-    symmetric : bool
-        Mesh one side and reflect it.
-    meshing : int
-        Seed of the grid's orientation and offset; other seeds, other vertices.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-    mirror : (n,) ndarray of int64, or None
-
-    Raises
-    ------
-    InputError
-        If no grid tried gives a surface without handles.
+    If `symmetric`, the body is symmetric about x = 0, and one side is meshed and reflected.
+    `meshing` is the seed of the grid's orientation and offset. Raises InputError if no grid tried
+    gives a surface without handles.
     """
     rng = np.random.default_rng(meshing)
     # A turn about x keeps the left-right symmetry; so does any shift in y and z.
@@ -80,16 +62,7 @@ def surface_net(cones: Cones, spacing: float, symmetric: bool) -> tuple[FloatArr
     """One vertex per grid cell that the skin passes, one quad (two triangles) per crossed edge."""
     inside, origin = _inside(cones, spacing, symmetric)
     inside = _well_composed(inside, symmetric)
-    corners = np.stack(
-        [
-            inside[
-                i : len(inside) - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k
-            ]
-            for i in (0, 1)
-            for j in (0, 1)
-            for k in (0, 1)
-        ]
-    )
+    corners = np.stack(_corners(inside))
     mixed = corners.any(axis=0) & ~corners.all(axis=0)
     number = np.full(mixed.shape, -1)
     number[mixed] = np.arange(mixed.sum())
@@ -119,9 +92,15 @@ def surface_net(cones: Cones, spacing: float, symmetric: bool) -> tuple[FloatArr
     return vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])[:, ::-1].copy()
 
 
+def _corners(inside: BoolArray) -> list[BoolArray]:
+    """View the eight corners of all grid cells."""
+    ends = (slice(None, -1), slice(1, None))
+    return [inside[i, j, k] for i in ends for j in ends for k in ends]
+
+
 def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, FloatArray]:
     """Which grid nodes are inside the body, and the position of node (0, 0, 0)."""
-    reach = np.maximum(cones.head_radii, cones.tail_radii) * 1.0 + 5 * cones.blend
+    reach = np.maximum(cones.head_radii, cones.tail_radii) + 5 * cones.blend
     low = np.minimum(cones.heads, cones.tails) - reach[:, None]
     high = np.maximum(cones.heads, cones.tails) + reach[:, None]
     origin: FloatArray = low.min(axis=0) - 2 * spacing
@@ -164,14 +143,7 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
             critical = (a == b) & (c == d) & (a != c)
             for view in (a, b, c, d):
                 view |= critical
-        views = [
-            inside[
-                i : len(inside) - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k
-            ]
-            for i in (0, 1)
-            for j in (0, 1)
-            for k in (0, 1)
-        ]
+        views = _corners(inside)
         count = np.sum(views, axis=0)
         for near in range(4):
             pair = views[near], views[7 - near]

@@ -83,27 +83,10 @@ def fetch_tosca_remeshed(
 
 
 def fetch_files(registry: Mapping[str, str], folder: Path, base_url: str, terms: str) -> Path:
-    """Download files that are missing from a folder or not whole.
+    """Download files that are missing from a folder, or whose SHA-256 is not that of the registry.
 
-    Parameters
-    ----------
-    registry : mapping of str to str
-        The SHA-256 of each file, by its path below `base_url` and `folder`.
-    folder : Path
-        Made if missing.
-    base_url : str
-        With or without a slash at its end.
-    terms : str
-        Printed on standard error before the first download.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    MissingExtraError, InputError, FileError
+    The registry has the paths of files below `base_url` and `folder`. The terms are printed on
+    standard error before the first download. See :func:`fetch_tosca_remeshed` for errors.
     """
     try:
         import pooch

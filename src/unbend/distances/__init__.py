@@ -3,7 +3,14 @@
 from unbend.distances._distance import distance, make_metric
 from unbend.distances._geodesic import geodesic_solver
 from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
-from unbend.distances._metric import GEODESIC, Metric, check_kind, diffusion_time, length_power
+from unbend.distances._metric import (
+    GEODESIC,
+    Metric,
+    check_kind,
+    diffusion_time,
+    length_power,
+    refuse_of_geodesics,
+)
 
 __all__ = [
     "GEODESIC",
@@ -16,6 +23,7 @@ __all__ = [
     "gram_metric",
     "length_power",
     "make_metric",
+    "refuse_of_geodesics",
     "spectral_filter",
     "truncated_metric",
 ]

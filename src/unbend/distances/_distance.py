@@ -7,10 +7,16 @@ from typing import Any
 import numpy as np
 
 from unbend._arrays import is_number
-from unbend._options import refuse_given
 from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.distances._metric import GEODESIC, Metric, check_kind, diffusion_time, length_power
+from unbend.distances._metric import (
+    GEODESIC,
+    Metric,
+    check_kind,
+    diffusion_time,
+    length_power,
+    refuse_of_geodesics,
+)
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Surface, local_ids, make_surface
@@ -104,12 +110,9 @@ def distance(
     """
     check_kind(distance)
     diffused = diffusion_time(distance, time)
-    if distance in GEODESIC:
-        refuse_given(
-            f"is for spectral distances, not {distance} ones; leave it out",
-            n_eigenpairs=n_eigenpairs,
-            laplacian=None if laplacian == "auto" else laplacian,
-        )
+    refuse_of_geodesics(
+        distance, n_eigenpairs=n_eigenpairs is not None, laplacian=laplacian != "auto"
+    )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)
     if n_eigenpairs is None:
@@ -120,8 +123,8 @@ def distance(
 
         if n_eigenpairs == 1:
             raise InputError(
-                "n_eigenpairs must be at least 2: the first eigenfunction, the constant one, tells "
-                "no distance"
+                "n_eigenpairs must be at least 2: the first eigenfunction is constant and has no "
+                "distances"
             )
         metric = truncated_metric(distance, eigenpairs(surface, n_eigenpairs), diffused)
     found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)

@@ -185,8 +185,8 @@ def _exact(mesh: Mesh) -> _FromVertex:
             told = True
             warn(
                 f"{mesh.name}: exact geodesics change by more than the length of an edge along it, "
-                f"by up to {steep:.1g} of the largest: needle triangles lead them astray; use "
-                "geodesic, or remesh it"
+                f"by up to {steep:.1g} of the largest: needle triangles make them inaccurate; "
+                "use geodesic, or remesh it"
             )
         scaled: FloatArray = distances * unit
         return scaled

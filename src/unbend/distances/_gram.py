@@ -129,8 +129,8 @@ def gram_metric(
         apart = float(np.abs(kernel[own, sources] - every[sources]).max() / every.max())
         if not apart <= _ROUNDING:
             raise SolverError(
-                f"{surface.mesh.name}: two ways to the {kind} kernel differ by {apart:.1e} of its "
-                "largest entry"
+                f"{surface.mesh.name}: two computations of the {kind} kernel differ by {apart:.1e} "
+                "of its largest entry"
             )
         distances = _distances(kernel, every[sources], every)
         distances[own, sources] = 0.0  # but for rounding

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
-from unbend._options import refuse_given
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind
 from unbend.errors import InputError
@@ -46,8 +45,15 @@ def check_kind(kind: str) -> None:
         raise InputError(f"there is no distance {kind!r}; choose one of {names}")
 
 
+def refuse_of_geodesics(kind: str, **options: bool) -> None:
+    """Refuse options, by whether they were given, that only spectral distances can use."""
+    for name, given in options.items():
+        if kind in GEODESIC and given:
+            raise InputError(f"{name} is for spectral distances, not {kind} ones; leave it out")
+
+
 def diffusion_time(kind: str, time: float | None) -> float:
     """Take the default for a diffusion time that was not given; refuse one that is not used."""
-    if kind != "diffusion":
-        refuse_given(f"is for diffusion distances, not {kind} ones; leave it out", time=time)
+    if kind != "diffusion" and time is not None:
+        raise InputError(f"time is for diffusion distances, not {kind} ones; leave it out")
     return DIFFUSION_TIME if time is None else time

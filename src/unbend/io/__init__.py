@@ -11,9 +11,8 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._meshes import MeshLike, as_mesh, read_mesh, write_mesh
+from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, read_mesh, write_mesh
 from unbend.io._values import (
-    VALUE_MESH_SUFFIXES,
     VALUE_SUFFIXES,
     check_storable,
     read_values,
@@ -21,8 +20,8 @@ from unbend.io._values import (
 )
 
 __all__ = [
+    "COLOR_SUFFIXES",
     "MAP_SUFFIXES",
-    "VALUE_MESH_SUFFIXES",
     "VALUE_SUFFIXES",
     "MeshLike",
     "as_mesh",

@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Whole files: read at once, or written so that nobody ever sees half of one."""
 
 from __future__ import annotations
 
@@ -13,35 +13,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 from unbend._memory import available_memory
-from unbend.errors import FileError
+from unbend.errors import FileError, MeshError
 
 
 def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> Path:
-    """Refuse an output path that cannot work, before any computing is done.
+    """Raise FileError if a file cannot be written, before anything is computed.
 
-    Parameters
-    ----------
-    path : path
-        Where a file will be written.
-    suffixes : collection of str
-        The suffixes that can be written, in lower case and with their dot. Empty: any.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    FileError
-        If the suffix is not one of these, or the folder is missing or closed to us.
-
-    Examples
-    --------
-    >>> from unbend.io import check_writable
-    >>> check_writable("shape.jpg", (".off", ".ply"))
-    Traceback (most recent call last):
-    ...
-    unbend.errors.FileError: cannot write shape.jpg: unknown suffix ".jpg"; use .off or .ply
+    Suffixes are in lower case, with their dot; empty: any. The folder must exist and be writable.
     """
     path = Path(path)
     check_suffix(path, suffixes, "write")
@@ -59,8 +37,7 @@ def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> P
     if not os.path.isdir(folder):
         raise FileError(f"cannot write {path}: there is no folder {folder}; create it first")
     if sys.platform == "win32" and path.exists() and not os.access(path, os.W_OK):
-        # Elsewhere the folder alone decides; there such a file can be neither replaced nor, had
-        # the temporary one taken its mode, tidied away.
+        # Windows neither replaces nor removes a read-only file; elsewhere only the folder counts.
         raise FileError(f"cannot write {path}: it is read-only; allow writing or remove it")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"cannot write {path}: no permission to write in the folder {folder}")
@@ -79,23 +56,12 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> str:
 
 
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
-    """Read a whole file of a known kind.
-
-    Parameters
-    ----------
-    path : Path
-    suffixes : collection of str
-        The suffixes that can be read, in lower case and with their dot. Empty: any.
-
-    Returns
-    -------
-    bytes
-        More than white space.
+    """Read a whole file whose suffix is one of these; empty: any.
 
     Raises
     ------
     FileError
-        If the file is missing, of another kind, cannot be read, or is empty.
+        If the file is missing, of another kind, larger than the free memory, empty, or unreadable.
     """
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder; give a file's name")
@@ -121,41 +87,31 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
 
 
 @contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Put the file's name in front of errors that readers raise without it."""
+    try:
+        yield
+    except (FileError, MeshError) as error:
+        raise type(error)(f"{path.name}: {error}") from error.__cause__
+
+
+@contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open a file that appears under its name only once it is complete.
+    """Open a file that appears under its name, or replaces another, only once it is complete.
 
-    The bytes go to a temporary name in the same folder, which is renamed at the end of the
-    ``with`` block and removed if the block fails or is interrupted.
-
-    Parameters
-    ----------
-    path : path
-        Where the file shall be; an existing file there is replaced, keeping its permissions.
-
-    Yields
-    ------
-    binary file
+    It is written under a temporary name in the same folder, and renamed at the end of the ``with``
+    block. If the block fails or is interrupted, nothing is left. A replaced file's permissions are
+    kept.
 
     Raises
     ------
     FileError
         If the folder is missing, closed to us or full.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from unbend.io import atomic_write
-    >>> path = Path(tempfile.mkdtemp()) / "hello.txt"
-    >>> with atomic_write(path) as file:
-    ...     _ = file.write(b"hello")
-    >>> path.read_text()
-    'hello'
     """
     check_writable(path, ())
-    # A symbolic link keeps pointing where it did: its target is what gets replaced.
+    # Replace the target of a symbolic link, not the link.
     target = Path(os.path.realpath(path))
-    # Systems limit a name to 255 bytes, of which a letter may take four.
+    # Names are limited to 255 bytes; a character takes up to four.
     temporary = target.with_name(f".{target.name[:50]}.{secrets.token_hex(4)}.part")
     try:
         with open(temporary, "xb") as file:
@@ -166,5 +122,5 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     except OSError as error:
         raise FileError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # the usual case: it was renamed
+        with suppress(OSError):  # usually it was renamed
             temporary.unlink()

@@ -16,14 +16,14 @@ from unbend._arrays import is_whole, point_map_of, snap
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io._files import atomic_write, check_writable, named, read_bytes
 from unbend.io._meshes import MeshLike, as_mesh
-from unbend.io.formats.contents import data_lines
+from unbend.io.formats.contents import are_numbers, data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
-# What the vertices of a file are counted from, unless the caller knows better.
+# The number of a file's first vertex, by default.
 _BASES = {".npy": 0, ".txt": 0, ".csv": 0, ".vts": 1}
 _CSV_HEADER = "target_vertex"
 
@@ -82,7 +82,7 @@ def read_map(
     data = read_bytes(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    try:
+    with named(path):
         values = whole_numbers(read_array(data)) if suffix == ".npy" else _numbers(data, suffix)
         if n_source is not None and len(values) != n_source:
             raise FileError(
@@ -90,8 +90,6 @@ def read_map(
                 "a map has one row for each"
             )
         return counted_from_zero(values, first, n_target)
-    except FileError as error:
-        raise FileError(f"{path.name}: {error}") from error.__cause__
 
 
 def write_map(
@@ -150,49 +148,26 @@ def write_map(
 def read_landmarks(
     path: str | os.PathLike[str], n_source: int | None = None, n_target: int | None = None
 ) -> IntArray:
-    r"""Read landmarks: on each line a source vertex and the target vertex that it corresponds to.
+    """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
-    Parameters
-    ----------
-    path : path
-        A .csv or .txt file, the numbers counted from 0 and separated by a comma or blanks. A .csv
-        file may begin with a line that names its columns.
-    n_source, n_target : int, optional
-        Vertices of the source and of the target, which landmarks must not exceed.
-
-    Returns
-    -------
-    (l, 2) ndarray of int64
+    The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
+    file may begin with column names. Numbers must be below `n_source` and `n_target`, if given.
 
     Raises
     ------
     FileError
-        If the file cannot be read, is empty, or a line is anything else.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from unbend.io import read_landmarks
-    >>> path = Path(tempfile.mkdtemp()) / "hints.csv"
-    >>> _ = path.write_text("source,target\n12,40\n7,3\n")
-    >>> read_landmarks(path)
-    array([[12, 40],
-           [ 7,  3]])
+        If the file cannot be read, is empty, or has other lines.
     """
     path = Path(path)
-    suffixes = (".csv", ".txt")
-    data = read_bytes(path, suffixes)
-    try:
+    data = read_bytes(path, (".csv", ".txt"))
+    with named(path):
         return _landmarks(data, path.suffix.lower(), (n_source, n_target))
-    except FileError as error:
-        raise FileError(f"{path.name}: {error}") from None
 
 
 def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> IntArray:
     lines = data_lines(data, suffix[1:])
     rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
-    if rows and suffix == ".csv" and not any(map(_is_number, rows[0])):
+    if rows and suffix == ".csv" and not any(are_numbers([word]) for word in rows[0]):
         rows = rows[1:]
     if not rows:
         raise FileError("holds no landmarks")
@@ -212,7 +187,7 @@ def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> In
 
 
 def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
-    """Turn a map from source to target round.
+    """Invert a map from source to target.
 
     A target vertex that is the image of several source vertices takes the first of them; one that
     is the image of none takes that of the vertex nearest to it along the target's edges.
@@ -271,22 +246,14 @@ def _base(base: int | None, suffix: str) -> int:
 
 def _numbers(data: bytes, suffix: str) -> IntArray:
     lines = [line.strip() for line in data_lines(data, suffix[1:])]
-    if suffix == ".csv" and lines and not _is_number(lines[0]):
+    if suffix == ".csv" and lines and not are_numbers(lines[:1]):
         lines = lines[1:]
     for index, line in enumerate(lines):
-        if not _is_number(line):
+        if not are_numbers([line]):
             raise FileError(
                 f"row {index} holds {line[:40]!r}; a map has one vertex number to a line"
             )
     return whole_numbers(np.array([float(line) for line in lines]))
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return "_" not in word  # 1_000 is a number to Python alone
 
 
 def whole_numbers(values: npt.NDArray[Any]) -> IntArray:

@@ -6,16 +6,16 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray
-from unbend.errors import FileError, InputError, MeshError
-from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend._types import FloatArray
+from unbend.errors import FileError, InputError
+from unbend.io._files import atomic_write, check_writable, named, read_bytes
 from unbend.io.formats import glb, obj, off, ply, points, stl
 from unbend.io.formats.contents import Contents
 from unbend.mesh import Mesh
@@ -28,7 +28,7 @@ _READERS: dict[str, Callable[[bytes], Contents]] = {
     ".xyz": points.read_xyz,
     ".npy": points.read_npy,
 }
-_WRITERS: dict[str, Callable[[BinaryIO, FloatArray, IntArray], None]] = {
+_WRITERS: dict[str, Callable[..., None]] = {
     ".off": off.write,
     ".obj": obj.write,
     ".ply": ply.write,
@@ -39,6 +39,8 @@ _WRITERS: dict[str, Callable[[BinaryIO, FloatArray, IntArray], None]] = {
 
 READ_SUFFIXES = tuple(_READERS)
 WRITE_SUFFIXES = tuple(_WRITERS)
+# Formats whose writers take colours and texture coordinates; .ply takes other values, too.
+COLOR_SUFFIXES = (".ply", ".obj", ".glb")
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -85,16 +87,11 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """
     path = Path(path)
     data = read_bytes(path, READ_SUFFIXES)
-    name, suffix = path.name, path.suffix.lower()
-    try:
-        contents = _READERS[suffix](data)
-    except FileError as error:
-        raise FileError(f"{name}: {error}") from error.__cause__
-    except MeshError as error:
-        raise MeshError(f"{name}: {error}") from None
-    if len(contents.vertices) == 0:
-        raise FileError(f"{name}: holds no vertices")
-    return Mesh(contents.vertices, contents.faces, name=name, notes=contents.notes)
+    with named(path):
+        contents = _READERS[path.suffix.lower()](data)
+        if len(contents.vertices) == 0:
+            raise FileError("holds no vertices")
+    return Mesh(contents.vertices, contents.faces, name=path.name, notes=contents.notes)
 
 
 def write_mesh(
@@ -151,9 +148,9 @@ def write_mesh(
     path = check_writable(path, WRITE_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
-    if suffix != ".ply" and scalars:
+    if scalars and suffix != ".ply":
         raise InputError(f"{suffix} files cannot hold values per vertex; write .ply")
-    if suffix not in (".ply", ".obj", ".glb") and (colors is not None or uvs is not None):
+    if suffix not in COLOR_SUFFIXES and (colors is not None or uvs is not None):
         raise InputError(
             f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
         )
@@ -161,20 +158,15 @@ def write_mesh(
         raise InputError(".xyz files hold points only; write .off, .obj or .ply to keep the faces")
     if suffix == ".stl" and not mesh.n_faces:
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
-    scalar_arrays = _scalars(scalars or {}, mesh.n_vertices)
-    color_array = None if colors is None else _colors(colors, mesh.n_vertices)
-    uv_array = None if uvs is None else _uvs(uvs, mesh.n_vertices)
+    extras: dict[str, Any] = {}
+    if scalars:
+        extras["scalars"] = _scalars(scalars, mesh.n_vertices)
+    if colors is not None:
+        extras["colors"] = _colors(colors, mesh.n_vertices)
+    if uvs is not None:
+        extras["uvs"] = _uvs(uvs, mesh.n_vertices)
     with atomic_write(path) as file:
-        if suffix == ".ply":
-            if uv_array is not None:
-                scalar_arrays |= {"s": uv_array[:, 0], "t": uv_array[:, 1]}
-            ply.write(file, mesh.vertices, mesh.faces, scalar_arrays, color_array)
-        elif suffix == ".obj":
-            obj.write(file, mesh.vertices, mesh.faces, color_array, uv_array)
-        elif suffix == ".glb":
-            glb.write(file, mesh.vertices, mesh.faces, color_array, uv_array)
-        else:
-            _WRITERS[suffix](file, mesh.vertices, mesh.faces)
+        _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
 
 
 def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
@@ -285,7 +277,7 @@ def as_mesh(mesh: MeshLike) -> Mesh:
     """
     if isinstance(mesh, Mesh):
         return mesh
-    given: Any = mesh  # asked what it has
+    given: Any = mesh
     if isinstance(given, (str, os.PathLike)):
         return read_mesh(given)
     if hasattr(given, "vertices") and hasattr(given, "faces"):

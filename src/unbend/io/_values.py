@@ -17,14 +17,13 @@ from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, read_bytes
-from unbend.io._meshes import MeshLike, as_mesh, write_mesh
-from unbend.io.formats.contents import text_lines
+from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, write_mesh
+from unbend.io.formats.contents import are_numbers, text_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
-VALUE_MESH_SUFFIXES = (".ply", ".obj", ".glb")
 _MOST_LETTERS = 1000
 
 
@@ -60,20 +59,16 @@ def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) 
     """
     path = Path(path)
     data = read_bytes(path, VALUE_SUFFIXES)
-    try:
-        if path.suffix.lower() == ".npy":
-            values = read_array(data)
-        else:
-            values = _table(data, path.suffix.lower(), n_vertices)
-    except FileError as error:
-        raise FileError(f"{path.name}: {error}") from error.__cause__
-    if values.ndim == 0 or values.size == 0:
-        raise FileError(f"{path.name}: holds no rows")
-    if n_vertices is not None and len(values) != n_vertices:
-        raise FileError(
-            f"{path.name}: holds {plural(len(values), 'row')}, but there are {n_vertices} vertices"
-        )
-    return values
+    suffix = path.suffix.lower()
+    with named(path):
+        values = read_array(data) if suffix == ".npy" else _table(data, suffix, n_vertices)
+        if values.ndim == 0 or values.size == 0:
+            raise FileError("holds no rows")
+        if n_vertices is not None and len(values) != n_vertices:
+            raise FileError(
+                f"holds {plural(len(values), 'row')}, but there are {n_vertices} vertices"
+            )
+        return values
 
 
 def write_values(
@@ -112,7 +107,7 @@ def write_values(
     >>> read_values(path)[:3]
     array([0, 1, 2])
     """
-    path = check_writable(path, VALUE_SUFFIXES + VALUE_MESH_SUFFIXES)
+    path = check_writable(path, VALUE_SUFFIXES + COLOR_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
     if kind == "auto" or kind not in get_args(ValueKind):
@@ -121,7 +116,7 @@ def write_values(
     if array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
-    if suffix in VALUE_MESH_SUFFIXES:
+    if suffix in COLOR_SUFFIXES:
         _write_mesh(path, array, mesh, kind)
         return
     with atomic_write(path) as file:
@@ -137,13 +132,7 @@ def write_values(
 
 
 def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
-    """Refuse a format that cannot hold such values, before any computing is done.
-
-    Raises
-    ------
-    InputError
-        If it cannot.
-    """
+    """Raise InputError if the format cannot hold such values, before anything is computed."""
     suffix = Path(path).suffix.lower()
     if suffix == ".ply" and values.dtype.kind == "U":
         raise InputError(".ply files cannot hold text for each vertex; write .csv")
@@ -171,12 +160,11 @@ def _all_words(labels: npt.NDArray[Any]) -> bool:
 
 def _csv(rows: list[list[str]]) -> bytes:
     text = io.StringIO()
-    # A line that begins with # would be read as a comment.
+    # Quoted, a row that begins with # is not read as a comment.
+    options: dict[str, Any] = {"lineterminator": "\n"}
     if any(row[0].startswith("#") for row in rows):
-        writer = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n")
-    else:
-        writer = csv.writer(text, lineterminator="\n")
-    writer.writerows(rows)
+        options["quoting"] = csv.QUOTE_ALL
+    csv.writer(text, **options).writerows(rows)
     return text.getvalue().encode()
 
 
@@ -204,15 +192,15 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
 
 
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
-    lines = [line for line in text_lines(data, suffix[1:]) if not _says_nothing(line)]
+    lines = [line for line in text_lines(data, suffix[1:]) if not _is_comment(line)]
     if suffix == ".csv":
         try:
             cells = csv.reader(f"{line}\n" for line in lines)
             rows = [[word.strip() for word in row] for row in cells]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
-        # Names over words look like the words; only the number of rows can tell then.
-        if rows and not _are_numbers(rows[0]) and len(rows) != n_vertices:
+        # Column names cannot be told from words, except by the number of rows.
+        if rows and not are_numbers(rows[0]) and len(rows) != n_vertices:
             rows = rows[1:]
     else:
         rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
@@ -227,7 +215,7 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         if max(map(len, words)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
     table = np.array(rows)
-    if all(map(_are_numbers, rows)):
+    if all(map(are_numbers, rows)):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
         try:
             table = table.astype(np.int64 if whole else np.float64)
@@ -237,32 +225,23 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
                 f"row {large} holds {' '.join(rows[large])[:40]!r}, more than 64 bits can hold"
             ) from None
     elif table.shape[1] > 1:
-        row = next(i for i, one in enumerate(rows) if not _are_numbers(one))
+        row = next(i for i, one in enumerate(rows) if not are_numbers(one))
         raise FileError(f"row {row} holds {' '.join(rows[row])[:40]!r}, not numbers")
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
 
 
-def _says_nothing(line: str) -> bool:
+def _is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("#")
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:
-    """Refuse what begins with a number, as 0,5 or 1;2: a label would carry it in silence."""
+    """Refuse words like 0,5 or 1;2, which are misread numbers rather than labels."""
     for index, word in enumerate(words):
         first, *more = re.split(r"[,;\t#]", word)
-        if more and _are_numbers([first]):
+        if more and are_numbers([first]):
             raise FileError(
                 f"row {index} holds {word[:40]!r}, neither a number nor a label; write decimal "
                 "points, and separate columns by commas in .csv, by blanks in .txt"
             )
-
-
-def _are_numbers(words: list[str]) -> bool:
-    try:
-        for word in words:
-            float(word)
-    except ValueError:
-        return False
-    return not any("_" in word for word in words)  # 1_000 is a number to Python alone

@@ -24,10 +24,9 @@ import functools
 
 import numpy as np
 
-from unbend._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, kernel
+from unbend._compiled import compiled
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray
-from unbend.linalg._sweeps import PANEL
 from unbend.linalg.multifrontal import Factor, place_updates
 
 _ROWS = 128  # of a symmetric product computed at once: half of it is not needed
@@ -67,84 +66,64 @@ def inverse_diagonals(found: Factor, weights: FloatArray | None = None) -> Float
     offsets, room = place_updates(nodes)
     updates = np.empty((1 if weights is None else 2, room))
     diagonals = np.empty((len(updates), len(nodes.order)))
-    front_starts = np.zeros(len(widths) + 1, np.int64)
-    if weights is not None:
-        np.cumsum(widths * (widths + heights), out=front_starts[1:])
-    fronts = np.zeros(front_starts[-1])
-    tree = nodes.starts, nodes.children, nodes.row_starts, nodes.rows
-    factor = found.places, found.squares, found.panels
-    work = *tree, *factor, front_starts, fronts, offsets
+    front_starts = np.append(0, np.cumsum(widths * (widths + heights)))
+    fronts = front_starts, np.zeros(front_starts[-1])  # untouched without weights: no memory
     *subtrees, top = nodes.parts
     with one_blas_thread():
         if weights is not None:
-            condense = functools.partial(_condense, weights[nodes.order], *work, updates[0])
+            own_weights = weights[nodes.order]
+            condense = functools.partial(_condense, found, own_weights, fronts, offsets, updates[0])
             run_all(functools.partial(condense, *part) for part in subtrees)
             condense(*top)
-        invert = functools.partial(_invert, found.pivots, *work, updates, diagonals)
+        invert = functools.partial(_invert, found, fronts, offsets, updates, diagonals)
         invert(*top)
         run_all(functools.partial(invert, *part) for part in subtrees)
     return np.asarray(diagonals[:, nodes.inverse])
 
 
-@kernel(FLOATS, FLOATS, "int64", "int64")
-def _extension(square, panel, height, width):  # type: ignore[no-untyped-def]
-    """X of a supernode."""
-    low = np.empty((height, width))
-    for k in range(height):
-        for j in range(width):
-            low[k, j] = panel[j // PANEL * height * PANEL + k * PANEL + j % PANEL]
-    return np.dot(low, square.reshape((width, width)))
+@compiled
+def _supernode(found, fronts, i):  # type: ignore[no-untyped-def]
+    """Give the inverse of the square of L of a supernode, X, and its front."""
+    nodes, places, (front_starts, entries) = found.nodes, found.places, fronts
+    width = nodes.starts[i + 1] - nodes.starts[i]
+    below = nodes.rows[nodes.row_starts[i] : nodes.row_starts[i + 1]]
+    square = found.squares[places[i, 0] : places[i + 1, 0]].reshape((width, width))
+    low = found.lows[places[i, 1] : places[i + 1, 1]].reshape((below.size, width))
+    front = entries[front_starts[i] : front_starts[i + 1]].reshape((width + below.size, width))
+    return square, np.dot(low, square), front
 
 
-@kernel(INTS, INTS, "int64", "int64", INTS, LONGS)
-def _locate(theirs, below, begin, end, where, local):  # type: ignore[no-untyped-def]
-    """Find the rows of a child in its parent's front; count those among the parent's columns."""
+@compiled
+def _locate(nodes, child, parent, where, local):  # type: ignore[no-untyped-def]
+    """Find the rows of a child in its parent's front; count them, and its parent's own columns."""
+    begin, end = nodes.starts[parent], nodes.starts[parent + 1]
+    below = nodes.rows[nodes.row_starts[parent] : nodes.row_starts[parent + 1]]
     for k in range(below.size):
         where[below[k]] = end - begin + k
+    theirs = nodes.rows[nodes.row_starts[child] : nodes.row_starts[child + 1]]
     n_own = 0
     for k in range(theirs.size):
         n_own += theirs[k] < end
         local[k] = theirs[k] - begin if theirs[k] < end else where[theirs[k]]
-    return n_own
+    return theirs.size, n_own
 
 
-@kernel(
-    *(FLOATS, LONGS, PAIRS, LONGS, INTS, PAIRS, FLOATS, FLOATS, LONGS, FLOATS, LONGS, FLOATS),
-    *("int64", "int64"),
-)
-def _condense(  # type: ignore[no-untyped-def]
-    weights,
-    begins,
-    children,
-    row_starts,
-    rows,
-    places,
-    squares,
-    panels,
-    front_starts,
-    fronts,
-    offsets,
-    updates,
-    first,
-    last,
-):
+@compiled
+def _condense(found, weights, fronts, offsets, updates, first, last):  # type: ignore[no-untyped-def]
     """Condense A over a range of supernodes; keep A11, over R, of each front."""
+    nodes = found.nodes
     where = np.empty(weights.size, np.int32)
     local = np.empty(weights.size, np.int64)
     for i in range(first, last):
-        begin, end = begins[i], begins[i + 1]
-        below = rows[row_starts[i] : row_starts[i + 1]]
-        width, height = end - begin, below.size
-        front = fronts[front_starts[i] : front_starts[i + 1]].reshape((width + height, width))
+        _, extension, front = _supernode(found, fronts, i)
+        height, width = extension.shape
         update = updates[offsets[i] : offsets[i] + height * height].reshape((height, height))
         update[:, :] = 0.0
         for k in range(width):
-            front[k, k] = weights[begin + k]
-        for child in children[i]:
+            front[k, k] = weights[nodes.starts[i] + k]
+        for child in nodes.children[i]:
             if child >= 0:
-                their_rows = rows[row_starts[child] : row_starts[child + 1]]
-                count = their_rows.size
-                n_own = _locate(their_rows, below, begin, end, where, local)
+                count, n_own = _locate(nodes, child, i, where, local)
                 theirs = updates[offsets[child] : offsets[child] + count * count]
                 for k in range(count):
                     for j in range(min(k + 1, n_own)):
@@ -154,12 +133,6 @@ def _condense(  # type: ignore[no-untyped-def]
         for k in range(width):
             for j in range(k):
                 front[j, k] = front[k, j]
-        extension = _extension(
-            squares[places[i, 0] : places[i + 1, 0]],
-            panels[places[i, 1] : places[i + 1, 1]],
-            height,
-            width,
-        )
         # What is subtracted is X H^T + H X^T with H = R + X A11 / 2.
         product = np.dot(extension, front[:width])
         pair = np.empty((2, height, 2 * width))
@@ -177,44 +150,21 @@ def _condense(  # type: ignore[no-untyped-def]
                     update[k, j] -= change[k - top, j]
 
 
-@kernel(
-    *(FLOATS, LONGS, PAIRS, LONGS, INTS, PAIRS, FLOATS, FLOATS, LONGS, FLOATS, LONGS, BLOCK, BLOCK),
-    *("int64", "int64"),
-)
-def _invert(  # type: ignore[no-untyped-def]
-    pivots,
-    begins,
-    children,
-    row_starts,
-    rows,
-    places,
-    squares,
-    panels,
-    front_starts,
-    fronts,
-    offsets,
-    updates,
-    diagonals,
-    first,
-    last,
-):
+@compiled
+def _invert(found, fronts, offsets, updates, diagonals, first, last):  # type: ignore[no-untyped-def]
     """Compute B and Y on the fronts of a range of supernodes, from the root down."""
-    n_kinds = len(updates)
-    where = np.empty(pivots.size, np.int32)
-    local = np.empty(pivots.size, np.int64)
+    nodes, n_kinds = found.nodes, len(updates)
+    where = np.empty(nodes.order.size, np.int32)
+    local = np.empty(nodes.order.size, np.int64)
     for i in range(last - 1, first - 1, -1):
-        begin, end = begins[i], begins[i + 1]
-        below = rows[row_starts[i] : row_starts[i + 1]]
-        width, height = end - begin, below.size
-        flat = squares[places[i, 0] : places[i + 1, 0]]
-        panel = panels[places[i, 1] : places[i + 1, 1]]
-        square = flat.reshape((width, width))
+        begin = nodes.starts[i]
+        square, extension, front = _supernode(found, fronts, i)
+        height, width = extension.shape
         scaled = np.empty((width, width))
         for k in range(width):
             for j in range(width):
-                scaled[k, j] = square[k, j] / pivots[begin + k]
+                scaled[k, j] = square[k, j] / found.pivots[begin + k]
         inverse = np.dot(square.T, scaled)
-        extension = _extension(flat, panel, height, width)
         known = updates[0, offsets[i] : offsets[i] + height * height].reshape((height, height))
         product = np.dot(known, extension)
         share = np.dot(extension.T, product)
@@ -226,7 +176,6 @@ def _invert(  # type: ignore[no-untyped-def]
                 blocks[0, width + k, j] = -product[k, j]
             diagonals[0, begin + j] = blocks[0, j, j]
         if n_kinds == 2:
-            front = fronts[front_starts[i] : front_starts[i + 1]].reshape((width + height, width))
             slope = np.dot(front[width:], inverse)
             other = updates[1, offsets[i] : offsets[i] + height * height].reshape((height, height))
             plus, minus = np.dot(known, slope), np.dot(other, extension)
@@ -240,11 +189,9 @@ def _invert(  # type: ignore[no-untyped-def]
                 for j in range(width):
                     blocks[1, k, j] = own[k, j] - one[k, j] - two[k, j]
                 diagonals[1, begin + k] = blocks[1, k, k]
-        for child in children[i]:
+        for child in nodes.children[i]:
             if child >= 0:
-                their_rows = rows[row_starts[child] : row_starts[child + 1]]
-                count = their_rows.size
-                n_own = _locate(their_rows, below, begin, end, where, local)
+                count, n_own = _locate(nodes, child, i, where, local)
                 for kind in range(n_kinds):
                     theirs = updates[kind, offsets[child] : offsets[child] + count * count]
                     whole = updates[kind, offsets[i] : offsets[i] + height * height]

@@ -1,51 +1,107 @@
-"""Compiled triangular sweeps with a multifrontal factor, for a chunk of right-hand sides at once.
+"""Compiled triangular solves, for a chunk of right-hand sides at once.
 
-A sweep reads the whole factor for every right-hand side, so its time is memory traffic. Several
-right-hand sides side by side, row by row, share that traffic: an entry of the factor meets a row
-of the chunk. The loop that this leads to is spelled as an intrinsic because the compiler's own
-vectoriser does not keep rows of the result in registers.
+A solve reads the whole factor for every right-hand side, so its time is memory traffic. A chunk of
+right-hand sides, stored row by row, shares that traffic: each entry of the factor is multiplied
+with a row of the chunk. The innermost loops are generated as LLVM code. Numba's own take 1.5 to 2
+times as long: its compiler cannot know that two rows of an array do not overlap, and does not keep
+rows of the result in registers.
+
+How wide a chunk is must be known when a kernel is compiled, so kernels get a tuple of that length.
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
+from numba import types
 
-from unbend._compiled import BLOCK, FLOATS, INTS, LONGS, PAIRS, generated, kernel
-from unbend.linalg._chunks import row_address, row_vector, spread
+from unbend._compiled import compiled, generated
 
-PANEL = 4  # columns of the factor that are stored together
+_REGISTERS = 32  # numbers that are kept in registers
+MOST_AT_ONCE = 4  # rows of a product that are computed together: as many as fit, for 8 columns
+
+
+def _row_vector(width: int) -> Any:
+    """Give the LLVM type of a row of a chunk."""
+    return ir.VectorType(ir.DoubleType(), width)
+
+
+def _row_address(
+    builder: Any, data: Any, index: Any, width: int
+) -> Any:  # pragma: no cover - generates code while Numba compiles
+    """Generate the address of a row of a chunk, to load it from or store it to."""
+    offset = builder.mul(index, ir.Constant(index.type, width))
+    return builder.bitcast(builder.gep(data, [offset]), _row_vector(width).as_pointer())
+
+
+def _spread(
+    builder: Any, entry: Any, width: int
+) -> Any:  # pragma: no cover - generates code while Numba compiles
+    """Generate a row that has a factor's entry in each column."""
+    undefined = ir.Constant(_row_vector(width), ir.Undefined)
+    first = ir.Constant(ir.IntType(32), 0)
+    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
+    lone = builder.insert_element(undefined, entry, first)
+    return builder.shuffle_vector(lone, undefined, everywhere)
+
+
+def _subtract(rows, target, factor, source, lanes):  # type: ignore[no-untyped-def]
+    """``rows[target] -= factor * rows[source]`` for a chunk of constant width."""
+    rows[target] -= factor * rows[source]
+
+
+@generated(_subtract)
+def _subtract_row(
+    context: Any, rows: Any, target: Any, factor: Any, source: Any, lanes: Any
+) -> Any:  # pragma: no cover - code of a code generator, run by Numba
+    count = lanes.count
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        rows, target, factor, source, _ = arguments
+        data = context.make_array(signature.args[0])(context, builder, rows).data
+
+        to = _row_address(builder, data, target, count)
+        taken = builder.load(_row_address(builder, data, source, count), align=8)
+        product = builder.fmul(_spread(builder, factor, count), taken, flags=("contract",))
+        difference = builder.fsub(builder.load(to, align=8), product, flags=("contract",))
+        builder.store(difference, to, align=8)
+        return context.get_dummy_value()
+
+    signature = types.void(rows, types.int64, types.float64, types.int64, lanes)
+    return signature, generate
+
+
+@compiled
+def solve_chunk(starts, rows, entries, inverse_pivots, chunk, lanes):  # type: ignore[no-untyped-def]
+    """Solve with L D L^T, in place, for a chunk of right-hand sides.
+
+    The strictly lower factor is in compressed columns. The length of ``lanes`` is the width of the
+    chunk.
+    """
+    n = inverse_pivots.size
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            _subtract_row(chunk, rows[p], entries[p], j, lanes)
+    for j in range(n - 1, -1, -1):
+        for c in range(len(lanes)):
+            chunk[j, c] *= inverse_pivots[j]
+        for p in range(starts[j], starts[j + 1]):
+            _subtract_row(chunk, j, entries[p], rows[p], lanes)
 
 
 def _sums_of_products(  # type: ignore[no-untyped-def]
-    entries,
-    start,
-    across,
-    within,
-    along,
-    source,
-    first,
-    step,
-    count,
-    target,
-    to,
-    n_rows,
-    unrolled,
-    width,
+    entries, start, across, along, source, first, count, target, to, lanes
 ):
-    """Rows of the product of a piece of a matrix with rows of a chunk.
+    """Compute a few rows of the product of a part of a matrix with rows of a chunk.
 
-    ``target[to + i] = sum_kq entries[start + i across + q within + k along] source[first + k step
-    + q]`` for i below ``n_rows``, k below ``count`` and q below ``unrolled``.
+    ``target[to + i] = sum_k entries[start + i across + k along] source[first + k]`` for k below
+    ``count``.
     """
-    i, k, q = np.ogrid[:n_rows, :count, :unrolled]
-    piece = entries[start + i * across + q * within + k * along]
-    target[to : to + n_rows] = np.einsum("ikq,jkqc->ic", piece, source[first + k * step + q])
+    i, k = np.ogrid[: _REGISTERS // len(lanes), :count]
+    rows = entries[start + i * across + k * along] @ source[first : first + count]
+    target[to : to + len(rows)] = rows
 
 
 @generated(_sums_of_products)
@@ -54,238 +110,121 @@ def _products(
     entries: Any,
     start: Any,
     across: Any,
-    within: Any,
     along: Any,
     source: Any,
     first: Any,
-    step: Any,
     count: Any,
     target: Any,
     to: Any,
-    n_rows: Any,
-    unrolled: Any,
-    width: Any,
+    lanes: Any,
 ) -> Any:  # pragma: no cover - code of a code generator, run by Numba
-    n_sums, steps, n_columns = (
-        n_rows.literal_value,
-        unrolled.literal_value,
-        width.literal_value,
-    )
-    vector = row_vector(n_columns)
-    integer = ir.IntType(64)
+    width = lanes.count
+    vector, integer = _row_vector(width), ir.IntType(64)
+    rows = range(_REGISTERS // width)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        entries, start, across, within, along, source, first, step, count, target, to = arguments[
-            :11
-        ]
-        types = signature.args
-        factor = context.make_array(types[0])(context, builder, entries).data
-        chunk = context.make_array(types[5])(context, builder, source).data
-        result = context.make_array(types[9])(context, builder, target).data
+        def pointer(i: int) -> Any:
+            return context.make_array(signature.args[i])(context, builder, arguments[i]).data
 
-        def number(value: int) -> Any:
-            return ir.Constant(integer, value)
-
-        def address(data: Any, index: Any) -> Any:
-            return row_address(builder, data, index, n_columns)
-
+        _, start, across, along, _, first, count, _, to, _ = arguments
+        entries, source, target = pointer(0), pointer(4), pointer(7)
+        zero, one = ir.Constant(integer, 0), ir.Constant(integer, 1)
         before = builder.block
         loop = builder.append_basic_block("loop")
         after = builder.append_basic_block("after")
-        builder.cbranch(builder.icmp_signed(">", count, number(0)), loop, after)
+        builder.cbranch(builder.icmp_signed(">", count, zero), loop, after)
         builder.position_at_end(loop)
         k, place = builder.phi(integer), builder.phi(integer)
-        sums = [builder.phi(vector) for _ in range(n_sums)]
-        grown: list[Any] = list(sums)
-        for q in range(steps):
-            index = builder.add(builder.mul(k, step), number(q))
-            values = builder.load(address(chunk, builder.add(first, index)), align=8)
-            spot = builder.add(place, builder.mul(within, number(q)))
-            for i in range(n_sums):
-                entry = builder.load(builder.gep(factor, [spot]))
-                product = builder.fmul(
-                    spread(builder, entry, n_columns), values, flags=("contract",)
-                )
-                grown[i] = builder.fadd(grown[i], product, flags=("contract",))
-                spot = builder.add(spot, across)
-        following = builder.add(k, number(1))
-        k.add_incoming(number(0), before)
-        k.add_incoming(following, loop)
-        place.add_incoming(start, before)
-        place.add_incoming(builder.add(place, along), loop)
+        sums = [builder.phi(vector) for _ in rows]
+        values = builder.load(_row_address(builder, source, builder.add(first, k), width), align=8)
+        spot, grown = place, []
+        for i in rows:
+            entry = _spread(builder, builder.load(builder.gep(entries, [spot])), width)
+            product = builder.fmul(entry, values, flags=("contract",))
+            grown.append(builder.fadd(sums[i], product, flags=("contract",)))
+            spot = builder.add(spot, across)
+        following = builder.add(k, one)
+        for phi, initial, later in (
+            (k, zero, following),
+            (place, start, builder.add(place, along)),
+            *zip(sums, [ir.Constant(vector, [0.0] * width)] * len(rows), grown, strict=True),
+        ):
+            phi.add_incoming(initial, before)
+            phi.add_incoming(later, loop)
         builder.cbranch(builder.icmp_signed("<", following, count), loop, after)
         builder.position_at_end(after)
-        zero = ir.Constant(vector, [0.0] * n_columns)
-        results = [builder.phi(vector) for _ in range(n_sums)]
-        for i in range(n_sums):
-            sums[i].add_incoming(zero, before)
-            sums[i].add_incoming(grown[i], loop)
-            results[i].add_incoming(zero, before)
-            results[i].add_incoming(grown[i], loop)
-        for i in range(n_sums):
-            builder.store(results[i], address(result, builder.add(to, number(i))), align=8)
+        for i in rows:
+            result = builder.phi(vector)
+            result.add_incoming(ir.Constant(vector, [0.0] * width), before)
+            result.add_incoming(grown[i], loop)
+            sums[i] = result
+        for i in rows:
+            row = builder.add(to, ir.Constant(integer, i))
+            builder.store(sums[i], _row_address(builder, target, row, width), align=8)
         return context.get_dummy_value()
 
-    long = numba.types.int64
-    return numba.types.void(
-        *(entries, long, long, long, long, source, long, long, long, target, long),
-        *(n_rows, unrolled, width),
-    ), generate
-
-
-@functools.cache
-def sweeps(width: int) -> tuple[Callable[..., None], Callable[..., None]]:
-    """Compile (or load from Numba's cache) the sweeps for chunks of ``width`` columns.
-
-    Parameters
-    ----------
-    width : int
-        Number of right-hand sides worked on side by side.
-
-    Returns
-    -------
-    forward, backward : callables
-        The solves with L, and with D and L^T, for a range of supernodes. They release the GIL.
-    """
-    rows_at_once = min(PANEL, 32 // width)  # as many as fit into registers
-
-    def forward(
-        most: Any,
-        begins: Any,
-        row_starts: Any,
-        rows: Any,
-        places: Any,
-        squares: Any,
-        panels: Any,
-        values: Any,
-        above: Any,
-        below: Any,
-        first: Any,
-        last: Any,
-    ) -> None:
-        widest, tallest = most
-        own = np.zeros((widest + PANEL, width))
-        sums = np.empty((tallest + PANEL, width))
-        for i in range(first, last):
-            begin, at = begins[i], row_starts[i]
-            size, height = begins[i + 1] - begin, row_starts[i + 1] - at
-            for k in range(0, size, rows_at_once):
-                _products(
-                    squares,
-                    places[i, 0] + k * size,
-                    size,
-                    0,
-                    1,
-                    values,
-                    begin,
-                    1,
-                    min(k + rows_at_once, size),
-                    own,
-                    k,
-                    rows_at_once,
-                    1,
-                    width,
-                )
-            for k in range(size):
-                for c in range(width):
-                    values[begin + k, c] = own[k, c]
-            for k in range(size, size + PANEL):  # of a last panel that is not full
-                for c in range(width):
-                    own[k, c] = 0.0
-            for k in range(0, height, rows_at_once):
-                _products(
-                    panels,
-                    places[i, 1] + k * PANEL,
-                    PANEL,
-                    1,
-                    PANEL * height,
-                    own,
-                    0,
-                    PANEL,
-                    (size + PANEL - 1) // PANEL,
-                    sums,
-                    k,
-                    rows_at_once,
-                    PANEL,
-                    width,
-                )
-            for k in range(height):
-                row = rows[at + k]
-                if row < below:
-                    for c in range(width):
-                        values[row, c] -= sums[k, c]
-                else:
-                    for c in range(width):
-                        above[row - below, c] -= sums[k, c]
-
-    def backward(
-        most: Any,
-        begins: Any,
-        row_starts: Any,
-        rows: Any,
-        places: Any,
-        squares: Any,
-        panels: Any,
-        pivots: Any,
-        values: Any,
-        first: Any,
-        last: Any,
-    ) -> None:
-        widest, tallest = most
-        own = np.empty((widest + PANEL, width))
-        sums = np.empty((widest + PANEL, width))
-        known = np.empty((tallest, width))
-        for i in range(last - 1, first - 1, -1):
-            begin, at = begins[i], row_starts[i]
-            size, height = begins[i + 1] - begin, row_starts[i + 1] - at
-            for k in range(height):
-                for c in range(width):
-                    known[k, c] = values[rows[at + k], c]
-            for k in range((size - 1) // rows_at_once * rows_at_once, -1, -rows_at_once):
-                _products(
-                    panels,
-                    places[i, 1] + k // PANEL * PANEL * height + k % PANEL + (height - 1) * PANEL,
-                    1,
-                    0,
-                    -PANEL,
-                    known,
-                    height - 1,
-                    -1,
-                    height,
-                    sums,
-                    k,
-                    rows_at_once,
-                    1,
-                    width,
-                )
-            for k in range(size):
-                inverse = 1 / pivots[begin + k]
-                for c in range(width):
-                    own[k, c] = values[begin + k, c] * inverse - sums[k, c]
-            for k in range((size - 1) // rows_at_once * rows_at_once, -1, -rows_at_once):
-                _products(
-                    squares,
-                    places[i, 0] + k * size + k,
-                    1,
-                    0,
-                    size,
-                    own,
-                    k,
-                    1,
-                    size - k,
-                    sums,
-                    k,
-                    rows_at_once,
-                    1,
-                    width,
-                )
-            for k in range(size):
-                for c in range(width):
-                    values[begin + k, c] = sums[k, c]
-
-    tree = ("UniTuple(int64, 2)", LONGS, LONGS, INTS, PAIRS, FLOATS, FLOATS)
-    ranges = ("int64", "int64")
-    return (
-        kernel(*tree, BLOCK, BLOCK, "int64", *ranges)(forward),
-        kernel(*tree, FLOATS, BLOCK, *ranges)(backward),
+    number = types.int64
+    signature = types.void(
+        *(entries, number, number, number, source, number, number, target, number, lanes)
     )
+    return signature, generate
+
+
+@compiled
+def forward(found, values, above, below, first, last, lanes):  # type: ignore[no-untyped-def]
+    """Solve with L for a range of supernodes; rows from ``below`` on are those of ``above``."""
+    nodes, width = found.nodes, len(lanes)
+    at_once = _REGISTERS // width
+    own = np.empty((found.widest + MOST_AT_ONCE, width))
+    sums = np.empty((found.tallest + MOST_AT_ONCE, width))
+    for i in range(first, last):
+        begin, at = nodes.starts[i], nodes.row_starts[i]
+        size, height = nodes.starts[i + 1] - begin, nodes.row_starts[i + 1] - at
+        square, low = found.places[i]
+        for k in range(0, size, at_once):
+            count = min(k + at_once, size)
+            _products(
+                *(found.squares, square + k * size, size, 1, values, begin, count, own, k, lanes)
+            )
+        for k in range(size):
+            for c in range(width):
+                values[begin + k, c] = own[k, c]
+        for k in range(0, height, at_once):
+            _products(found.lows, low + k * size, size, 1, own, 0, size, sums, k, lanes)
+        for k in range(height):
+            row = nodes.rows[at + k]
+            if row < below:
+                for c in range(width):
+                    values[row, c] -= sums[k, c]
+            else:
+                for c in range(width):
+                    above[row - below, c] -= sums[k, c]
+
+
+@compiled
+def backward(found, values, first, last, lanes):  # type: ignore[no-untyped-def]
+    """Solve with D and L^T for a range of supernodes."""
+    nodes, width = found.nodes, len(lanes)
+    at_once = _REGISTERS // width
+    own = np.empty((found.widest, width))
+    sums = np.empty((found.widest + MOST_AT_ONCE, width))
+    known = np.empty((found.tallest, width))
+    for i in range(last - 1, first - 1, -1):
+        begin, at = nodes.starts[i], nodes.row_starts[i]
+        size, height = nodes.starts[i + 1] - begin, nodes.row_starts[i + 1] - at
+        square, low = found.places[i]
+        for k in range(height):
+            for c in range(width):
+                known[k, c] = values[nodes.rows[at + k], c]
+        for k in range(0, size, at_once):
+            _products(found.lows, low + k, 1, size, known, 0, height, sums, k, lanes)
+        for k in range(size):
+            inverse = 1 / found.pivots[begin + k]
+            for c in range(width):
+                own[k, c] = values[begin + k, c] * inverse - sums[k, c]
+        for k in range(0, size, at_once):
+            start, count = square + k * size + k, size - k
+            _products(found.squares, start, 1, size, own, k, count, sums, k, lanes)
+        for k in range(size):
+            for c in range(width):
+                values[begin + k, c] = sums[k, c]

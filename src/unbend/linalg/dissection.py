@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._compiled import INTS, LONGS, PAIRS, kernel
+from unbend._compiled import compiled
 from unbend._parallel import run_all
 from unbend._types import IntArray
 
@@ -32,7 +31,7 @@ class Supernodes(NamedTuple):
         Supernodes whose updates go to this one, all of them before it; -1 for none.
     row_starts, rows : ndarrays of int64 and int32
         Rows below a supernode's own, ascending, in compressed form.
-    parts : list of pairs of int
+    parts : (p, 2) ndarray of int64
         Ranges of supernodes: subtrees that have nothing to do with each other, the largest first,
         and at the end the supernodes above them all.
     """
@@ -43,7 +42,7 @@ class Supernodes(NamedTuple):
     children: IntArray
     row_starts: IntArray
     rows: Any
-    parts: list[tuple[int, int]]
+    parts: IntArray
 
 
 def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
@@ -132,7 +131,7 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
     row_starts, rows = _rows_below(*graph, order, inverse, columns, children)
     table = sp.csr_array((np.empty(len(rows), np.int8), rows, row_starts), shape=(before[-1], n))
     table.sort_indices()
-    ends = [*before[: len(subtrees) + 1].tolist(), int(before[-1])]
+    ends = np.append(before[: len(subtrees) + 1], before[-1])
     return Supernodes(
         order,
         inverse,
@@ -140,7 +139,7 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
         children,
         row_starts,
         table.indices.astype(np.int32),
-        list(itertools.pairwise(ends)),
+        np.column_stack([ends[:-1], ends[1:]]),
     )
 
 
@@ -165,7 +164,7 @@ def _subtree(starts: IntArray, neighbors: IntArray, *segment: Any) -> tuple[IntA
     return own - first, count - 1 - above
 
 
-@kernel(LONGS, INTS, INTS, "int64", INTS, INTS, "int32")
+@compiled
 def _search(starts, neighbors, label, own, queue, distance, seed):  # type: ignore[no-untyped-def]
     """Search breadth first among the vertices with a label; count what is reached."""
     queue[0] = seed
@@ -184,7 +183,7 @@ def _search(starts, neighbors, label, own, queue, distance, seed):  # type: igno
     return count
 
 
-@kernel(LONGS, INTS, INTS, "int64", "int64", INTS, INTS, INTS)
+@compiled
 def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ignore[no-untyped-def]
     """Reorder a segment into side, side and separator; give the sizes of the sides.
 
@@ -278,7 +277,7 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
     return n_sides[0], n_sides[1]
 
 
-@kernel(LONGS, INTS, INTS, "int64", "int64", INTS, INTS, INTS, PAIRS, PAIRS)
+@compiled
 def _dissect(starts, neighbors, order, first, last, label, near, far, found, waiting):  # type: ignore[no-untyped-def]
     """Reorder a segment down to its leaves; give its supernodes, what is above first.
 
@@ -308,7 +307,7 @@ def _dissect(starts, neighbors, order, first, last, label, near, far, found, wai
     return count
 
 
-@kernel(LONGS, INTS, INTS, INTS, LONGS, PAIRS)
+@compiled
 def _rows_below(starts, neighbors, order, inverse, begins, children):  # type: ignore[no-untyped-def]
     """Rows below each supernode's own: those of its columns' neighbours and of its children."""
     n, count = order.size, begins.size - 1

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._parallel import chunk_width, run_all
+from unbend._parallel import in_chunks
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import InputError, SolverError
 
@@ -217,33 +217,16 @@ def _qdldl(matrix: SparseMatrix, *, compiled: bool) -> tuple[Any, FloatArray, _S
     lower, pivots, order = solver.factors()
     if not compiled:
         return order, pivots, lambda rhs: np.column_stack([solver.solve(c) for c in rhs.T])
-    factor = (
-        np.asarray(lower.indptr, dtype=np.int64),
-        np.asarray(lower.indices, dtype=np.int32),
-        lower.data,
-        1 / pivots,
-    )
-    rows = np.asarray(order, dtype=np.int32)
-    return order, pivots, functools.partial(_solve_in_chunks, rows, factor)
+    from unbend.linalg._sweeps import solve_chunk
 
+    starts, rows = np.asarray(lower.indptr, np.int64), np.asarray(lower.indices, np.int32)
+    inverse_pivots = 1 / pivots
 
-def _solve_in_chunks(order: Any, factor: tuple[Any, ...], rhs: FloatArray) -> FloatArray:
-    from unbend.linalg._chunks import load, unload
-    from unbend.linalg._triangular import chunk_solver
+    def work(chunk: FloatArray) -> None:
+        lanes = (0.0,) * chunk.shape[1]
+        solve_chunk(starts, rows, lower.data, inverse_pivots, chunk, lanes)
 
-    solution = np.empty_like(rhs)
-    n, count = rhs.shape
-    width = chunk_width(count)
-    solve = chunk_solver(width)
-
-    def work(first: int) -> None:
-        chunk = np.empty((n, width))
-        load(order, rhs, first, chunk, 0, n)
-        solve(*factor, chunk)
-        unload(order, chunk, first, solution, 0, n)
-
-    run_all(functools.partial(work, first) for first in range(0, count, width))
-    return solution
+    return order, pivots, functools.partial(in_chunks, order, work)
 
 
 def _cancelled(matrix: SparseMatrix, order: Any, pivots: FloatArray) -> bool:

@@ -155,7 +155,7 @@ def match(
         other = with_partners(chosen, sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
-        warn(f"landmark {row} is left aside: what fits best leads it elsewhere")
+        warn(f"landmark {row} is ignored: it contradicts the best-fitting map")
     warn_of_disorder(result)
     return result
 

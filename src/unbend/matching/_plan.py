@@ -159,11 +159,6 @@ def unambiguous(sides: Sides, found: list[Candidate]) -> bool:
     return alone and first <= most and found[0].orientation > 0
 
 
-def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether no candidate is unambiguous."""
-    return not unambiguous(sides, found)
-
-
 def part(sides: Sides, found: list[Candidate]) -> bool:
     """Whether either shape may be partial."""
     return sides.partial
@@ -171,7 +166,7 @@ def part(sides: Sides, found: list[Candidate]) -> bool:
 
 def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
     """Whether either shape may be partial, and no candidate is unambiguous."""
-    return sides.partial and ambiguous(sides, found)
+    return sides.partial and not unambiguous(sides, found)
 
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -182,14 +177,18 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return registered(sides, COARSE, starts, constants.DATA_WEIGHTS[:1])
 
 
-def from_few_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from the likeliest guesses which extremities correspond."""
-    return _from_extremities(sides, BEAM)
-
-
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from many guesses which extremities correspond."""
-    return _from_extremities(sides, 4 * BEAM)
+    """Register from the likeliest guesses which extremities correspond, a few if one is ahead."""
+    n_begun = BEAM if unambiguous(sides, found) else 4 * BEAM
+    medium = sides.at(MEDIUM)
+    mine, other = (find_extremities(one) for one in medium)
+    guesses = guess_limbs(mine, other, 6 * n_begun, len(medium[0].landmarks))
+    kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
+    maps = [
+        limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
+        for one in guesses
+    ]
+    return _from_guesses(sides, guesses, maps, n_begun, n_begun // 4)
 
 
 def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -202,7 +201,7 @@ def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     ours, theirs = mine.fields[kept[0]], other.fields[kept[1]]
     maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
-    return _from_guesses(sides, guesses, maps, 3 * BEAM)
+    return _from_guesses(sides, guesses, maps, 3 * BEAM, BEAM)
 
 
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -211,12 +210,6 @@ def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return registered(
         sides, MEDIUM, starts, (*constants.LOOSEST, *constants.LOOSE, *constants.DATA_WEIGHTS[1:])
     )
-
-
-def reregistered(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register the best once more, through all but the smallest data weights."""
-    starts = [one.registered for one in found[: 1 if unambiguous(sides, found) else BEAM // 2]]
-    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
 def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -235,20 +228,12 @@ def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return moved(sides, best(sides, COARSE, proposed)[:BEAM], MEDIUM)
 
 
-def _from_extremities(sides: Sides, n_begun: int) -> list[Candidate]:
-    medium = sides.at(MEDIUM)
-    mine, other = (find_extremities(one) for one in medium)
-    guesses = guess_limbs(mine, other, 6 * n_begun, len(medium[0].landmarks))
-    kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
-    maps = [
-        limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
-        for one in guesses
-    ]
-    return _from_guesses(sides, guesses, maps, n_begun)
-
-
 def _from_guesses(
-    sides: Sides, guesses: list[Guess], maps: list[tuple[IntArray, IntArray]], n_begun: int
+    sides: Sides,
+    guesses: list[Guess],
+    maps: list[tuple[IntArray, IntArray]],
+    n_begun: int,
+    n_kept: int,
 ) -> list[Candidate]:
     """Register the coarse proxies from the best of guesses' maps; tighten the best of these."""
     if not guesses:
@@ -263,7 +248,7 @@ def _from_guesses(
     begun = best(
         sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE[:1], resize=False)
     )
-    poses = [one.registered for one in begun[:BEAM]]
+    poses = [one.registered for one in begun[:n_kept]]
     return registered(sides, COARSE, poses, constants.LOOSE[1:], resize=False)
 
 
@@ -294,10 +279,8 @@ class Step(NamedTuple):
 
 PLAN = [
     Step(COARSE, from_spectra, always, BEAM // 2),
-    Step(COARSE, from_few_extremities, unambiguous, 2),
-    Step(COARSE, from_extremities, ambiguous, BEAM),
+    Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_points, ambiguous_part, BEAM // 2),
     Step(MEDIUM, relaxed, part, BEAM // 2),
     Step(MEDIUM, extrapolated, ambiguous_part, BEAM),
-    Step(MEDIUM, reregistered, always, BEAM // 2),
 ]

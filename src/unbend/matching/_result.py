@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from unbend._display import Drawn
+from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import warn
 
@@ -27,7 +28,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
-class Match(Drawn):
+class Match:
     """A map between two shapes.
 
     Attributes
@@ -97,12 +98,30 @@ class Match(Drawn):
             f"{overlap}confidence {self.confidence:.2f})"
         )
 
+    def _repr_html_(self) -> str:
+        matched, n = int((self.source_to_target >= 0).sum()), len(self.source_to_target)
+        unknown = math.isnan(self.confidence)
+        rows = [
+            ("match", f"{matched:,} of {n:,} vertices, to {len(self.target_to_source):,}"),
+            ("confidence", "not estimated" if unknown else f"{self.confidence:.2f}"),
+            ("orientation", f"{self.orientation:+.2f}"),
+            ("residual", f"{self.residual:.3f}"),
+            *(
+                (
+                    f"hypothesis {i + 1}",
+                    f"energy {one.energy:.4f}, orientation {one.orientation:+.2f}",
+                )
+                for i, one in enumerate(self.hypotheses[:5])
+            ),
+        ]
+        return table(rows)
+
 
 def warn_of_disorder(match: Match) -> None:
     """Warn of a map that cannot be right everywhere."""
     if match.confidence_bound < 1:
         warn(
-            "the map is in disorder: in places it turns the surface inside out, crowds it together "
-            f"or does not lead back (orientation {match.orientation:+.2f}, confidence at most "
-            f"{match.confidence_bound:.2f}); look at it, and give landmarks"
+            "part of the map is wrong: in places it turns the surface inside out, crowds it "
+            f"together or is not cycle-consistent (orientation {match.orientation:+.2f}, "
+            f"confidence at most {match.confidence_bound:.2f}); look at it, and give landmarks"
         )

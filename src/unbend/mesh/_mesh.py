@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from unbend._display import Drawn
+from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
 from unbend.mesh._topology import has_earlier_twin
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh(Drawn):
+class Mesh:
     """A triangle mesh, or a point cloud when it has no faces.
 
     Vertex order is never changed by unbend: row ``i`` of every per-vertex result belongs to
@@ -102,6 +102,12 @@ class Mesh(Drawn):
         if self.is_point_cloud:
             return f"Mesh({self.n_vertices} points)"
         return f"Mesh({self.n_vertices} vertices, {self.n_faces} faces)"
+
+    def _repr_html_(self) -> str:
+        if self.is_point_cloud:
+            return table([("point cloud", self.name), ("points", f"{self.n_vertices:,}")])
+        sizes = f"{self.n_vertices:,} vertices, {self.n_faces:,} faces"
+        return table([("mesh", self.name), ("size", sizes)])
 
 
 def _vertex_array(vertices: Any, name: str) -> FloatArray:

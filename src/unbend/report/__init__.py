@@ -1,5 +1,6 @@
 """Pictures and pages of results."""
 
+from unbend.report._plot import plot
 from unbend.report.collection_figures import draw_distances
 from unbend.report.figures import (
     draw_canonical_forms,
@@ -36,6 +37,7 @@ __all__ = [
     "mesh_page",
     "new_figure",
     "pattern_colors",
+    "plot",
     "position_colors",
     "same_scale",
     "save_figure",

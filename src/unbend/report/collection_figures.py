@@ -12,7 +12,7 @@ from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
 from unbend.report.trees import join_alike
 
-_MOST_NAMES = 150  # more could not be read
+_MOST_NAMES = 150  # more names would be too small to read
 
 
 def draw_distances(
@@ -41,7 +41,7 @@ def draw_distances(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.collection_figures import draw_distances
+    >>> from unbend.report import draw_distances
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
     """

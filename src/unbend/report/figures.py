@@ -10,6 +10,7 @@ import numpy as np
 
 from unbend._text import printable
 from unbend._types import FloatArray
+from unbend.alignment import procrustes
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh, used_vertices
@@ -21,9 +22,11 @@ __all__ = [
     "VIEWS",
     "CanonicalColumn",
     "as_written",
+    "check_up",
     "draw_canonical_forms",
     "draw_mesh",
     "draw_places",
+    "fit_rigidly",
     "new_figure",
     "position_colors",
     "same_scale",
@@ -31,15 +34,15 @@ __all__ = [
 ]
 
 
-# Formats of pictures, and what matplotlib would say in them of the time they were made.
+# Formats of pictures, and the metadata that keeps matplotlib from writing the time into them.
 _UNDATED: dict[str, dict[str, None]] = {
     ".png": {},
     ".pdf": {"CreationDate": None},
     ".svg": {"Date": None},
 }
-# Pixels by which forms are drawn thicker on each side than they are: their limbs are threads.
+# Pixels added to the outline of canonical forms, whose limbs are thin as threads.
 FORM_THICKER = 2.5
-# Which way the axes of a shape go when its own upward axis becomes the picture's, y.
+# Rotations that turn a shape's upward axis into the picture's, y.
 UPRIGHT = {
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     "y": np.eye(3),
@@ -95,7 +98,7 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
 
     Examples
     --------
-    >>> from unbend.report.figures import new_figure
+    >>> from unbend.report import new_figure
     >>> new_figure(4, 3).dpi
     150
     """
@@ -126,7 +129,7 @@ def position_colors(vertices: Any) -> FloatArray:
 
     Examples
     --------
-    >>> from unbend.report.figures import position_colors
+    >>> from unbend.report import position_colors
     >>> position_colors([[0, 0, 0], [1, 2, 4]]).round(2).tolist()
     [[0.18, 0.18, 0.18], [0.95, 0.95, 0.95]]
     """
@@ -170,7 +173,7 @@ def draw_mesh(
     Examples
     --------
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.figures import draw_mesh, new_figure, position_colors
+    >>> from unbend.report import draw_mesh, new_figure, position_colors
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> ax = new_figure(1, 1).add_subplot()
     >>> draw_mesh(ax, mesh, colors=position_colors(mesh.vertices), view="front")
@@ -217,7 +220,7 @@ def draw_canonical_forms(
     --------
     >>> import pathlib, tempfile
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.figures import draw_canonical_forms
+    >>> from unbend.report import draw_canonical_forms
     >>> shape = make_octopus(n_vertices=600)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "figure.png")
@@ -268,7 +271,7 @@ def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
 
 
 def as_written(name: str) -> str:
-    """Write a name for matplotlib, which would read what stands between dollars as a formula."""
+    """Escape a name for matplotlib, which reads text between dollars as a formula."""
     return printable(name).replace("$", r"\$")
 
 
@@ -289,7 +292,7 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.figures import new_figure, save_figure
+    >>> from unbend.report import new_figure, save_figure
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
     """
@@ -301,6 +304,25 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
         figure.savefig(file, format=suffix[1:], metadata=_UNDATED[suffix])
 
 
+def check_up(up: str) -> None:
+    """Raise InputError if there is no such upward axis."""
+    if up not in UPRIGHT:
+        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+
+
+def fit_rigidly(
+    points: FloatArray, places: FloatArray, *, reflect: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Rotation and translation that fit points (n, 3) to places, by the rows finite in both.
+
+    The identity if there are fewer than three such rows.
+    """
+    both = (np.isfinite(points) & np.isfinite(places)).all(axis=1)
+    if both.sum() < 3:
+        return np.eye(3), np.zeros(3)
+    return procrustes(points[both], places[both], reflect=reflect)
+
+
 def draw_places(
     ax: Any,
     vertices: FloatArray,
@@ -309,7 +331,7 @@ def draw_places(
     view: str | tuple[float, float],
     thicker: float = 0.0,
 ) -> None:
-    """Draw a mesh whose vertices stand elsewhere, with outlines some pixels thicker."""
+    """Draw a mesh with its vertices at other positions, its outline some pixels thicker."""
     box = ax.get_window_extent()
     seen = vertices @ view_rotation(view).T
     picture, extent = rasterize(
@@ -336,7 +358,7 @@ def same_scale(axes: Sequence[Any]) -> None:
     Examples
     --------
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.report.figures import draw_mesh, new_figure, same_scale
+    >>> from unbend.report import draw_mesh, new_figure, same_scale
     >>> ball = make_sphere(2)
     >>> axes = new_figure(2, 1).subplots(1, 2)
     >>> for ax, size in zip(axes, (1, 2)):

@@ -9,13 +9,13 @@ import numpy as np
 from unbend._types import BoolArray, FloatArray
 from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm, check_form
-from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
 from unbend.report.figures import (
     FORM_THICKER,
     UPRIGHT,
     as_written,
+    check_up,
     draw_places,
     new_figure,
     position_colors,
@@ -33,7 +33,7 @@ def draw_form(
     posed: FloatArray | None = None,
     up: str = "y",
 ) -> None:
-    """Write a picture of a shape and, beside it, its canonical form, in the same colours.
+    """Write a picture of a shape beside its canonical form, in the same colours.
 
     The form is turned or mirrored as a whole to lie as the shape does, and drawn 2.5 pixels
     thicker on each side than it is, for its limbs are threads. Each is drawn as large as its place
@@ -66,7 +66,7 @@ def draw_form(
     >>> import pathlib, tempfile
     >>> from unbend import canonical_form
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.form_figures import draw_form
+    >>> from unbend.report import draw_form
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
@@ -92,24 +92,17 @@ def draw_form(
 
 
 def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
-    """Take a mesh that is to be drawn beside its form.
-
-    Raises
-    ------
-    InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
-    """
+    """Check that a mesh has faces, that the form is of this mesh, and that `up` is an axis."""
     mesh = as_mesh(mesh)
     check_form(mesh, form)
-    if up not in UPRIGHT:
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    check_up(up)
     return mesh
 
 
 def turned_to_fit(
     points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
 ) -> FloatArray:
-    """Lay the first three dimensions as the shape lies, turned as a whole, perhaps mirrored."""
+    """Rotate the first three dimensions onto the shape, with a reflection if that fits better."""
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = points[:, :3]
     turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray, IntArray
-from unbend.alignment import procrustes
+from unbend._types import FloatArray
 from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
@@ -19,7 +18,9 @@ from unbend.mesh import Mesh, used_vertices
 from unbend.report.figures import (
     UPRIGHT,
     as_written,
+    check_up,
     draw_mesh,
+    fit_rigidly,
     new_figure,
     position_colors,
     save_figure,
@@ -35,7 +36,7 @@ __all__ = [
     "pattern_colors",
 ]
 
-# Stripes across the shape, as shares of its longest side: they show slips that smooth colours hide.
+# Stripes along the longest side of the shape show slips that smooth colours hide.
 _STRIPES = 9
 _STRIPE_DEPTH = 0.35
 _NO_PARTNER = 0.6  # grey
@@ -55,7 +56,7 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
 
     Examples
     --------
-    >>> from unbend.report.match_figures import pattern_colors
+    >>> from unbend.report import pattern_colors
     >>> pattern_colors([[0, 0, 0], [1, 2, 4]]).shape
     (2, 3)
     """
@@ -159,7 +160,7 @@ def draw_match(
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> from unbend.datasets import make_octopus
-    >>> from unbend.report.match_figures import draw_match
+    >>> from unbend.report import draw_match
     >>> mesh = make_octopus(n_vertices=600).mesh
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder, "match.png")
@@ -169,10 +170,11 @@ def draw_match(
     """
     source, target = as_mesh(source), as_mesh(target)
     colors, carried = (one / 255 for one in match_colors(source, target, match))
-    if up not in UPRIGHT:
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    check_up(up)
     upright = UPRIGHT[up]
-    turned = _turned_to_fit(source, target, match) @ upright.T
+    places = transfer(source.vertices, match, source=source, target=target)
+    rotation, _ = fit_rigidly(target.vertices, places, reflect=False)
+    turned = target.vertices @ rotation.T @ upright.T
     columns: list[tuple[str, Mesh, FloatArray]] = [
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
@@ -186,15 +188,6 @@ def draw_match(
     save_figure(figure, path)
 
 
-def _turned_to_fit(source: Mesh, target: Mesh, match: Match | npt.ArrayLike) -> FloatArray:
-    places = transfer(source.vertices, match, source=source, target=target)
-    there = np.isfinite(places).all(axis=1) & np.isfinite(target.vertices).all(axis=1)
-    if there.sum() < 3:
-        return target.vertices
-    rotation, _ = procrustes(target.vertices[there], places[there], reflect=False)
-    return np.asarray(target.vertices @ rotation.T)
-
-
 def draw_error_curves(
     evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str], *, title: str = ""
 ) -> None:
@@ -202,7 +195,7 @@ def draw_error_curves(
 
     Parameters
     ----------
-    evaluations : match of str to Evaluation
+    evaluations : mapping of str to Evaluation
         By the name of each map. Where there is a mirrored ground truth, ``map-min`` is drawn too,
         dashed.
     path : path
@@ -228,7 +221,7 @@ def draw_error_curves(
     >>> import numpy as np
     >>> from unbend.datasets import make_sphere
     >>> from unbend import evaluate
-    >>> from unbend.report.match_figures import draw_error_curves
+    >>> from unbend.report import draw_error_curves
     >>> every = np.arange(162)
     >>> found = evaluate(every, make_sphere(2), every, every)
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -289,7 +282,7 @@ def draw_similarities(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from unbend.report.match_figures import draw_similarities
+    >>> from unbend.report import draw_similarities
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
     """
@@ -297,7 +290,7 @@ def draw_similarities(
     n = len(names)
     if table.shape != (n, n) or n == 0:
         raise InputError(f"{n} names need similarities of shape ({n}, {n}), not {table.shape}")
-    order = _alike_together(table)
+    order = join_alike(apart(table)).order if n > 2 else np.arange(n)
     table, labels = table[np.ix_(order, order)], [as_written(names[i]) for i in order]
     side = 1.2 + max(0.42, 2.0 / n) * n
     figure = new_figure(side + 1.0, side)
@@ -321,7 +314,3 @@ def draw_similarities(
     bar.set_label("similarity", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     save_figure(figure, path)
-
-
-def _alike_together(table: FloatArray) -> IntArray:
-    return join_alike(apart(table)).order if len(table) > 2 else np.arange(len(table))

@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
+from unbend.io import value_colors
 from unbend.mesh import Mesh, vertex_normals
 
 # Azimuth (how far the viewer has walked to the shape's left) and elevation, in degrees.
@@ -25,7 +26,7 @@ _CLAY = (0.74, 0.77, 0.82)
 
 
 def rgb_of(colors: Any, mesh: Mesh) -> FloatArray:
-    """Turn whatever a caller gave as colours into red, green, blue per vertex."""
+    """Turn the colours that a caller gave into red, green and blue per vertex."""
     if colors is None:
         return np.tile(_CLAY, (mesh.n_vertices, 1))
     array = np.asarray(colors, dtype=np.float64)
@@ -36,14 +37,7 @@ def rgb_of(colors: Any, mesh: Mesh) -> FloatArray:
             f"colors must have shape ({mesh.n_vertices},) or ({mesh.n_vertices}, 3), "
             f"not {array.shape}"
         )
-    from matplotlib import colormaps
-
-    finite = np.isfinite(array)
-    rgb = np.full((len(array), 3), 0.6)
-    if finite.any():
-        low, high = array[finite].min(), array[finite].max()
-        rgb[finite] = colormaps["viridis"]((array[finite] - low) / max(high - low, 1e-300))[:, :3]
-    return rgb
+    return value_colors(array) / 255
 
 
 def view_rotation(view: str | tuple[float, float]) -> FloatArray:

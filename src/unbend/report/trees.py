@@ -1,4 +1,4 @@
-"""Which of many shapes stand beside each other: the tree of average linkage."""
+"""The order of many shapes by average linkage: similar shapes are neighbours."""
 
 from __future__ import annotations
 
@@ -10,15 +10,10 @@ from unbend._types import FloatArray, IntArray
 
 
 class Tree(NamedTuple):
-    """What is alike, joined step by step.
+    """A dendrogram: leaves in their order, and for each join the heights and places of a bracket.
 
-    Attributes
-    ----------
-    order : (n,) ndarray of int64
-        The leaves, the most alike beside each other.
-    heights, places : (n - 1, 4) ndarray of float64
-        A bracket for each join: from one branch up to the join, along it, and down to the other.
-        The leaf that `order` names at ``i`` is at the place `i`.
+    `heights` and `places`, (n - 1, 4), lead from one branch up to the join, along it, and down to
+    the other. Leaf ``order[i]`` is at place `i`.
     """
 
     order: IntArray
@@ -35,25 +30,7 @@ def apart(similarities: FloatArray) -> FloatArray:
 
 
 def join_alike(distances: FloatArray) -> Tree:
-    """Join what is near by average linkage.
-
-    Parameters
-    ----------
-    distances : (n, n) ndarray of float64
-        Symmetric, 0 on the diagonal; two shapes at least.
-
-    Returns
-    -------
-    Tree
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.report.trees import join_alike
-    >>> places = np.array([0.0, 9.0, 1.0])
-    >>> float(join_alike(np.abs(places[:, None] - places)).heights.max())
-    8.5
-    """
+    """Cluster two shapes or more by average linkage, from distances (n, n)."""
     from scipy.cluster.hierarchy import dendrogram, linkage
     from scipy.spatial.distance import squareform
 

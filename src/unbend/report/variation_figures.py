@@ -44,7 +44,7 @@ def draw_variation(
     >>> import pathlib, tempfile
     >>> from unbend import Mesh
     >>> from unbend.datasets import make_sphere
-    >>> from unbend.report.variation_figures import draw_variation
+    >>> from unbend.report import draw_variation
     >>> ball = make_sphere(2)
     >>> eggs = [Mesh(ball.vertices * [1, high, 1], ball.faces) for high in (0.8, 1, 1.2)]
     >>> with tempfile.TemporaryDirectory() as folder:

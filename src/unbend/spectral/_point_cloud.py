@@ -142,8 +142,7 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     if agreed < _AGREEMENT:
         warn(
             f"{mesh.name}: neighbouring points disagree about {1 - agreed:.0%} of the surface: "
-            "they are noisy, or too far apart to tell its parts from each other; use more points, "
-            "or a mesh"
+            "they are noisy, or too far apart to separate its parts; use more points, or a mesh"
         )
     stiffness = assemble_stiffness(faces, weights[:, None] * cotangents / 2, n)
     cells = unit**2 * _cells(faces, weights, squared, cotangents, areas, stiffness)

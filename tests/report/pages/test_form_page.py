@@ -16,7 +16,7 @@ from unbend.report.pages._form_page import _embedding
 def test_straight_in_the_embedding_is_the_truncated_distance(blob: Mesh) -> None:
     big = Mesh(7 * blob.vertices, blob.faces)
     form = canonical_form(big)
-    values, embedding = _embedding(big, form, np.ones(642, bool), False)
+    values, embedding = _embedding(big, form, np.ones(642, bool))
     assert values[0] == 0
     straight = np.linalg.norm(embedding - embedding[5], axis=1) * np.sqrt(form.area)
     (truncated,) = distance(big, 5, n_eigenpairs=61)

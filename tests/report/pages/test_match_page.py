@@ -92,7 +92,7 @@ def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
     match_page(blob, blob, two, page)
     assert len(data_of(page)["maps"]) == 3
     text = page.read_text(encoding="utf-8")
-    choices = ("1, confidence 0.60", "2", "mirror image")
+    choices = ("1, confidence 0.60", "2", "reflection")
     for i, name in enumerate(choices):
         assert f'<option value="{i}">{name}</option>' in text
     match_page(blob, blob, one, page)

@@ -8,6 +8,6 @@ from unbend.cli.collection.pairs import match, mean
 from unbend.cli.collection.shapes import add, export, info, list_, remove
 
 app = make_group(
-    "Keep many shapes, search them by shape, group and match them.",
+    "Store many shapes; search, group and match them.",
     *(add, list_, info, remove, search, matrix, groups, match, evaluate, mean, export),
 )

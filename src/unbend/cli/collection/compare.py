@@ -38,30 +38,30 @@ _MOST_PRINTED = 24
 
 def search(
     store: options.Store,
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="The mesh to look for.")],
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="The query: a mesh.")],
     n: Annotated[
-        int, typer.Option("-n", "--n-shapes", metavar="N", min=1, help="How many to find.")
+        int, typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Number of results.")
     ] = 10,
     rerank: Annotated[
         Rerank,
         typer.Option(
             "--rerank",
-            help="Rank the best again: by how their canonical forms align (hundredths of a second "
-            "each), or by match (seconds each).",
+            help="Order the best again: form, by aligned canonical forms (hundredths of a second "
+            "each), or match, by point maps (seconds each).",
         ),
     ] = "none",
     index: Annotated[
         bool,
         typer.Option(
             "--index",
-            help="Look at the likely shapes only, by an index that is made or brought up to date "
-            "first; worth it beyond 100,000 shapes.",
+            help="Use an index, which is created or updated first. It is faster beyond 100,000 "
+            "shapes.",
         ),
     ] = False,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
-    """Find the shapes most like one, whatever the pose; it need not be in the collection.
+    """Find the most similar shapes, whatever their poses. The query need not be in the collection.
 
     Examples
     --------
@@ -164,17 +164,17 @@ def groups(
             "--n-groups",
             metavar="N",
             min=1,
-            help="How many groups; by default the number that stands out most, of 2 to 50.",
+            help="Number of groups, by default the best of 2 to 50.",
         ),
     ] = None,
     csv: options.Csv = None,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
-    """Put shapes that are alike into groups, whatever their poses, without labels.
+    """Group similar shapes, whatever their poses, without labels.
 
-    Average linkage of the descriptors' distances; the number of groups is the one of the largest
-    mean silhouette.
+    The groups are those of average linkage of the descriptors. By default their number has the
+    largest mean silhouette.
 
     Examples
     --------
@@ -208,11 +208,11 @@ def evaluate(
         typer.Argument(metavar="LABELS", help="A .csv table with the columns path and label."),
     ],
 ) -> None:
-    """Measure how well the descriptors find shapes of a class: every shape asks for its own kind.
+    """Measure how well the descriptors find shapes of the same class.
 
-    The measures are those of the Princeton Shape Benchmark, and mean average precision; 100 % is
-    best, but for the E-measure where classes are small. Shapes without a label do not count, nor
-    do shapes whose files are identical but have different labels.
+    Every labelled shape is a query. The measures are those of the Princeton Shape Benchmark, and
+    mean average precision. 100 % is best, except for the E-measure of small classes. Shapes
+    without a label are ignored, and so are identical files with different labels.
 
     Examples
     --------

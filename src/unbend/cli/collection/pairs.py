@@ -29,7 +29,7 @@ def match(
     out: Annotated[
         str,
         options.out(
-            "Folder for a .npz file a pair, the table matches.csv, and the spectra.", "DIR"
+            "Folder for one .npz file per pair, the table matches.csv, and the spectra.", "DIR"
         ),
     ],
     pairs: Annotated[
@@ -48,8 +48,8 @@ def match(
 ) -> None:
     """Match many pairs of shapes, as unbend match does one; each spectrum is computed once.
 
-    Pairs whose match is there already are skipped, so the same command goes on where an
-    interrupted one was. What cannot be matched is listed at the end, with exit code 1.
+    Pairs whose match exists are skipped, so run the same command again to resume. Shapes that
+    cannot be matched are listed at the end, with exit code 1.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def mean(
         typer.Option(
             "--template",
             metavar="MESH",
-            help="A shape of the same kind in about the same pose, whose vertices all will have.",
+            help="The template: a shape of the same kind in about the same pose.",
         ),
     ],
     out: Annotated[str, options.out("The folder to write to.", "DIR")],
@@ -120,14 +120,14 @@ def mean(
         typer.Option("--n-components", metavar="N", min=1, help="How many components to keep."),
     ] = 5,
     scale: Annotated[
-        bool, typer.Option("--scale/--keep-scale", help="Take sizes out, so that form is left.")
+        bool, typer.Option("--scale/--keep-scale", help="Scale all shapes to one size first.")
     ] = False,
     min_confidence: Annotated[
-        float, typer.Option("--min-confidence", help="Leave out shapes whose match is less sure.")
+        float, typer.Option("--min-confidence", help="Leave out less confident matches.")
     ] = 0.5,
     min_coverage: Annotated[
         float,
-        typer.Option("--min-coverage", help="Least share of the template that lies on a shape."),
+        typer.Option("--min-coverage", help="Least share of the template that is covered."),
     ] = 0.5,
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
@@ -136,7 +136,7 @@ def mean(
 
     Into DIR go mean.ply (with the variability of each vertex, in colours too),
     component_K_minus.ply and component_K_plus.ply (the mean moved by 3 standard deviations),
-    variances.csv, scores.csv, left_out.csv (who did not match, and why) and, with matplotlib,
+    variances.csv, scores.csv, left_out.csv (shapes left out, and why) and, with matplotlib,
     components.png.
 
     Examples

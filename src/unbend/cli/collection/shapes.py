@@ -41,12 +41,11 @@ def add(
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
-    """Describe shapes and keep what describes them; the files stay where they are.
+    """Describe shapes and store their descriptors; the files stay where they are.
 
-    A file whose content is there already is skipped, so the same command goes on where an
-    interrupted one was. A file that cannot be used is listed at the end, with exit code 1.
-    Identical files are one shape with several paths. Add a folder again after it was moved, to
-    bring the paths up to date.
+    Files whose content is stored already are skipped, so run the same command again to resume. A
+    file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
+    with several paths. After you move a folder, add it again to update the paths.
 
     Examples
     --------
@@ -175,9 +174,9 @@ def remove(
         typer.Argument(metavar="SHAPES", help="Paths, or ids (8 digits or more of them)."),
     ],
 ) -> None:
-    """Take shapes out of a collection; their files stay where they are.
+    """Remove shapes from a collection; their files stay where they are.
 
-    A path takes only that path out of a shape that has several; an id takes out the shape.
+    A path removes only that path of a shape that has several. An id removes the shape.
 
     Examples
     --------
@@ -210,9 +209,9 @@ def export(
         options.out(".parquet: every column; .csv: all but forms and thumbnails."),
     ],
 ) -> None:
-    """Write what is kept of every shape into one table.
+    """Write the stored data of every shape into one table.
 
-    There is a row for each file; those of identical files have the same id.
+    There is a row for each file. Identical files have the same id.
 
     Examples
     --------

@@ -65,48 +65,59 @@ def count(token: str, what: str) -> int:
 
 
 def left_over(data: bytes) -> int:
-    """Count what follows the last row of a binary file; mere padding is nothing."""
+    """Count what follows the last row of a binary file; padding does not count."""
     return len(data) if data.strip(b"\0\r\n\t ") else 0
 
 
 def pythonic(words: Iterable[str]) -> bool:
-    """Whether any of some numbers is one to Python alone, like 1_000."""
+    """Whether some of these words are numbers to Python alone, like 1_000."""
     return "_" in "".join(words)
+
+
+def are_numbers(words: Iterable[str]) -> bool:
+    """Whether all words are numbers to every program."""
+    try:
+        for word in words:
+            float(word)
+    except ValueError:
+        return False
+    return not pythonic(words)
 
 
 def positions(rows: Sequence[Sequence[str]], what: str = "vertex") -> FloatArray:
     """Turn the first three words of each row into a position."""
-    return _numbers([row[:3] for row in rows], np.float64, "number", what)
-
-
-def _numbers(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) -> npt.NDArray[Any]:
-    """Convert rows of three words; if that fails, find and name the first bad one."""
-    if not rows:
-        return np.empty((0, 3), dtype=dtype)
-    try:
-        array = np.array(rows, dtype=dtype)
-        if array.shape == (len(rows), 3) and not pythonic(chain.from_iterable(rows)):
-            return array
-    except (ValueError, OverflowError):
-        pass
     for index, row in enumerate(rows):
         if len(row) < 3:
             raise FileError(f"{what} {index} has {len(row)} numbers instead of 3")
-        for word in row:
-            try:
-                np.array([word], dtype=dtype)
-                good = not pythonic([word])
-            except (ValueError, OverflowError):
-                good = False
-            if not good:
-                raise FileError(f"{what} {index} holds {word[:40]!r}, not a {kind}")
-    raise FileError(f"{what} rows do not form a table of numbers")  # pragma: no cover
+    return _flat([row[:3] for row in rows], np.float64, "number", what).reshape(-1, 3)
+
+
+def _flat(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) -> npt.NDArray[Any]:
+    """Convert all words of all rows; if that fails, name the first bad one."""
+    array = _converted(list(chain.from_iterable(rows)), dtype)
+    if array is not None:
+        return array
+    index, bad = next(
+        (i, word) for i, row in enumerate(rows) for word in row if _converted([word], dtype) is None
+    )
+    raise FileError(f"{what} {index} holds {bad[:40]!r}, not a {kind}")
+
+
+def _converted(words: list[str], dtype: Any) -> npt.NDArray[Any] | None:
+    try:
+        return None if pythonic(words) else np.array(words, dtype=dtype)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _indices(rows: Sequence[Sequence[str]]) -> IntArray:
+    return _flat(rows, np.int64, "vertex index", "face")
 
 
 def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArray, list[str]]:
     """Triangles from rows that hold a count, that many vertex indices, and perhaps more."""
     if all(row[0] == "3" and len(row) > 3 for row in rows):
-        return _numbers([row[1:4] for row in rows], np.int64, "vertex index", "face"), []
+        return _indices([row[1:4] for row in rows]).reshape(-1, 3), []
     sizes = []
     for index, row in enumerate(rows):
         size = int(row[0]) if row[0].isdecimal() and len(row[0]) < 10 else -1
@@ -115,40 +126,15 @@ def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArr
         if len(row) <= size:
             raise FileError(f"face {index} promises {size} vertices but names {len(row) - 1}")
         sizes.append(size)
-    words = [row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)]
-    try:
-        if pythonic(chain.from_iterable(words)):
-            raise ValueError
-        flat = np.array([int(word) for word in chain.from_iterable(words)], dtype=np.int64)
-    except (ValueError, OverflowError):
-        for index, row in enumerate(words):
-            for word in row:
-                if not word.removeprefix("-").isdecimal() or len(word) > 18:
-                    raise FileError(
-                        f"face {index} holds {word[:40]!r}, not a vertex index"
-                    ) from None
-        raise
-    return triangulate(np.array(sizes, dtype=np.int64), flat, n_vertices)
+    corners = _indices([row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)])
+    return triangulate(np.array(sizes, dtype=np.int64), corners, n_vertices)
 
 
 def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[IntArray, list[str]]:
-    """Split polygons into fans of triangles, in order.
+    """Split polygons into fans of triangles, in order, and say so in notes.
 
-    Parameters
-    ----------
-    sizes : (m,) ndarray of int64
-        Corners of each polygon.
-    corners : (sum(sizes),) ndarray of int64
-        Their vertex indices, one polygon after the other.
-    n_vertices : int
-        Number of vertices, to refuse an index here: after splitting, the faces count differently
-        from the file's.
-
-    Returns
-    -------
-    faces : (k, 3) ndarray of int64
-    notes : list of str
-        What was done, empty if all were triangles.
+    Polygons are given by their sizes (m,) and by the corners of all, one after the other. Vertex
+    numbers are checked here, because the triangles are counted differently from the file's faces.
     """
     starts = np.cumsum(sizes) - sizes
     outside = np.flatnonzero((corners < 0) | (corners >= n_vertices))

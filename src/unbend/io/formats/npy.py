@@ -17,22 +17,12 @@ _MOST_DIMENSIONS, _MOST_BYTES = 32, 2**62
 
 
 def read_array(data: bytes) -> npt.NDArray[Any]:
-    """Read an array of numbers, truth values or text from the bytes of a .npy file.
+    """Read an array of numbers, booleans or text from the bytes of a .npy file.
 
     Raises
     ------
     FileError
         If this is no such file, is truncated, or holds Python objects.
-
-    Examples
-    --------
-    >>> import io
-    >>> import numpy as np
-    >>> from unbend.io.formats.npy import read_array
-    >>> file = io.BytesIO()
-    >>> np.save(file, np.arange(3))
-    >>> read_array(file.getvalue())
-    array([0, 1, 2])
     """
     stream = io.BytesIO(data)
     shape, fortran_order, dtype = read_header(stream)
@@ -48,14 +38,12 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
 
 
 def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read what a .npy file says of its array: shape, whether columns come first, and type.
-
-    The stream is left at the first of the values.
+    """Read shape, column order and type of a .npy file; leaves the stream at the first value.
 
     Raises
     ------
     FileError
-        If this is no such file, or it holds something else than numbers, truth values or text.
+        If this is no such file, or it holds something else than numbers, booleans or text.
     """
     try:
         version = np.lib.format.read_magic(stream)

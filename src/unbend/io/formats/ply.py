@@ -79,8 +79,9 @@ def read(data: bytes) -> Contents:
         index_type = face.properties[listed[0]].dtype
         if index_type[0] == "f":
             raise FileError("has faces whose vertex indices are not whole numbers")
-    reader = _read_text if encoding == "ascii" else _read_binary
-    return reader(body, elements, ">" if encoding == "binary_big_endian" else "<")
+    if encoding == "ascii":
+        return _read_text(body, elements)
+    return _read_binary(body, elements, ">" if encoding == "binary_big_endian" else "<")
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
@@ -129,7 +130,7 @@ def _indices_of(element: _Element) -> int:
     return max(element.index(name) for name in _INDICES)
 
 
-def _read_text(body: bytes, elements: list[_Element], order: str) -> Contents:
+def _read_text(body: bytes, elements: list[_Element]) -> Contents:
     lines = [line for line in text_lines(body, "PLY") if line and not line.isspace()]
     at, vertices, faces, notes = 0, np.empty((0, 3)), NO_FACES, list[str]()
     face_rows: list[list[str]] = []
@@ -276,12 +277,16 @@ def write(
     faces: IntArray,
     scalars: Mapping[str, FloatArray] | None = None,
     colors: npt.NDArray[np.uint8] | None = None,
+    uvs: FloatArray | None = None,
 ) -> None:
-    """Write binary little endian, positions and scalars as double."""
+    """Write binary little endian, numbers as double, texture coordinates as s and t."""
+    scalars = dict(scalars or {})
+    if uvs is not None:
+        scalars |= {"s": uvs[:, 0], "t": uvs[:, 1]}
     columns: list[tuple[str, str, npt.NDArray[Any]]] = [
         (axis, "double", vertices[:, i]) for i, axis in enumerate("xyz")
     ]
-    columns += [(name, "double", values) for name, values in (scalars or {}).items()]
+    columns += [(name, "double", values) for name, values in scalars.items()]
     if colors is not None:
         names = ("red", "green", "blue")
         columns += [(name, "uchar", colors[:, i]) for i, name in enumerate(names)]

@@ -1,6 +1,6 @@
 """Interactive pages: one HTML file each, which opens in any browser without a network."""
 
-from unbend.report.pages._document import Page, table
+from unbend.report.pages._document import Page
 from unbend.report.pages._form_page import form_page
 from unbend.report.pages._match_page import match_page
 from unbend.report.pages._mesh_page import mesh_page
@@ -15,5 +15,4 @@ __all__ = [
     "mesh_page",
     "search_page",
     "similarity_page",
-    "table",
 ]

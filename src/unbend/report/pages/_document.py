@@ -1,4 +1,4 @@
-"""One HTML file with everything in it: the words, the styles, the scripts and the data."""
+"""Parts of a page, put together into one HTML file with its styles, scripts and data."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import FloatArray
 from unbend.io import atomic_write, check_writable
 
 SUFFIXES = (".html",)
 
-# What every page runs before its own.
+# Scripts that every page runs before its own.
 _SCRIPTS = ("data.js", "shaders.js", "geometry.js", "scene.js", "page.js")
 
 _PAGE = """<!doctype html>
@@ -38,12 +39,12 @@ _PAGE = """<!doctype html>
 <h1>{heading}</h1>
 <p class="lead">{lead}</p>
 <p class="trouble" id="trouble" role="alert" hidden></p>
-<noscript><p class="trouble">The shapes are drawn by JavaScript, which is switched off here.</p></noscript>
+<noscript><p class="trouble">The shapes need JavaScript, which is disabled.</p></noscript>
 </header>
 <main>
 {body}
 </main>
-<footer>Made by unbend {version}. This file holds everything that it shows and asks nothing of any
+<footer>Made by unbend {version}. This file contains everything that it shows and uses no
 network.</footer>
 <script type="application/json" id="data">{data}</script>
 <script>{script}</script>
@@ -99,19 +100,12 @@ def make_page(
     body: str,
     data: dict[str, Any],
     scripts: Sequence[str],
+    path: str | os.PathLike[str] | None = None,
 ) -> Page:
-    """Put a page together.
+    """Put a page together, and write it if there is a path.
 
-    Parameters
-    ----------
-    title, lead : str
-        Plain text.
-    heading, body : str
-        HTML: what comes from a user has been escaped.
-    data : dict
-        For JSON; the scripts find it unpacked.
-    scripts : sequence of str
-        Names of files beside this one that the page runs after those of all pages, in their order.
+    Title and lead are plain text; heading and body are HTML in which the user's names are escaped.
+    The scripts are files beside this one, and find the data unpacked.
     """
     folder = files("unbend.report.pages")
     names = ("page.css", *_SCRIPTS, *scripts)
@@ -130,7 +124,10 @@ def make_page(
         style_hash=_digest(style),
         script_hash=_digest(script),
     )
-    return Page(title, html)
+    page = Page(title, html)
+    if path is not None:
+        page.write(path)
+    return page
 
 
 def _digest(text: str) -> str:
@@ -138,22 +135,18 @@ def _digest(text: str) -> str:
 
 
 def section(heading: str, *blocks: str) -> str:
-    """Put HTML under a heading of plain text."""
+    """Section of HTML blocks under a heading of plain text."""
     return f"<section>\n<h2>{escape(heading)}</h2>\n" + "\n".join(blocks) + "\n</section>"
 
 
-def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
-    """Turn rows of plain text into a table; without heads, each row's first cell is its head."""
-    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
-    lines = [f"<thead><tr>{top}</tr></thead>"] if heads else []
-    for first, *others in rows:
-        head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
-        lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
-    return "<table>" + "\n".join(lines) + "</table>"
+def how_made(rows: Sequence[Sequence[str]], command: str) -> str:
+    """Section on how the results were made: facts, and the command if there was one."""
+    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
+    return section("How it was made", table(rows), made)
 
 
 def canvas(name: str, caption: str, description: str, box: str = "") -> str:
-    """Make a place to draw in, with alternative text and, if named, a box for a vertex's number."""
+    """Canvas with a caption, alternative text and, if named, an input for a vertex number."""
     entry = ""
     if box:
         entry = f'<label>vertex <input type="number" id="{box}" min="0" step="1"></label>'
@@ -163,26 +156,32 @@ def canvas(name: str, caption: str, description: str, box: str = "") -> str:
     )
 
 
-def view_controls(up: str, *, several: bool = True) -> str:
-    """Make what every page has to change the view, or several, with."""
+def controls(own: str, up: str, *, grid: bool = True, several: bool = True) -> str:
+    """Put a page's own controls, as HTML, before those of its views."""
     axes = "".join(f"<option{' selected' * (axis == up)}>{axis}</option>" for axis in "xyz")
     return (
-        '<label><input type="checkbox" id="grid" checked> grid</label>'
+        f'<div class="controls" role="group" aria-label="Controls">{own}'
+        + '<label><input type="checkbox" id="grid" checked> grid</label>' * grid
         + '<label><input type="checkbox" id="linked" checked> turn together</label>' * several
         + f'<label>up <select id="up">{axes}</select></label>'
-        '<button type="button" id="reset">Reset view</button>'
+        '<button type="button" id="reset">Reset view</button></div>\n'
     )
 
 
+def readout(usage: str) -> str:
+    """Line that tells what the pointer is on, and at first how to use the page."""
+    return f'<p class="readout" id="readout" aria-live="polite">{escape(usage)}</p>'
+
+
 def hint(html: str) -> str:
-    """Set a remark in small print; what comes from a user has been escaped."""
+    """Small print; the user's names in it are escaped."""
     return f'<p class="hint">{html}</p>'
 
 
 def curve_svg(
     x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
 ) -> str:
-    """Draw curves of percentages, the second one dashed."""
+    """Plot of curves in percent, the second one dashed."""
     plot = _Plot(float(x.max()), 100.0, x_label, y_label)
     for i, (name, values) in enumerate(curves):
         spots = "L".join(plot.spot(a, b) for a, b in zip(x, values, strict=True))
@@ -197,7 +196,7 @@ def curve_svg(
 
 
 def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
-    """Draw a dot for each value, counted from 0."""
+    """Plot of a dot for each value, counted from 0."""
     plot = _Plot(_round_above(len(values) - 1), _round_above(float(values.max())), x_label, y_label)
     for i, value in enumerate(values):
         x, y = plot.spot(i, value).split(",")
@@ -208,7 +207,7 @@ def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
 
 
 def _round_above(value: float) -> float:
-    """Find a number not below this one whose quarters are short to write."""
+    """Smallest number not below this one whose quarters are short to write."""
     unit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
     return float(
         next(one * unit for one in (1, 1.2, 1.6, 2, 3, 4, 6, 8, 10) if one * unit >= value)
@@ -216,7 +215,7 @@ def _round_above(value: float) -> float:
 
 
 class _Plot:
-    """Axes from 0, and what is drawn between them."""
+    """A plot in SVG with axes from 0."""
 
     left, top, width, height = 58.0, 10.0, 420.0, 220.0
 
@@ -240,12 +239,12 @@ class _Plot:
         ]
 
     def spot(self, x: float, y: float) -> str:
-        """Place of a point in the drawing."""
+        """Coordinates of a point in the SVG."""
         right, up = x / self.high[0], y / self.high[1]
         return f"{self.left + self.width * right:.1f},{self.top + self.height * (1 - up):.1f}"
 
     def svg(self, told: str) -> str:
-        """Put everything together, with alternative text."""
+        """Return the plot as SVG, with alternative text."""
         tall = self.top + self.height + 46
         return (
             f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(told)}">'

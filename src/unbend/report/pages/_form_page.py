@@ -1,4 +1,4 @@
-"""A page on which a shape and its canonical form turn, with what the form was made from."""
+"""A page with a shape, its canonical form and its spectrum."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._display import table
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import CanonicalForm
 from unbend.choices import Axis, LaplacianKind
@@ -21,18 +22,19 @@ from unbend.report.pages._document import (
     SUFFIXES,
     Page,
     canvas,
+    controls,
     dots_svg,
     hint,
+    how_made,
     make_page,
+    readout,
     section,
-    table,
-    view_controls,
 )
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 from unbend.spectral import spectrum
 
-# Eigenfunctions that distances on the page are summed over, and those offered to look at.
+# Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
 _N_EIGENPAIRS, _OFFERED = 60, 12
 # Distances on the page are exact to this share of the widest coordinate of their embedding.
 _STEPS = 2**13
@@ -134,7 +136,7 @@ def form_page(
         "unit": _unit(form, keep_scale),
         "cells": cells_of(mesh.vertices[rows]),
     }
-    page = make_page(
+    return make_page(
         title=f"{mesh.name}, canonical form",
         heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
         lead=f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
@@ -151,10 +153,8 @@ def form_page(
         ),
         data=data,
         scripts=("form.js",),
+        path=path,
     )
-    if path is not None:
-        page.write(path)
-    return page
 
 
 def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
@@ -162,18 +162,18 @@ def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
 
 
 def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
-    """Tell how long a biharmonic distance of one is in the form; None for other distances."""
+    """Length in the form of a biharmonic distance of 1; None for other distances."""
     if form.distance != "biharmonic":
         return None
     return float(np.sqrt(form.area)) if keep_scale else 1.0
 
 
 def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues at unit area, and eigenfunctions so weighted that straight is biharmonic."""
+    """Eigenvalues at unit area, and eigenfunctions whose Euclidean distances are biharmonic."""
     kind: LaplacianKind = "robust" if form.laplacian == "robust" else "cotangent"
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
+        warnings.simplefilter("ignore", UnbendWarning)  # canonical_form has warned already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
         found = spectrum(part, count, laplacian=kind)
     values = found.eigenvalues * form.area
@@ -186,15 +186,16 @@ def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
         f'<option value="function-{k}">eigenfunction {k + 1}</option>' for k in range(n_functions)
     )
     same = "The same place has the same colour on the shape and on its form."
-    return (
-        '<div class="controls" role="group" aria-label="Controls">'
+    own = (
         '<label>Colours <select id="paint"><option value="place">same place, same colour</option>'
         '<option value="distance">distance from the clicked vertex</option>'
         f'{functions}<option value="plain">plain</option></select></label>'
         '<label>Thicken the form <input type="range" id="thicken" min="0" max="4" step="0.25" '
         'value="1.5"></label>'
-        f"{view_controls(up)}</div>\n"
-        '<div class="pair">'
+    )
+    return (
+        controls(own, up)
+        + '<div class="pair">'
         + canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex")
         + canvas("form", "Its canonical form", f"The canonical form of {name}. {same}")
         + (
@@ -202,7 +203,7 @@ def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
             if detailed
             else ""
         )
-        + f'</div>\n<p class="readout" id="readout" aria-live="polite">{_HINT}</p>'
+        + f"</div>\n{readout(_HINT)}"
     )
 
 
@@ -239,8 +240,8 @@ def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str)
         ),
         (
             "for display",
-            "the form is turned or mirrored as a whole to lie as the shape does; its surface is "
-            "drawn thicker on each side by the pixels that were chosen",
+            "the form is rotated or reflected as a whole to align with the shape; its surface is "
+            "drawn thicker on each side by the chosen number of pixels",
         ),
         (
             "distances here",
@@ -248,5 +249,4 @@ def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str)
             "most",
         ),
     ]
-    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
-    return section("How it was made", table(rows), made)
+    return how_made(rows, command)

@@ -10,18 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
-from unbend.alignment import procrustes
 from unbend.correspondence import as_point_map, evaluate, morph, transfer
 from unbend.io import invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
+from unbend.report.figures import fit_rigidly
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import Shown, places_as_colors
 
-# The morph between source and target is computed at these shares, and is cubic between them. That
-# along another map than the first has fewer, to keep pages small.
+# Shares at which the morph is computed; pages interpolate with cubics. Maps other than the first
+# have fewer, to keep pages small.
 _FRAMES, _FEW_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 1.0)
-# Vertices that the truth does not name take the mean error of neighbours, so far from any it names.
+# Vertices without ground truth take the mean error of their neighbours, up to so many rings away.
 _FILLED_RINGS = 3
 
 
@@ -37,19 +37,8 @@ def pack_map(
 ) -> dict[str, Any]:
     """Pack all that a page shows of one map.
 
-    Parameters
-    ----------
-    source, target : Mesh
-        The target standing as the source does.
-    match : Match or (n_source,) ndarray of int64
-    shown : two of Shown
-        The parts of both that are shown.
-    forms : two of (n, 3) ndarray of float64
-        Canonical forms.
-    truth : sequence of 2 or 3 (r,) array_like of int, or None
-        See :func:`unbend.report.match_page`.
-    first : bool
-        Whether it is the map that the page shows first.
+    The target is aligned with the source already. `forms` are the canonical forms of both;
+    `first` says that the page shows this map first.
     """
     ours, theirs = shown
     forward = as_point_map(match)
@@ -68,7 +57,7 @@ def pack_map(
 
 
 def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
-    """Pack partners, -1 for none, and what is seen in their place where that is another vertex."""
+    """Pack partners, -1 for none, and the shown vertices that stand for them."""
     seen = np.where(partners >= 0, other.stand_ins[partners], -1)
     same = (seen == partners).all()
     return {
@@ -80,7 +69,7 @@ def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
 def _frames(
     source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown, shares: Sequence[float]
 ) -> list[FloatArray]:
-    """Places of the shown vertices on their way to the target; none if too few have an image."""
+    """Positions of the shown vertices along the morph; none if fewer than three have an image."""
     images = as_point_map(match)[ours.ids]
     if (images >= 0).sum() < 3:
         return []
@@ -97,21 +86,18 @@ def _frames(
 
 
 def _motion(forms: tuple[FloatArray, FloatArray], forward: IntArray) -> dict[str, Any]:
-    """Motion that lays the source's form onto the target's."""
+    """Rigid motion, perhaps with a reflection, of the source's form onto the target's."""
     images = np.full_like(forms[0], np.nan)
     there = forward >= 0
     images[there] = forms[1][forward[there]]
-    there = np.asarray(np.isfinite(forms[0] + images).all(axis=1))
-    turn, shift = np.eye(3), np.zeros(3)
-    if there.sum() >= 3:
-        turn, shift = procrustes(forms[0][there], images[there])
+    turn, shift = fit_rigidly(forms[0], images)
     return {"rotation": turn.tolist(), "translation": shift.tolist()}
 
 
 def _errors_of_vertices(
     source: Mesh, target: Mesh, match: Match | IntArray, truth: Sequence[npt.ArrayLike]
 ) -> FloatArray:
-    """Error of each source vertex, of its neighbours where only they have one, else -1."""
+    """Error of each source vertex, or mean error of its neighbours, or -1."""
     forward = as_point_map(match)
     direct = evaluate(match, target, *truth).direct
     sources, images = (np.asarray(one) for one in truth[:2])

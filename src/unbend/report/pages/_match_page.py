@@ -1,4 +1,4 @@
-"""A page on which two matched shapes turn, and a place on one shows its partner on the other."""
+"""A page with two matched shapes, on which a point of one shows its partner on the other."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ import os
 import warnings
 from collections.abc import Sequence
 from html import escape
-from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
-from unbend.alignment import procrustes
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, evaluate, transfer
@@ -21,13 +19,14 @@ from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, as_mesh, check_writable
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas
+from unbend.report.figures import check_up, fit_rigidly
 from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import SUFFIXES, Page, make_page
 from unbend.report.pages._maps import pack_map
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
 
-# The error that is drawn in the last colour.
+# The error at the end of the colour scale.
 _WORST = 0.1
 
 
@@ -103,8 +102,7 @@ def match_page(
     for mesh in (source, target):
         if mesh.is_point_cloud:
             raise InputError(f"{mesh.name} has no faces to draw")
-    if up not in get_args(Axis):
-        raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    check_up(up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     maps = _maps(match)
@@ -136,7 +134,7 @@ def match_page(
         "</div>",
         words.facts((source, target), shown, known, command),
     ]
-    page = make_page(
+    return make_page(
         title=f"{source.name} to {target.name}",
         heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
         lead=_lead(first, target),
@@ -157,14 +155,12 @@ def match_page(
             "cells": cells_of(source.vertices[rows]),
         },
         scripts=("match.js",),
+        path=path,
     )
-    if path is not None:
-        page.write(path)
-    return page
 
 
 def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
-    """Name the maps that there are to choose from."""
+    """Name the maps to choose from."""
     if not isinstance(match, Match):
         return {"as given": as_point_map(match)}
     maps: dict[str, Match | IntArray] = {}
@@ -172,25 +168,23 @@ def _maps(match: Match | npt.ArrayLike) -> dict[str, Match | IntArray]:
         trust = "" if math.isnan(one.confidence) else f", confidence {one.confidence:.2f}"
         maps[f"{i + 1}{trust}"] = one
     if match.mirrored is not None:
-        maps["mirror image"] = match.mirrored
+        maps["reflection"] = match.mirrored
     return maps
 
 
 def _form(mesh: Mesh) -> FloatArray:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)  # the match has said it already
+        warnings.simplefilter("ignore", UnbendWarning)  # match has warned already
         return canonical_form(mesh, component="largest").points
 
 
 def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: BoolArray) -> Mesh:
-    """Turn, scale and shift the target as a whole to where the map has it on the source."""
+    """Scale and move the target rigidly onto the source, as the map says."""
     there = np.asarray(np.isfinite(carried).all(axis=1))
     areas = vertex_areas(source)[matched].sum(), vertex_areas(target)[there].sum()
     places = target.vertices * (math.sqrt(areas[0] / areas[1]) if min(areas) > 0 else 1.0)
-    if there.sum() >= 3:
-        turn, shift = procrustes(places[there], carried[there], reflect=False)
-        places = places @ turn.T + shift
-    return Mesh(places, target.faces, name=target.name, notes=target.notes)
+    turn, shift = fit_rigidly(places, carried, reflect=False)
+    return Mesh(places @ turn.T + shift, target.faces, name=target.name, notes=target.notes)
 
 
 def _lead(match: Match | IntArray, target: Mesh) -> str:

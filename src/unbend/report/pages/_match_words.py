@@ -1,20 +1,22 @@
-"""What the match page says around its pictures."""
+"""The text of the match page."""
 
 from __future__ import annotations
 
 import math
 from html import escape
 
+from unbend._display import table
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
 from unbend.report.pages._document import (
     canvas,
+    controls,
     curve_svg,
     hint,
+    how_made,
+    readout,
     section,
-    table,
-    view_controls,
 )
 from unbend.report.pages._shown import Shown
 
@@ -27,7 +29,7 @@ _HINT = (
 def pictures(
     names: tuple[str, str], up: str, maps: tuple[str, ...], *, morphs: bool, errors: bool
 ) -> str:
-    """Make room for both shapes, with what moves and colours them."""
+    """Both shapes, with controls that move and colour them."""
     choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
     choice = f'<label>Map <select id="map">{choices}</select></label>' if len(maps) > 1 else ""
     morph = (
@@ -43,23 +45,23 @@ def pictures(
             side,
             f"{side.capitalize()}: {name}",
             f"The {side} shape, {name}, in three dimensions. The same place has the same colour on "
-            "both shapes; the numbers of a vertex and its partner are told below.",
+            "both shapes; the numbers of a vertex and its partner are shown below.",
             f"{side}-vertex",
         )
         for side, name in zip(("source", "target"), names, strict=True)
     ]
-    return (
-        f'<div class="controls" role="group" aria-label="Controls">{choice}{morph}'
+    colors = (
         '<label>Colours <select id="paint"><option value="0">same place, same colour</option>'
         f'{error}<option value="2">plain</option></select></label>'
-        f"{view_controls(up)}</div>\n"
-        f'<div class="pair">{"".join(sides)}</div>\n'
-        f'<p class="readout" id="readout" aria-live="polite">{escape(_HINT)}</p>'
+    )
+    return (
+        controls(choice + morph + colors, up)
+        + f'<div class="pair">{"".join(sides)}</div>\n{readout(_HINT)}'
     )
 
 
 def forms() -> str:
-    """Make room for the canonical forms."""
+    """Section with both canonical forms."""
     described = "The canonical forms of both shapes, one over the other, "
     return section(
         "Canonical forms",
@@ -69,27 +71,27 @@ def forms() -> str:
         + "</div>",
         hint(
             '<span class="chip ours"></span>source '
-            '<span class="chip theirs"></span>target. Limbs are threads there; every surface is '
-            "drawn 1.5 pixels thicker on each side than it is."
+            '<span class="chip theirs"></span>target. Limbs of forms are thin; every surface is '
+            "drawn 1.5 pixels thicker on each side."
         ),
     )
 
 
 def errors(found: Evaluation, worst: float) -> str:
-    """Say how far the map is from the truth."""
-    curves = [("against the truth", found.curve())]
+    """Section with the map's errors against the ground truth."""
+    curves = [("against the ground truth", found.curve())]
     rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
     if found.map_min is not None:
-        curves.append(("mirror image allowed", found.curve("map-min")))
-        rows.append(("mean, mirror image allowed (dashed)", f"{found.mean('map-min'):.4f}"))
+        curves.append(("reflection allowed", found.curve("map-min")))
+        rows.append(("mean, reflection allowed (dashed)", f"{found.mean('map-min'):.4f}"))
     rows += [
         ("points counted", f"{len(found.direct):,}"),
         ("target covered", f"{found.coverage:.1%} of its area"),
     ]
     if found.overlap.iou < 1:
         rows += [
-            ("given a partner that have one", f"{found.overlap.precision:.1%}"),
-            ("with a partner that were given one", f"{found.overlap.recall:.1%}"),
+            ("share of partners found that exist", f"{found.overlap.precision:.1%}"),
+            ("share of existing partners found", f"{found.overlap.recall:.1%}"),
         ]
     x = "geodesic error, in units of the square root of the target's area"
     return section(
@@ -98,14 +100,14 @@ def errors(found: Evaluation, worst: float) -> str:
         table(rows),
         hint(
             f'Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
-            "Vertices that the truth does not name take the mean of their neighbours, and are grey "
-            "far from any that it names; the target shows the error of what is mapped to it."
+            "Vertices without ground truth take the mean of their neighbours, and are grey far "
+            "from any with ground truth; the target shows the error of the points mapped to it."
         ),
     )
 
 
 def hypotheses(match: Match) -> str:
-    """List what else the search considered."""
+    """Section with the other hypotheses of the search."""
     taken = min(one.energy for one in match.hypotheses)
     rows = [
         (
@@ -130,13 +132,13 @@ def hypotheses(match: Match) -> str:
 def facts(
     meshes: tuple[Mesh, Mesh], shown: tuple[Shown, Shown], match: Match | None, command: str
 ) -> str:
-    """Say what was matched, what was done to it, and by which command."""
+    """Section on what was matched, what was done to it, and by which command."""
     rows = []
     for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
         told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
         rows.append((side, "; ".join([mesh.name, *told, *mesh.notes, *part.told(mesh)])))
     rows.append(
-        ("for display", "the target is turned as a whole, and brought to the source's size")
+        ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )
     if match is not None:
         known = not math.isnan(match.confidence)
@@ -150,5 +152,4 @@ def facts(
             ),
             ("residual of the aligned forms", f"{match.residual:.3f}"),
         ]
-    made = f"<pre><code>{escape(command)}</code></pre>" if command else ""
-    return section("How it was made", table(rows), made)
+    return how_made(rows, command)

@@ -1,7 +1,7 @@
-"""Arrays packed into text, small enough to travel within a page.
+"""Arrays as short text within a page.
 
-Rows lie beside their neighbours, so differences are small: each number becomes its difference from
-the one before, the bytes of like weight go together, and zlib does the rest. ``data.js`` unpacks.
+Neighbouring rows are alike. So each number is stored as the difference from the one before, bytes
+of equal weight are put together, and zlib compresses them. ``data.js`` unpacks.
 """
 
 from __future__ import annotations
@@ -14,22 +14,14 @@ import numpy as np
 
 from unbend._types import FloatArray, IntArray
 
-# Positions keep this share of a shape's longest side: 2^-14, a fraction of a pixel on any screen.
+# Positions are exact to 2^-14 of the longest side, a fraction of a pixel on any screen.
 _STEPS = 2**14
 
 
 def pack_whole(numbers: IntArray) -> dict[str, Any]:
-    """Pack whole numbers, each column by differences down the rows.
+    """Pack whole numbers (n,) or (n, c) whose differences down the columns fit into 32 bits.
 
-    Parameters
-    ----------
-    numbers : (n,) or (n, c) ndarray of int64
-        Differences within 32 bits.
-
-    Returns
-    -------
-    dict
-        For JSON: ``columns``, ``planes`` (bytes of a number) and ``data``.
+    The dictionary is for JSON: ``columns``, ``planes`` (bytes of a number) and ``data``.
     """
     table = numbers.reshape(len(numbers), -1).astype(np.int64)
     steps = np.diff(table, axis=0, prepend=0)
@@ -42,19 +34,10 @@ def pack_whole(numbers: IntArray) -> dict[str, Any]:
 
 
 def pack_places(places: FloatArray, step: float | None = None) -> dict[str, Any]:
-    """Pack real numbers, rounded to a whole number of steps.
+    """Pack real numbers (n, c), rounded to a whole number of steps above each column's lowest.
 
-    Parameters
-    ----------
-    places : (n, c) ndarray of float64
-        Rows that are not finite become the lowest of the others.
-    step : float, optional
-        By default a 16,384th of the widest column's range.
-
-    Returns
-    -------
-    dict
-        As of :func:`pack_whole`, with the ``low`` of each column and the ``step``.
+    The step is by default a 16,384th of the widest column's range. Rows that are not finite become
+    the lowest of the others. Adds ``low`` and ``step`` to what :func:`pack_whole` returns.
     """
     finite = np.asarray(np.isfinite(places).all(axis=1))
     low = places[finite].min(axis=0) if finite.any() else np.zeros(places.shape[1])

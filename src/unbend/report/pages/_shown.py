@@ -1,4 +1,4 @@
-"""What a page shows of a mesh: what faces use, thinned if a browser could not turn all of it."""
+"""The part of a mesh that a page shows: vertices in use, decimated if there are too many."""
 
 from __future__ import annotations
 
@@ -18,24 +18,14 @@ _GRID = 14.0
 
 
 class Shown(NamedTuple):
-    """The part of a mesh that a page shows.
+    """The part of a mesh that a page shows."""
 
-    Attributes
-    ----------
-    ids : (m,) ndarray of int64
-        Its vertices among the mesh's, ascending.
-    faces : (f, 3) ndarray of int64
-        Of the shown vertices.
-    stand_ins : (n,) ndarray of int64
-        The shown vertex in whose place each of the mesh's is seen; -1 where no face uses it.
-    """
-
-    ids: IntArray
-    faces: IntArray
-    stand_ins: IntArray
+    ids: IntArray  # (m,) vertices of the mesh that are shown, ascending
+    faces: IntArray  # (f, 3) of the shown vertices
+    stand_ins: IntArray  # (n,) shown vertex that stands for each of the mesh's; -1 for unused ones
 
     def told(self, mesh: Mesh) -> tuple[str, ...]:
-        """Say in sentences what is not shown."""
+        """Sentences on what is not shown."""
         told, n_used = [], int((self.stand_ins >= 0).sum())
         if n_used < mesh.n_vertices:
             told.append(f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown")
@@ -57,7 +47,7 @@ class Shown(NamedTuple):
 
 
 def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
-    """Choose what is shown of a mesh with faces: no more than so many vertices, if possible."""
+    """Choose what is shown of a mesh with faces: about `most` vertices or fewer."""
     ids, corners = np.unique(mesh.faces, return_inverse=True)
     faces, parents = corners.reshape(-1, 3).astype(np.int64), np.arange(len(ids))
     kept = np.arange(len(ids))
@@ -69,9 +59,9 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
 
 
 def places_as_colors(mesh: Mesh, shown: Shown, carried: FloatArray | None = None) -> FloatArray:
-    """Places along the sides of what is shown of a mesh, 0 to 1, the longest side first.
+    """Positions within the box around the shown part, 0 to 1, the longest side first.
 
-    Of its vertices, or of other places in its space that were carried to another shape.
+    Positions are those of the vertices, or others in the same space: `carried`.
     """
     seen = mesh.vertices[shown.ids]
     sides = np.ptp(seen, axis=0)

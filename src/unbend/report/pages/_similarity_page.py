@@ -11,18 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
+from unbend._display import table
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, check_writable
 from unbend.report.pages import _shapes as parts
-from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section, table
+from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section
 from unbend.report.pages._packing import pack_places
 from unbend.report.trees import apart, join_alike
 
-# Larger tables are looked at, not read.
+# Pages of more shapes have no table of numbers.
 _MOST_TOLD = 30
+_MEANING = {"similarity": "1 for the same shape", "distance": "0 for the same shape"}
 
 
 def similarity_page(
@@ -111,20 +113,14 @@ def similarity_page(
             (names[i], *(parts.number_told(array[i, j]) for j in tree.order)) for i in tree.order
         ]
         told = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
-    page = make_page(
+    return make_page(
         title=title,
         heading=title,
         lead=f"{measure.capitalize()} is {spread}.",
         body="\n".join(
             [
-                parts.controls(names, up),
-                parts.beside(
-                    [
-                        _heat_map(measure),
-                        told,
-                        *_pictures(names, tree.order, numbers),
-                    ]
-                ),
+                parts.choices(names, up),
+                parts.beside([_heat_map(measure), told, *_pictures(names, tree.order, numbers)]),
                 parts.facts(
                     meshes,
                     [
@@ -144,16 +140,8 @@ def similarity_page(
             "tree": _brackets(tree.heights, tree.places),
         },
         scripts=("heat.js", "shapes.js"),
+        path=path,
     )
-    if path is not None:
-        page.write(path)
-    return page
-
-
-_MEANING = {
-    "similarity": "1 for the same shape",
-    "distance": "0 for the same shape",
-}
 
 
 def search_page(
@@ -223,13 +211,13 @@ def search_page(
     packed, said = parts.pack_shapes(meshes, progress)
     title = f"Most like {names[0]}"
     below = [f"{i + 1}. {measure} {parts.number_told(one)}" for i, one in enumerate(numbers)]
-    page = make_page(
+    return make_page(
         title=title,
         heading=escape(title),
         lead=f"{plural(len(found), 'shape')}, the most alike first.",
         body="\n".join(
             [
-                parts.controls(names, up),
+                parts.choices(names, up),
                 parts.beside(
                     [
                         section("Looked for", parts.cards(names, [0])),
@@ -241,10 +229,8 @@ def search_page(
         ),
         data={"shapes": packed, "measure": measure, "values": [None, *map(_or_none, numbers)]},
         scripts=("heat.js", "shapes.js"),
+        path=path,
     )
-    if path is not None:
-        page.write(path)
-    return page
 
 
 def _checked(

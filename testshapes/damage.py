@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testshapes.measures import along_edges, area
 from unbend._arrays import snap
 from unbend._display import Brief
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.datasets._measures import along_edges, area
 from unbend.errors import InputError
 from unbend.mesh import Mesh, find_edges
 from unbend.preparation import prepare
@@ -65,7 +65,8 @@ def damaged_truth(
     Examples
     --------
     >>> import numpy as np
-    >>> from unbend.datasets import cut_discs, damaged_truth, make_sphere
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.damage import cut_discs, damaged_truth
     >>> ball = make_sphere(2)
     >>> torn = cut_discs(ball, 0.2, random_state=1)
     >>> truth = damaged_truth(np.arange(ball.n_vertices), target=torn)
@@ -99,7 +100,8 @@ def keep(mesh: Mesh, wanted: BoolArray) -> Damaged:
 
     Examples
     --------
-    >>> from unbend.datasets import keep, make_biped
+    >>> from unbend.datasets import make_biped
+    >>> from testshapes.damage import keep
     >>> body = make_biped(n_vertices=600)
     >>> keep(body.mesh, body.labels != body.parts.index("left_arm")).mesh.n_vertices < 600
     True
@@ -160,7 +162,8 @@ def cut(mesh: Mesh, height: FloatArray, share: float) -> Damaged:
 
     Examples
     --------
-    >>> from unbend.datasets import cut, make_sphere
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.damage import cut
     >>> ball = make_sphere(3)
     >>> bool((cut(ball, ball.vertices[:, 2], 0.5).mesh.vertices[:, 2] > -0.2).all())
     True
@@ -209,7 +212,8 @@ def cut_discs(
 
     Examples
     --------
-    >>> from unbend.datasets import cut_discs, make_sphere
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.damage import cut_discs
     >>> cut_discs(make_sphere(3), 0.25, 3, random_state=0).mesh.n_faces  # of 1280
     959
     """

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from testshapes.bodies import KINDS, is_carried_well, make_body, random_proportions
+from testshapes.measures import mean_edge
 from unbend import diagnose
-from unbend.datasets import make_biped, make_body, make_quadruped, random_proportions, rest_map
-from unbend.datasets._measures import mean_edge
-from unbend.datasets._reference import carry, is_carried_well
+from unbend.datasets import make_biped, make_quadruped, rest_map
+from unbend.datasets._reference import carry
 from unbend.datasets._skeleton import cones_of
-from unbend.datasets.bodies import KINDS
 from unbend.errors import InputError
 
 # Seeds of two bodies of each kind: any would do, each costs a second.

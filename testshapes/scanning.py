@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from testshapes.damage import Damaged, cut, keep_faces, unchanged
+from testshapes.measures import along_edges, face_normals, mean_edge
 from unbend._arrays import nearest_rows
 from unbend._types import BoolArray, FloatArray
-from unbend.datasets._measures import along_edges, face_normals, mean_edge
-from unbend.datasets.damage import Damaged, cut, keep_faces, unchanged
 from unbend.datasets.primitives import make_sphere
 from unbend.mesh import Mesh, vertex_normals
 
@@ -32,7 +32,8 @@ def seen_from(mesh: Mesh, direction: FloatArray) -> Damaged:
 
     Examples
     --------
-    >>> from unbend.datasets import make_sphere, seen_from
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.scanning import seen_from
     >>> bool((seen_from(make_sphere(3), (0, 0, 1)).mesh.vertices[:, 2] > -0.1).all())
     True
     """
@@ -93,7 +94,8 @@ def add_noise(
 
     Examples
     --------
-    >>> from unbend.datasets import add_noise, make_sphere
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.scanning import add_noise
     >>> add_noise(make_sphere(2), 0.2, random_state=0).mesh
     Mesh(162 vertices, 320 faces)
     """
@@ -127,7 +129,8 @@ def add_components(
 
     Examples
     --------
-    >>> from unbend.datasets import add_components, make_sphere
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.scanning import add_components
     >>> add_components(make_sphere(3), eyeballs=1, cloth=0, random_state=0).mesh
     Mesh(684 vertices, 1360 faces)
     """

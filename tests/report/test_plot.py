@@ -1,4 +1,4 @@
-"""In a notebook meshes turn, and results are tables; each is drawn when asked."""
+"""In a notebook results are tables; each is drawn when asked."""
 
 import re
 from dataclasses import replace
@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from unbend import Mesh, canonical_form, evaluate, match
+from unbend import Mesh, canonical_form, evaluate, match, plot
+from unbend.errors import InputError
 from unbend.matching import Hypothesis
-from unbend.report.display import figure_of, html_of
+from unbend.report import mesh_page
 
 
 @pytest.fixture(scope="module")
@@ -40,19 +41,19 @@ def test_everything_shows_itself(things, name, words):
     html = things[name]._repr_html_()
     assert words in html
     assert "<i>" not in html
-    assert html.startswith("<iframe" if name == "mesh" else "<table>")
+    assert html.startswith("<table>")
 
 
 @pytest.mark.parametrize("name", ["mesh", "points", "form", "flat form", "match", "evaluation"])
 def test_everything_can_be_drawn(things, name, tmp_path):
-    figure = things[name].plot()
+    figure = plot(things[name])
     figure.savefig(tmp_path / "picture.png", dpi=30)
     assert figure.axes
     assert (tmp_path / "picture.png").stat().st_size > 1000
 
 
 def test_a_plotted_match_is_its_functional_map(things):
-    (picture,) = things["match"].plot().axes[0].get_images()
+    (picture,) = plot(things["match"]).axes[0].get_images()
     np.testing.assert_array_equal(picture.get_array(), things["match"].functional_map)
 
 
@@ -67,11 +68,11 @@ def test_large_meshes_are_thinned_in_notebooks():
         ]
     )
     sheet = Mesh(np.stack([x.ravel(), y.ravel(), np.sin(x / 9).ravel()], 1), faces)
-    assert re.search(r"20,000 of 25,600 vertices are drawn", html_of(sheet))
+    assert re.search(r"20,000 of 25,600 vertices are drawn", mesh_page(sheet).html)
 
 
-def test_what_is_unknown_is_refused():
-    with pytest.raises(TypeError, match="a str looks"):
-        html_of("text")
-    with pytest.raises(TypeError, match="a str looks"):
-        figure_of("text")
+def test_what_cannot_be_shown_is_refused(things):
+    with pytest.raises(InputError, match="not str"):
+        plot("text")
+    with pytest.raises(InputError, match="no faces to draw"):
+        mesh_page(things["points"])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from testshapes.damage import Damaged, largest_piece, unchanged
+from testshapes.measures import along_edges, area, face_normals
 from unbend._arrays import snap
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.datasets._measures import along_edges, area, face_normals
-from unbend.datasets.damage import Damaged, largest_piece, unchanged
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 
@@ -42,7 +42,8 @@ def weld(mesh: Mesh, n_tubes: int = 1, *, random_state: int | None = None) -> Da
     Examples
     --------
     >>> from unbend import diagnose
-    >>> from unbend.datasets import make_biped, weld
+    >>> from unbend.datasets import make_biped
+    >>> from testshapes.welding import weld
     >>> diagnose(weld(make_biped(n_vertices=600).mesh, 2, random_state=0).mesh).genus
     2
     """
@@ -99,7 +100,8 @@ def fuse(mesh: Mesh, share: float = 0.01, *, random_state: int | None = None) ->
     Examples
     --------
     >>> from unbend import diagnose
-    >>> from unbend.datasets import fuse, make_biped
+    >>> from unbend.datasets import make_biped
+    >>> from testshapes.welding import fuse
     >>> diagnose(fuse(make_biped(n_vertices=600).mesh, random_state=0).mesh).genus
     1
     """

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from testshapes.measures import along_edges
+from testshapes.welding import fuse, touching, weld
 from unbend import diagnose
-from unbend.datasets import fuse, make_quadruped, make_sphere, weld
-from unbend.datasets._measures import along_edges
-from unbend.datasets.welding import touching
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
 
 DOG = make_quadruped("sitting", n_vertices=800).mesh

@@ -5,20 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testshapes.damage import Damaged, cut, cut_discs, damaged_truth, keep
+from testshapes.measures import along_edges, area
+from testshapes.scanning import add_noise, seen_from
 from unbend import diagnose
-from unbend.datasets import (
-    Damaged,
-    add_noise,
-    cut,
-    cut_discs,
-    damaged_truth,
-    keep,
-    make_biped,
-    make_sphere,
-    rest_map,
-    seen_from,
-)
-from unbend.datasets._measures import along_edges, area
+from unbend.datasets import make_biped, make_sphere, rest_map
 from unbend.errors import InputError
 
 BODY = make_biped("running", n_vertices=1200)

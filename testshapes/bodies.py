@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from unbend.datasets._reference import is_carried_well
-from unbend.datasets._skeleton import Pose
+from unbend._types import FloatArray, IntArray
+from unbend.datasets._skeleton import Bone, Pose, cones_of
 from unbend.datasets.biped import make_biped
 from unbend.datasets.octopus import make_octopus
 from unbend.datasets.quadruped import make_quadruped
@@ -27,6 +27,8 @@ _LENGTHS = {
     "octopus": ("arms", "mantle", "eyes"),
 }
 _LENGTH, _GIRTH = (0.6, 1.6), (0.6, 2.0)  # factors on the plain body
+_ON_SKIN = 1e-3  # in units of the body's length
+_TURNED_OVER = 0.002  # share of the area
 _N_VERTICES = 1000  # enough to see whether parts touch
 
 
@@ -67,7 +69,8 @@ def make_body(
 
     Examples
     --------
-    >>> from unbend.datasets import make_body, rest_map
+    >>> from unbend.datasets import rest_map
+    >>> from testshapes.bodies import make_body
     >>> source = make_body("biped", 1, random_state=1, n_vertices=600)
     >>> target = make_body("biped", 2, "sitting", meshing=2, n_vertices=700)
     >>> rest_map(source, target).shape  # for each source vertex, the target vertex
@@ -104,7 +107,8 @@ def random_proportions(kind: str, body: int) -> dict[str, float]:
 
     Examples
     --------
-    >>> from unbend.datasets import make_octopus, random_proportions
+    >>> from unbend.datasets import make_octopus
+    >>> from testshapes.bodies import random_proportions
     >>> sizes = random_proportions("octopus", 3)
     >>> list(sizes)
     ['arms', 'mantle', 'eyes', 'girth', 'limbs']
@@ -130,3 +134,25 @@ def _proportions(kind: str, body: int) -> tuple[tuple[str, float], ...]:
             continue
         if is_carried_well(plain.rest, plain.reference, plain.mesh.faces, plain.plain_bones):
             return tuple(drawn.items())
+
+
+def is_carried_well(
+    points: FloatArray, carried: FloatArray, faces: IntArray, bones: Sequence[Bone]
+) -> bool:
+    """Whether carried vertices lie on the skin of ``bones`` and hardly a face is turned over.
+
+    They do not where parts have grown together: the web between two legs has no place on a body
+    whose legs are apart.
+    """
+    values, gradients = cones_of(bones).local_field(carried)[0](carried)
+    outward = np.einsum("fi,fi->f", _normals(carried, faces), gradients[faces].mean(axis=1)) > 0
+    areas = np.linalg.norm(_normals(points, faces), axis=1)
+    return bool(
+        np.abs(values).max() < _ON_SKIN and areas[~outward].sum() < _TURNED_OVER * areas.sum()
+    )
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normals: FloatArray = np.cross(b - a, c - a)
+    return normals

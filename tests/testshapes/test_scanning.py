@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from testshapes.measures import area, face_normals, mean_edge
+from testshapes.scanning import _visible, add_components, add_noise, seen_from
 from unbend import diagnose
-from unbend.datasets import add_components, add_noise, make_biped, make_quadruped, make_sphere
-from unbend.datasets._measures import area, face_normals, mean_edge
-from unbend.datasets.scanning import _visible, seen_from
+from unbend.datasets import make_biped, make_quadruped, make_sphere
 
 DOG = make_quadruped("sitting", n_vertices=600).mesh
 

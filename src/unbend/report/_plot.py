@@ -1,0 +1,93 @@
+"""One picture of a mesh, a form, a match or an evaluation."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from unbend.canonical import CanonicalForm
+from unbend.correspondence import Evaluation
+from unbend.errors import InputError
+from unbend.matching import Match
+from unbend.mesh import Mesh, used_vertices
+from unbend.report.figures import draw_mesh, new_figure, position_colors
+from unbend.report.match_figures import error_curves
+
+
+@singledispatch
+def plot(thing: Any) -> Any:
+    """Draw a result with matplotlib; notebooks show the figure, ``savefig`` writes it.
+
+    A mesh as it looks, a form as its points, a match as its functional map, an evaluation as the
+    share of points within each error.
+
+    Parameters
+    ----------
+    thing : Mesh, CanonicalForm, Match or Evaluation
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If it is none of these.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from unbend import plot
+    >>> from unbend.datasets import make_sphere
+    >>> len(plot(make_sphere(2)).axes)
+    1
+    """
+    kind = type(thing).__name__
+    raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
+
+
+@plot.register
+def _(mesh: Mesh) -> Any:
+    figure = new_figure(5, 5)
+    ax = figure.add_axes((0, 0, 1, 1))
+    colors = position_colors(used_vertices(mesh))
+    if mesh.is_point_cloud:
+        ax.scatter(mesh.vertices[:, 0], mesh.vertices[:, 1], s=2, c=colors)
+        ax.set_aspect("equal")
+        ax.set_axis_off()
+    else:
+        draw_mesh(ax, mesh, colors=colors)
+    return figure
+
+
+@plot.register
+def _(form: CanonicalForm) -> Any:
+    figure = new_figure(5, 5)
+    ax = figure.add_subplot()
+    points = np.zeros((len(form.points), 3))
+    d = min(form.points.shape[1], 3)
+    points[:, :d] = form.points[:, :d]
+    order = np.argsort(points[:, 2])
+    ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
+    ax.set_aspect("equal")
+    ax.set(xlabel="first coordinate", ylabel="second coordinate")
+    return figure
+
+
+@plot.register
+def _(match: Match) -> Any:
+    figure = new_figure(5, 4.4)
+    ax = figure.add_subplot()
+    most = float(np.abs(match.functional_map).max()) or 1.0
+    picture = ax.imshow(match.functional_map, cmap="RdBu", vmin=-most, vmax=most)
+    ax.set(xlabel="eigenfunction of the target", ylabel="eigenfunction of the source")
+    figure.colorbar(picture, ax=ax)
+    return figure
+
+
+@plot.register
+def _(found: Evaluation) -> Any:
+    return error_curves({"map": found})

@@ -1,0 +1,1 @@
+"""Damaged shapes and random bodies with known correspondences, for tests and experiments."""
