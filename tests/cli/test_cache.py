@@ -19,8 +19,8 @@ def test_info_says_where_and_how_much(blob, folder):
     spectrum(blob, 4)
     found = json.loads(runner.invoke(app, ["cache", "info", "--json"]).stdout)
     assert found["folder"] == str(folder)
-    assert found["spectra"] == 1
-    assert found["bytes"] > 642 * 4 * 8
+    assert found["n_files"] == 1
+    assert found["n_bytes"] > 642 * 4 * 8
     assert str(folder) in runner.invoke(app, ["cache", "info"]).stdout
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +30,11 @@ def check(*arguments: str) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
+def health(name: str) -> dict[str, Any]:
+    (found,) = json.loads(check(name, "--json")[1])["files"]
+    return dict(found["health"])
+
+
 def test_a_healthy_mesh(folder: Path) -> None:
     write_mesh("t.off", (VERTICES, FACES))
     code, out, err = check("t.off")
@@ -37,7 +43,7 @@ def test_a_healthy_mesh(folder: Path) -> None:
     assert lines[0].split() == ["t.off", "found", "what", "unbend", "does"]
     assert lines[1].split() == ["vertices", "4"]
     assert lines[4].split() == ["boundary", "edges", "0", "closed"]
-    assert lines[-2:] == ["This mesh is healthy.", "Next: unbend canonical t.off -o OUT.ply"]
+    assert lines[-2:] == ["This mesh is healthy.", "next: unbend canonical t.off -o OUT.ply"]
     assert "degenerate" not in out
 
 
@@ -47,7 +53,7 @@ def test_two_components_need_an_option(folder: Path) -> None:
     assert code == 0
     assert "needs --component largest (vertices: 4, 4)" in out
     assert "one component of this mesh" in out
-    assert "Next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
+    assert "next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
 
 
 def test_everything_at_once(folder: Path) -> None:
@@ -72,7 +78,7 @@ def test_faces_that_are_left_out_call_for_nothing_else(folder: Path) -> None:
     assert "robust" not in out
     assert "degenerate faces 1 leaves them out" in " ".join(out.split())
     assert "non-manifold edges 3 leaves out the faces that repeat others" in " ".join(out.split())
-    assert json.loads(check("twice.off", "--json")[1])["robust_needed"] is False
+    assert health("twice.off")["robust_needed"] is False
 
 
 def test_a_refusal_says_why(folder: Path) -> None:
@@ -80,7 +86,7 @@ def test_a_refusal_says_why(folder: Path) -> None:
     code, out, _ = check("three.off")
     assert code == 2
     assert "unbend cannot work with this mesh: three.off: faces use only 3 vertices" in out
-    assert "Next" not in out
+    assert "next" not in out
 
 
 def test_a_strip_with_one_side_cannot_be_matched(folder: Path, moebius_strip: Mesh) -> None:
@@ -89,7 +95,7 @@ def test_a_strip_with_one_side_cannot_be_matched(folder: Path, moebius_strip: Me
     assert code == 0
     assert "match refuses it" in out
     assert "unbend can work with this mesh, but cannot match it." in out
-    assert json.loads(check("strip.off", "--json")[1])["one_sided"] is True
+    assert health("strip.off")["one_sided"] is True
 
 
 @pytest.mark.parametrize("columns", ["0", "20"])
@@ -124,14 +130,34 @@ def test_an_unreadable_file_is_one_sentence(folder: Path) -> None:
 
 def test_json(folder: Path) -> None:
     write_mesh("p.xyz", VERTICES)
-    code, out, _ = check("p.xyz", "--json")
-    found = json.loads(out)
-    assert code == 0
-    assert (found["n_vertices"], found["edge_min"], found["usable"]) == (4, None, True)
+    assert (health("p.xyz")["n_vertices"], health("p.xyz")["edge_min"]) == (4, None)
     write_mesh("p.xyz", VERTICES[:2])
     code, out, _ = check("p.xyz", "--json")
     assert code == 2
-    assert json.loads(out)["usable"] is False
+    assert json.loads(out)["files"][0]["usable"] is False
+
+
+def test_many_files_get_one_table_and_a_bad_one_does_not_end_it(folder: Path) -> None:
+    write_mesh("t.off", (VERTICES, FACES))
+    (folder / "cut.off").write_text("OFF\n9 9 9\n")
+    write_mesh("two.off", (np.vstack([VERTICES, VERTICES]), np.vstack([FACES, FACES + 4])))
+    code, out, err = check("t.off", "cut.off", "two.off")
+    assert code == 2
+    assert err.startswith("error: cut.off: truncated")
+    assert err.count("\n") == 1
+    head, *rows, last = out.splitlines()
+    assert head.split()[:4] == ["mesh", "vertices", "faces", "components"]
+    assert [row.split()[:4] for row in rows] == [
+        ["t.off", "4", "4", "1"], ["cut.off", "-", "-", "-"], ["two.off", "8", "8", "2"]
+    ]  # fmt: skip
+    assert rows[0].endswith("This mesh is healthy.")
+    assert "truncated" in rows[1]
+    assert last == "next: unbend check MESH shows the details of one"
+    told = json.loads(check("t.off", "cut.off", "two.off", "--json")[1])["files"]
+    assert [one["usable"] for one in told] == [True, False, True]
+    assert [one["file"] for one in told] == ["t.off", "cut.off", "two.off"]
+    assert told[1]["health"] is None
+    assert check("t.off", "two.off")[0] == 0
 
 
 def test_real_shapes(real_data: Path) -> None:

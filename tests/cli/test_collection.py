@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from stones import write_stones
 from unbend import read_match
-from unbend.cli import app, collection
-from unbend.cli.collection import _common
+from unbend.cli import app
 from unbend.collection import Collection
 
 
@@ -42,26 +41,18 @@ def folder(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return shapes
 
 
-def test_every_command_shows_examples() -> None:
-    for command in collection.app.registered_commands:
-        name = command.name or command.callback.__name__
-        lines = [line.strip() for line in run(name, "--help").output.splitlines()]
-        example = lines[lines.index("Examples:") + 1]
-        assert example.split()[:3] == ["unbend", "collection", name]
-
-
 def test_add_lists_what_failed_and_says_so(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "torn.ply").write_bytes(b"ply\nnothing more")
     arguments = ("add", tmp_path / "store", "stones/stone00.ply", tmp_path / "torn.ply")
-    done = run(*arguments, "--workers", 1)
+    done = run(*arguments, "--workers", 0)
     assert done.exit_code == 1
     told = [line for line in done.stderr.splitlines() if not line.startswith("progress: ")]
     assert told[0].startswith(f"failed: {tmp_path}/torn.ply: torn.ply: truncated")
     assert done.stdout.startswith("added 1, there before 0, failed 1; ")
-    again = run(*arguments, "--workers", 1, "--json")
+    again = run(*arguments, "--workers", 0, "--json")
     assert again.exit_code == 1
     told = json.loads(again.stdout)
-    assert (told["added"], told["skipped"], told["shapes"]) == (0, 1, 1)
+    assert (told["n_added"], told["n_skipped"], told["n_shapes"]) == (0, 1, 1)
     assert [Path(one["path"]).name for one in told["failed"]] == ["torn.ply"]
 
 
@@ -96,7 +87,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
         (tmp_path / name).write_bytes(Path(paths[0]).read_bytes())
     copies = [str(tmp_path / "copy.ply"), str(tmp_path / "more.ply")]
     store = tmp_path / "store"
-    done = run("add", store, tmp_path / "stones", *copies, "--workers", 1)
+    done = run("add", store, tmp_path / "stones", *copies, "--workers", 0)
     assert done.stdout.startswith("added 2, there before 2 (2 under a new path), failed 0; ")
     assert f"{store} has 2 shapes" in done.stdout
     first = f"{copies[0]} (also {copies[1]} and 1 more)"
@@ -115,7 +106,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
         assert [row["path"] for row in csv.DictReader(file)] == sorted(every)
     rows = run("info", store).stdout.splitlines()
     assert [row.split() for row in rows[:2]] == [["shapes", "2"], ["files", "4"]]
-    assert json_of("export", store, "-o", tmp_path / "out.csv")["rows"] == 4
+    assert json_of("export", store, "-o", tmp_path / "out.csv")["n_rows"] == 4
     done = run("remove", store, copies[0])
     assert done.stdout.startswith(f"removed {copies[0]}; the shape stays as {copies[1]}\n")
     assert run("remove", store, copies[1], paths[0]).stdout == (
@@ -134,7 +125,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         ("search", store, query, "--rerank", "match"),
         ("search", store, query, "--report", tmp_path / "out.html"),
         ("groups", store, "-n", 1, "--report", tmp_path / "out.html"),
-        ("match", store, "--all", "-o", tmp_path / "out", "--workers", 1),
+        ("match", store, "--all", "-o", tmp_path / "out", "--workers", 0),
         ("mean", store, "--template", query, "-o", tmp_path / "out"),
     ):
         done = run(*arguments)
@@ -165,7 +156,7 @@ def test_pages_show_what_is_there(folder: Path, tmp_path: Path) -> None:
         text = page.read_text(encoding="utf-8")
         assert f"<title>{title}</title>" in text
         assert "not drawn: " in text
-        assert json_of(*arguments, "--report", page)["report"] == str(page)
+        assert json_of(*arguments, "--report", page)["written"] == [str(page)]
 
 
 def test_matrix_and_groups(folder: Path) -> None:
@@ -188,8 +179,8 @@ def test_matrix_and_groups(folder: Path) -> None:
 
 def test_match(folder: Path) -> None:
     Path("pairs.csv").write_text("source, target\nstones/stone02.ply, stones/stone03.ply\n")
-    told = json_of("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--workers", 1)
-    assert (told["matched"], told["skipped"], told["failed"]) == (1, 0, [])
+    told = json_of("match", "shapes", "--pairs", "pairs.csv", "-o", "matches", "--workers", 0)
+    assert (told["n_matched"], told["n_skipped"], told["failed"]) == (1, 0, [])
     (path,) = Path("matches").glob("stone02-stone03-*.npz")
     assert len(read_match(path).source_to_target) == 162
     again = run("match", "shapes", "--pairs", "pairs.csv", "-o", "matches")
@@ -198,11 +189,11 @@ def test_match(folder: Path) -> None:
 
 def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
     Collection(tmp_path / "store").add("stones/stone00.ply", workers=0)
-    assert json_of("export", tmp_path / "store", "-o", tmp_path / "all.csv")["rows"] == 1
+    assert json_of("export", tmp_path / "store", "-o", tmp_path / "all.csv")["n_rows"] == 1
     done = run("export", "shapes", "-o", "all.parquet")
-    assert done.stdout == "wrote 4 rows to all.parquet, one for each file\n"
+    assert done.stdout.startswith("wrote 4 rows to all.parquet, one for each file\n")
     told = json_of("remove", tmp_path / "store", "stones/stone00.ply")
-    assert (len(told["removed"]), told["shapes"]) == (1, 0)
+    assert (len(told["removed"]), told["n_shapes"]) == (1, 0)
 
 
 @pytest.mark.parametrize(
@@ -234,23 +225,3 @@ def test_mistakes_get_one_sentence(folder: Path, arguments: str, sentence: str) 
     assert done.stderr.startswith("error: ")
     assert sentence in done.stderr
     assert not Path("out").exists()
-
-
-def test_a_log_gets_a_line_now_and_then(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(_common, "_SECONDS_BETWEEN_LINES", -1.0)
-    with _common.bar_on_stderr() as progress:
-        progress("3 of 4 shapes", 0.75)
-    assert capsys.readouterr().err == "progress: 3 of 4 shapes\n"
-
-
-def test_a_person_gets_a_bar(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(_common.sys.stderr, "isatty", lambda: True)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("COLUMNS", "200")
-    with _common.bar_on_stderr() as progress:
-        progress("3 of 4 shapes", 0.75)
-    assert "75%  3 of 4 shapes" in capsys.readouterr().err

@@ -34,7 +34,7 @@ def labels(shapes):
 
 
 def test_evaluate_measures_the_labelled(shapes, labels):
-    done = run("evaluate", shapes / "shapes", "--labels", labels, "--json")
+    done = run("evaluate", shapes / "shapes", labels, "--json")
     assert done.exit_code == 0, done.output
     assert "1 of 5 shapes have no label that counts" in done.stderr
     found = json.loads(done.stdout)
@@ -44,13 +44,13 @@ def test_evaluate_measures_the_labelled(shapes, labels):
     for name in ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map"):
         assert found[name] == pytest.approx(getattr(expected, name))
     assert (found["n_shapes"], found["n_classes"]) == (4, 2)
-    told = run("evaluate", shapes / "shapes", "--labels", labels)
+    told = run("evaluate", shapes / "shapes", labels)
     assert f"first tier         {expected.first_tier:.1%}" in told.stdout
 
 
 def test_evaluate_names_a_line_that_does_not_fit(shapes, tmp_path):
     (tmp_path / "labels.csv").write_text("path,label\nnone.ply,a\n")
-    done = run("evaluate", shapes / "shapes", "--labels", tmp_path / "labels.csv")
+    done = run("evaluate", shapes / "shapes", tmp_path / "labels.csv")
     assert done.exit_code == 2
     assert "line 2: none.ply is no shape of the collection" in done.stderr
 
@@ -62,8 +62,8 @@ def test_identical_files_take_a_label_together_and_none_where_theirs_differ(
     copy.write_bytes((shapes / "stones" / "stone00.ply").read_bytes())
     store = tmp_path / "shapes"
     Collection(store).add([shapes / "stones", copy], workers=0)
-    before = json.loads(run("evaluate", shapes / "shapes", "--labels", labels, "--json").stdout)
-    given = ("evaluate", store, "--labels", tmp_path / "labels.csv", "--json")
+    before = json.loads(run("evaluate", shapes / "shapes", labels, "--json").stdout)
+    given = ("evaluate", store, tmp_path / "labels.csv", "--json")
     rows = labels.read_text()
     (tmp_path / "labels.csv").write_text(f"{rows}copy.ply,a\n")
     done = run(*given)
@@ -97,7 +97,7 @@ def test_mean_gives_all_shapes_to_the_workers_and_writes(shapes, blob, tmp_path,
     assert "2 of 3" in done.stdout
     found = json.loads(run(*arguments, "--json").stdout)
     assert found["n_shapes"] == 2
-    assert len(found["left_out"]) == 1
+    assert [one["reason"] for one in found["failed"]] == ["the match's confidence is 0.10"]
     assert "mean.ply" in found["files"]
 
 

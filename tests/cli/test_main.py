@@ -8,9 +8,11 @@ import os
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -18,7 +20,7 @@ from typer.testing import CliRunner
 import unbend
 from unbend import Mesh, write_mesh
 from unbend._memory import LIMIT_VARIABLE
-from unbend.cli import _common, app, main
+from unbend.cli import _input, _output, app, main
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 
@@ -50,17 +52,26 @@ def test_help_imports_no_numerics() -> None:
 
 
 def test_without_arguments_help_is_shown() -> None:
-    assert "Commands" in CliRunner().invoke(app, []).output
+    for words in ([], ["collection"], ["cache"]):
+        assert "Commands" in CliRunner().invoke(app, words).output
 
 
-def test_every_command_shows_examples() -> None:
-    for command in app.registered_commands:
-        assert command.callback is not None
-        result = CliRunner().invoke(app, [command.callback.__name__, "--help"])
-        assert result.exit_code == 0
-        lines = [line.strip() for line in result.output.splitlines()]
-        example = lines[lines.index("Examples:") + 1]
-        assert example.split()[:2] == ["unbend", command.callback.__name__]
+def every_command(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    for name, one in (group or typer.main.get_command(app)).commands.items():
+        if hasattr(one, "commands"):
+            yield from every_command(one, (*words, name))
+        else:
+            yield (*words, name)
+
+
+@pytest.mark.parametrize("words", list(every_command()), ids=" ".join)
+def test_every_command_shows_examples(words: tuple[str, ...]) -> None:
+    result = CliRunner().invoke(app, [*words, "--help"])
+    assert result.exit_code == 0
+    assert CliRunner().invoke(app, [*words, "-h"]).output == result.output
+    lines = [line.strip() for line in result.output.splitlines()]
+    example = lines[lines.index("Examples:") + 1]
+    assert example.split()[: len(words) + 1] == ["unbend", *words]
 
 
 def test_a_memory_limit_refuses_with_both_figures(
@@ -165,24 +176,55 @@ def test_an_interruption_before_a_command(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
-    np = pytest.importorskip("numpy")
-    _common.print_json({"a": np.array([1.5, np.nan]), "b": (np.int64(3), float("inf")), "c": "x"})
-    assert json.loads(capsys.readouterr().out) == {"a": [1.5, None], "b": [3, None], "c": "x"}
+    result = {"a": np.array([1.5, np.nan]), "b": (np.int64(3), float("inf")), "c": "x"}
+    _output.begin(as_json=True, quiet=False)
+    _output.tell(result, [])
+    told = json.loads(capsys.readouterr().out)
+    assert {name: told[name] for name in "abc"} == {"a": [1.5, None], "b": [3, None], "c": "x"}
 
 
 def test_components_are_largest_or_numbers() -> None:
-    assert _common.parse_component(None) is None
-    assert _common.parse_component("largest") == "largest"
-    assert _common.parse_component("12") == 12
+    assert _input.parse_component(None) is None
+    assert _input.parse_component("largest") == "largest"
+    assert _input.parse_component("12") == 12
     with pytest.raises(InputError, match="largest or a number"):
-        _common.parse_component("-1")
+        _input.parse_component("-1")
 
 
-def test_notes_go_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
-    _common.print_notes(["one", "two"])
+@pytest.mark.parametrize("quiet", [False, True])
+def test_quiet_leaves_results_and_warnings(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, quiet: bool
+) -> None:
+    monkeypatch.setattr(_output, "_SECONDS_BETWEEN_LINES", -1.0)
+    shape = Mesh(np.zeros((1, 3)), notes=("one", "two"))
+    _output.begin(as_json=False, quiet=quiet)
+    with _output.progress_on_stderr() as progress:
+        progress("3 of 4 shapes", 0.75)
+    _output.say("warning", "three")
+    _output.tell({}, ["found"], shapes=[shape], written=["a.npz", None], next_step="look")
     captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == "note: one\nnote: two\n"
+    hints = "" if quiet else "next: look\n"
+    assert captured.out == f"found\nwritten: a.npz\n{hints}"
+    lines = ["progress: 3 of 4 shapes, 75%", "warning: three", "note: one", "note: two"]
+    assert captured.err.splitlines() == (lines[1:2] if quiet else lines)
+
+
+def test_a_person_gets_a_bar(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_output.sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    for quiet in (False, True):
+        _output.begin(as_json=False, quiet=quiet)
+        with _output.progress_on_stderr() as progress:
+            progress("3 of 4 [shapes]", 0.75)
+        assert ("75%  3 of 4 [shapes]" in capsys.readouterr().err) != quiet
+
+
+def test_tables_are_aligned_column_by_column() -> None:
+    lines = _output.table("<>", ("name", "n"), ("a", "10"), ("abcde", "7"))
+    assert lines == ["name    n", "a      10", "abcde   7"]
 
 
 def test_it_runs_as_a_module() -> None:
@@ -239,9 +281,9 @@ def test_what_a_pipe_cannot_encode_is_escaped(tmp_path: Path) -> None:
 
 
 def test_commands_are_quoted_as_the_shell_takes_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert _common.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
+    assert _output.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
     monkeypatch.setattr(sys, "platform", "win32")
-    assert _common.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
+    assert _output.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
 
 
 def test_an_interruption_that_python_has_to_ignore_comes_again() -> None:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from testshapes.damage import keep
 from unbend import read_mesh, write_mesh
 from unbend.cli import app
-from unbend.cli._common import warn_if_doubtful
+from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
 from unbend.datasets import make_quadruped, rest_map
@@ -46,7 +46,7 @@ def folder(tmp_path_factory) -> Path:
     figure = path / "match.png"
     shown = ["--figure", figure, "--report", path / "match.html"]
     shown += ["--colored", path / "a.glb", path / "b_colored.ply"]
-    known = ["--source-truth", path / "a.vts", "--target-truth", path / "b.vts"]
+    known = ["--truth", path / "a.vts", path / "b.vts"]
     out = ["-o", path / "ab.npz", "--json"]
     done = right("match", path / "a.ply", path / "b.ply", *out, *shown, *known)
     (path / "match.json").write_text(done.stdout)
@@ -56,7 +56,7 @@ def folder(tmp_path_factory) -> Path:
 def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     told = json.loads((folder / "match.json").read_text())
     written = read_match(folder / "ab.npz")
-    assert (told["matched"], told["source_vertices"], told["target_vertices"]) == (800, 800, 700)
+    assert (told["n_matched"], told["n_source"], told["n_target"]) == (800, 800, 700)
     assert told["confidence"] == written.confidence > 0.5
     assert told["confidence_bound"] == written.confidence_bound == 1
     assert told["orientation"] == written.orientation > 0
@@ -66,7 +66,7 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     page = (folder / "match.html").read_text(encoding="utf-8")
     assert f"confidence {written.confidence:.2f}" in page
     assert "points counted</th><td>800<" in page
-    assert told["colored"] == [str(folder / "a.glb"), str(folder / "b_colored.ply")]
+    assert {str(folder / "a.glb"), str(folder / "b_colored.ply")} < set(told["written"])
     colors = match_colors(folder / "a.ply", folder / "b.ply", written)
     seen = trimesh.load(folder / "b_colored.ply", process=False).visual.vertex_colors
     np.testing.assert_array_equal(seen[:, :3], colors[1])
@@ -118,14 +118,14 @@ def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Pat
     written = read_match(out)
     lost = SOURCE.labels == SOURCE.parts.index("left_foreleg")
     assert (written.source_to_target[lost] < 0).mean() > 0.8
-    assert told["matched"] == int((written.source_to_target >= 0).sum()) < 800
+    assert told["n_matched"] == int((written.source_to_target >= 0).sum()) < 800
     assert 0.8 < told["overlap_source"] == written.overlap_source < 1
     assert told["overlap_target"] == 1
     assert told["missed_landmarks"] == []
     (other,) = told["alternatives"]
     assert other["confidence"] <= told["confidence"]
-    assert other["out"] == str(tmp_path / "map-2.npz")
-    assert len(read_match(other["out"]).source_to_target) == 800
+    assert told["written"][:2] == [str(out), str(tmp_path / "map-2.npz")]
+    assert len(read_match(told["written"][1]).source_to_target) == 800
     spoken = right("match", folder / "a.ply", tmp_path / "torn.ply", "--no-refine").stdout
     assert "of the source's area, 100% of the target's" in spoken
 
@@ -168,8 +168,7 @@ def test_the_side_is_said(orientation: float, words: str) -> None:
 
 
 def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) -> None:
-    truth = ["--source-truth", folder / "a.vts", "--target-truth", folder / "b.vts"]
-    arguments = [folder / "ab.npz", "--target", folder / "b.ply", *truth]
+    arguments = [folder / "ab.npz", folder / "b.ply", folder / "a.vts", folder / "b.vts"]
     mirrored = ["--mirrored-truth", folder / "b.sym.vts"]
     done = right("evaluate", *arguments, *mirrored, "--figure", tmp_path / "curves.png")
     lines = done.stdout.splitlines()
@@ -187,7 +186,7 @@ def test_evaluate_prints_a_table_and_draws_curves(folder: Path, tmp_path: Path) 
     assert done.stdout.splitlines()[1] == lines[1]
     told = json.loads(right("evaluate", *arguments, "--json").stdout)
     assert list(told["protocols"]) == ["direct"]
-    assert told["protocols"]["direct"]["rows"] == told["rows"] == 800
+    assert told["protocols"]["direct"]["n_rows"] == told["n_rows"] == 800
     assert f"{told['protocols']['direct']['mean']:.4f}" == lines[1].split()[1]
     # The truth itself has no error, whatever its file counts from.
     for name, base in (("t.txt", 1), ("t.vts", 0)):
@@ -209,7 +208,7 @@ def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path
     options = ["--kind", "weights", "-o", tmp_path / "out.npy", "--json"]
     done = right(*given, "--values", tmp_path / "weights.npy", *options)
     told = json.loads(done.stdout)
-    assert (told["shape"], told["kind"], told["without_preimage"]) == ([700, 7], "weights", 0)
+    assert (told["shape"], told["kind"], told["n_without_preimage"]) == ([700, 7], "weights", 0)
     np.testing.assert_allclose(np.load(tmp_path / "out.npy").sum(axis=1), 1)
     right(*given, "--values", tmp_path / "colors.npy", "-o", tmp_path / "out.ply")
     np.testing.assert_array_equal(read_mesh(tmp_path / "out.ply").vertices, TARGET.mesh.vertices)
@@ -219,11 +218,56 @@ def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path
     assert (read_values(tmp_path / "turned.csv") == truth).mean() > 0.95
 
 
-def test_transfer_matches_when_no_map_is_given(folder: Path, tmp_path: Path) -> None:
+def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(
+    folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "map.npz"
+    given = ["match", folder / "a.ply", folder / "b.ply", "-o", out, "--json", "--no-refine"]
+    done = run(*given, "--min-confidence", 1)
+    told = json.loads(done.stdout)
+    assert (done.exit_code, told["written"]) == (3, [])
+    assert "error: the match's confidence is " in done.stderr
+    assert "below 1: no file written" in done.stderr
+    assert not out.exists()
+    right(*given, "--min-confidence", told["confidence"])
+    assert out.exists()
+
+
+def test_transfer_and_register_refuse_an_unsure_match(folder: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "values.npy", np.arange(800.0))
+    poor = replace(read_match(folder / "ab.npz"), confidence=0.6)
+    write_match(tmp_path / "map.npz", poor)
+    given = [folder / "a.ply", folder / "b.ply", "--map", tmp_path / "map.npz"]
+    values = ["--values", tmp_path / "values.npy"]
+    before = sorted(tmp_path.iterdir())
+    for command in ("register", "transfer"):
+        more = values if command == "transfer" else []
+        line = [command, *given, *more, "-o", tmp_path / "out.ply", "--min-confidence"]
+        done = run(*line, 0.7)
+        assert (done.exit_code, done.stdout) == (3, "")
+        assert done.stderr == ("error: the match's confidence is 0.6, below 0.7: no file written\n")
+        assert sorted(tmp_path.iterdir()) == before
+        right(*line, 0.6)
+        (tmp_path / "out.ply").unlink()
+
+
+def test_transfer_takes_what_match_takes_and_keeps_the_match(folder: Path, tmp_path: Path) -> None:
     write_values(tmp_path / "parts.txt", SOURCE.labels, SOURCE.mesh)
+    (tmp_path / "hints.csv").write_text(f"5,{rest_map(SOURCE, TARGET)[5]}\n")
     shapes = [folder / "a.ply", folder / "b.ply"]
-    right("transfer", *shapes, "--values", tmp_path / "parts.txt", "-o", tmp_path / "out.txt")
+    hints = ["--landmarks", tmp_path / "hints.csv", "--partial", "none"]
+    saved = tmp_path / "saved.npz"
+    out = ["-o", tmp_path / "out.txt", "--save-match", saved]
+    done = right("transfer", *shapes, "--values", tmp_path / "parts.txt", *hints, *out, "--json")
+    assert json.loads(done.stdout)["written"] == [str(tmp_path / "out.txt"), str(saved)]
     assert (read_values(tmp_path / "out.txt") == TARGET.labels).mean() > 0.95
+    kept = read_match(saved)
+    assert kept.confidence == json.loads(done.stdout)["confidence"]
+    assert kept.faces is not None
+    # What was kept is what unbend match would have written.
+    right("match", *shapes, *hints, "-o", tmp_path / "matched.npz")
+    written = read_match(tmp_path / "matched.npz")
+    np.testing.assert_array_equal(kept.source_to_target, written.source_to_target)
 
 
 def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
@@ -267,30 +311,41 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply b.ply --colored a.glb b.off", 'unknown suffix ".off"'),
         ("match a.ply b.ply --colored c.glb ./c.glb", "--colored needs two files"),
         ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
-        ("match a.ply b.ply --source-truth a.vts --target-truth b.vts", "shown by --report"),
-        ("match a.ply b.ply --report r.html --source-truth a.vts", "both --source-truth and"),
+        ("match a.ply b.ply --truth a.vts b.vts", "shown by --report"),
+        ("match a.ply b.ply --report r.html --mirrored-truth a.vts", "needs --truth"),
         ("match a.ply b.ply --n-eigenpairs 2", "at least 4"),
         ("match a.ply b.ply --landmarks long.vts", "unknown suffix"),
         ("match a.ply b.ply --landmarks words.txt", "a landmark is two vertex numbers"),
         ("match a.ply b.ply --n-matches 0", "n_matches must be a whole number of at least 1"),
         ("match a.ply b.ply --component x", "--component must be"),
-        ("evaluate b.vts --target b.ply --source-truth a.vts --target-truth a.vts", "row 700 is"),
+        ("evaluate b.vts b.ply a.vts a.vts", "row 700 is"),
         (
-            "evaluate b.vts --target b.ply --source-truth long.vts --target-truth b.vts",
+            "evaluate b.vts b.ply long.vts b.vts",
             "long.vts: row 799 is 801, but counted from 1 vertices are 1 to 800",
         ),
         (
-            "evaluate b.vts --target b.ply --source-truth none.txt --target-truth b.vts",
+            "evaluate b.vts b.ply none.txt b.vts",
             "none.txt: row 1 is -1, but each must be a source vertex",
         ),
         (
-            "evaluate ab.npz --target a.vts --source-truth a.vts --target-truth b.vts",
+            "evaluate ab.npz a.vts a.vts b.vts",
             'unknown suffix ".vts"',
         ),
         (
-            "evaluate b.vts --base 2 --target b.ply --source-truth a.vts --target-truth b.vts",
+            "evaluate b.vts --base 2 b.ply a.vts b.vts",
             "base must be 0 or 1",
         ),
+        (
+            "transfer a.ply b.ply --values other800.txt -o out.csv --map ab.npz --partial none",
+            "--landmarks, --partial and --save-match are for matching",
+        ),
+        (
+            "transfer a.ply b.ply --values other800.txt -o out.csv --map b.vts "
+            "--min-confidence 0.5",
+            "--min-confidence needs a .npz match, and b.vts is none",
+        ),
+        ("register a.ply b.ply -o out.ply --save-match map.ply", 'unknown suffix ".ply"'),
+        ("match a.ply b.ply --min-confidence 0.5 --landmarks none.csv", "there is no such file"),
         ("transfer a.ply b.ply --values b.vts -o out.csv", 'unknown suffix ".vts"'),
         ("transfer a.ply b.ply --values few.txt -o out.csv", "few.txt: holds 2 rows"),
         ("transfer a.ply b.ply --values words.txt -o out.ply", "cannot hold text"),
@@ -314,6 +369,7 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     Path("few.txt").write_text("1\n2\n")
     Path("words.txt").write_text("a\n" * 800)
     Path("other.txt").write_text("1\n" * 700)
+    Path("other800.txt").write_text("1\n" * 800)
     before = sorted(folder.iterdir())
     done = run(*arguments.split())
     assert done.exit_code == 2, done.output

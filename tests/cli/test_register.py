@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from testshapes.damage import cut_discs, damaged_truth
 from unbend import read_mesh, write_mesh
 from unbend.cli import app
-from unbend.correspondence import write_match
+from unbend.correspondence import read_match, write_match
 from unbend.datasets import make_quadruped, rest_map
 from unbend.io import write_map
 from unbend.matching import Match
@@ -41,7 +41,7 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert 0.8 < told["coverage"] < 0.95
-    assert told["vertices"] == 600
+    assert told["n_vertices"] == 600
     assert told["confidence"] is None
     assert told["distance_covered"]["within_95"] < 0.1 * told["tolerance"]
     assert told["distance_all"]["mean"] > told["distance_covered"]["mean"]
@@ -62,8 +62,11 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
 
 
 def test_it_matches_where_no_map_is_given(folder: Path) -> None:
-    done = run("register", "template.ply", "scan.ply", "-o", "out.glb")
+    Path("hints.csv").write_text(f"5,{np.load('map.npy')[5]}\n")
+    given = ["register", "template.ply", "scan.ply", "--landmarks", "hints.csv"]
+    done = run(*given, "--partial", "target", "--save-match", "saved.npz", "-o", "out.glb")
     assert done.exit_code == 0, done.output
+    assert len(read_match("saved.npz").source_to_target) == 600
     assert "of the match" in done.stdout
     (fitted,) = trimesh.load("out.glb").geometry.values()
     lightest = fitted.visual.vertex_attributes["color"][:, 1].max()
@@ -75,7 +78,7 @@ def test_it_warns_of_a_doubtful_match(folder: Path) -> None:
     back = np.zeros(read_mesh("scan.ply").n_vertices, dtype=np.int64)
     write_match("map.npz", Match(truth, back, np.eye(2), 0.5, 0.1, 0.25))
     done = run("register", "template.ply", "scan.ply", "--map", "map.npz", "-o", "out.stl")
-    assert done.stderr.startswith("warning: the match is doubtful (confidence 0.25)")
+    assert "warning: the match is doubtful (confidence 0.25)" in done.stderr
     assert "confidence       0.25, of the match" in done.stdout
 
 

@@ -50,7 +50,7 @@ def _commands() -> tuple[Command, ...]:
     return (
         "transfer good.off good.off --map bad.npz --values values.csv -o out.csv",
         "register good.off good.off --map bad.npz -o out.ply",
-        "evaluate bad.npz --target good.off --source-truth truth.txt --target-truth truth.txt",
+        "evaluate bad.npz good.off truth.txt truth.txt",
     )
 
 

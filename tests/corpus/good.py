@@ -66,6 +66,6 @@ def reading(name: str) -> tuple[Command, ...]:
         f"similarity good.off {name} --csv out.csv --no-cache",
         f"register good.off {name} --map map.txt -o out.ply",
         f"transfer good.off {name} --map map.txt --values values.csv -o out.csv",
-        f"evaluate map.txt --target {name} --source-truth truth.txt --target-truth truth.txt",
+        f"evaluate map.txt {name} truth.txt truth.txt",
         f"collection search STORE {name}",
     )

@@ -117,7 +117,7 @@ def _inputs() -> Iterator[Case]:
             "transfer good.off good.off --map map.txt --values bad.csv -o out.npy",
         ),
         ("landmarks", ".csv", "match good.off good.off --landmarks bad.csv"),
-        ("labels", ".csv", "collection evaluate STORE --labels bad.csv"),
+        ("labels", ".csv", "collection evaluate STORE bad.csv"),
     ):
         yield Case(
             f"input, a pipe as {name}",
@@ -223,8 +223,7 @@ def _drawn() -> Iterator[Case]:
     name = "'bad.$\\frac{$.off'"
     for command in (
         f"similarity {name} good.off --known-correspondence --matrix --figure out.svg --no-cache",
-        "evaluate 'bad.$\\frac{$.txt' --target good.off --source-truth truth.txt "
-        "--target-truth truth.txt --figure out.svg",
+        "evaluate 'bad.$\\frac{$.txt' good.off truth.txt truth.txt --figure out.svg",
     ):
         yield Case(
             f"name like a formula, drawn by {command.split()[0]}",
@@ -294,8 +293,7 @@ def _full_disks() -> Iterator[Case]:
         "distance good.off --from 0 -o bad.ply --no-cache",
         "match good.off good.off --no-refine -o bad.npz --no-cache",
         "match good.off good.off --no-refine -o bad.txt --no-cache",
-        "evaluate map.txt --target good.off --source-truth truth.txt --target-truth truth.txt "
-        "--figure bad.png",
+        "evaluate map.txt good.off truth.txt truth.txt --figure bad.png",
         "register good.off good.off --map map.txt -o bad.stl",
         "transfer good.off good.off --map map.txt --values values.csv -o bad.txt",
         "similarity good.off good.off --known-correspondence --csv bad.csv --no-cache",

@@ -42,17 +42,17 @@ def _using_map(name: str) -> tuple[Command, ...]:
     return (
         f"transfer good.off good.off --map {name} --values values.csv -o out.csv",
         f"register good.off good.off --map {name} -o out.ply",
-        f"evaluate {name} --target good.off --source-truth truth.txt --target-truth truth.txt",
+        f"evaluate {name} good.off truth.txt truth.txt",
     )
 
 
 def _using_truth(name: str) -> tuple[Command, ...]:
-    evaluate = "evaluate map.txt --target good.off --source-truth truth.txt --target-truth"
+    evaluate = "evaluate map.txt good.off truth.txt"
     return (
         f"{evaluate} {name}",
         f"{evaluate} truth.txt --mirrored-truth {name}",
         "match good.off good.off --no-refine --report out.html --no-cache "
-        f"--source-truth truth.txt --target-truth {name}",
+        f"--truth truth.txt {name}",
     )
 
 
@@ -66,7 +66,7 @@ def _using_landmarks(name: str) -> tuple[Command, ...]:
 
 
 def _using_labels(name: str) -> tuple[Command, ...]:
-    return (f"collection evaluate STORE --labels {name}",)
+    return (f"collection evaluate STORE {name}",)
 
 
 def _lines(*rows: object) -> str:

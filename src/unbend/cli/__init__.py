@@ -1,10 +1,10 @@
 """The command line: one file per command, no numerics.
 
-To add a command, write ``cli/NAME.py`` with a function that takes typer parameters, and add it to
-``COMMANDS``. Import numerical modules inside that function: ``unbend --help`` must not wait for
-them. End its docstring with examples as in ``check.py``. Raise :class:`unbend.errors.UnbendError`
-for anything the user can put right; it is turned into one sentence and exit code 2 here, in one
-place.
+To add a command, write a function that takes typer parameters, and add it to `app` below. Import
+numerical modules inside that function: ``unbend --help`` must not wait for them. End its docstring
+with examples as in ``check.py``, and its code with ``tell(...)``, which prints text or JSON. Raise
+:class:`unbend.errors.UnbendError` for anything the user can put right; it is turned into one
+sentence and exit code 2 here, in one place.
 """
 
 from __future__ import annotations
@@ -36,20 +36,9 @@ from unbend.cli import (
     similarity,
     transfer,
 )
-from unbend.cli._common import EXIT_REFUSED, say, warning_printer
+from unbend.cli._command import make_group
+from unbend.cli._output import EXIT_REFUSED, say, warning_printer
 from unbend.errors import UnbendError, UnbendWarning
-
-COMMANDS = (
-    check.check,
-    canonical.canonical,
-    distance.distance,
-    match.match,
-    evaluate.evaluate,
-    transfer.transfer,
-    register.register,
-    similarity.similarity,
-    demo.demo,
-)
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
 _AGAIN_SECONDS = 0.05  # after which a Ctrl-C that was ignored comes again
@@ -105,17 +94,22 @@ def _is_broken_pipe(error: OSError) -> bool:
     return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and invalid)
 
 
-app = typer.Typer(
+app = make_group(
+    "Pose-free canonical forms of deformable 3-D shapes.",
+    check.check,
+    canonical.canonical,
+    distance.distance,
+    match.match,
+    evaluate.evaluate,
+    transfer.transfer,
+    register.register,
+    similarity.similarity,
+    demo.demo,
     name="unbend",
     cls=_Group,
-    help="Pose-free canonical forms of deformable 3-D shapes.",
     epilog="unbend COMMAND --help explains a command and shows examples.",
-    no_args_is_help=True,
-    rich_markup_mode=None,  # plain help: rich would double the time it takes
     pretty_exceptions_enable=False,
 )
-for _command in COMMANDS:
-    app.command()(_command)
 app.add_typer(collection.app, name="collection")
 app.add_typer(cache.app, name="cache")
 

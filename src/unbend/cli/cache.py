@@ -2,43 +2,40 @@
 
 from __future__ import annotations
 
-import typer
-
-from unbend.cli._common import JsonOption, print_json, print_rows
-
-app = typer.Typer(
-    help="Show or empty the cache of spectra.", no_args_is_help=True, rich_markup_mode=None
-)
+from unbend.cli._command import make_group
+from unbend.cli._output import rows, tell
 
 
-@app.command()
-def info(as_json: JsonOption = False) -> None:
-    """Show where the cache is and what it holds."""
+def info() -> None:
+    """Show where the cache is and what it holds.
+
+    Examples
+    --------
+      unbend cache info
+      unbend cache info --json
+    """
     from unbend.spectral import cache_info
 
     found = cache_info()
-    if as_json:
-        print_json(
-            {
-                "folder": str(found.folder),
-                "spectra": found.n_files,
-                "bytes": found.n_bytes,
-                "most_bytes": found.most_bytes,
-            }
-        )
-        return
-    print_rows(
-        {
-            "folder": str(found.folder),
-            "spectra": f"{found.n_files:,}",
-            "size": f"{found.n_bytes / 2**20:,.1f} of {found.most_bytes / 2**20:,.0f} MiB",
-        }
-    )
+    lines = {
+        "folder": str(found.folder),
+        "spectra": f"{found.n_files:,}",
+        "size": f"{found.n_bytes / 2**20:,.1f} of {found.most_bytes / 2**20:,.0f} MiB",
+    }
+    tell(vars(found) | {"folder": str(found.folder)}, rows(lines))
 
 
-@app.command()
 def clear() -> None:
-    """Remove every cached spectrum."""
+    """Remove every cached spectrum.
+
+    Examples
+    --------
+      unbend cache clear
+    """
     from unbend.spectral import clear_cache
 
-    typer.echo(f"removed {clear_cache():,} spectra")
+    removed = clear_cache()
+    tell({"n_removed": removed}, [f"removed {removed:,} spectra"])
+
+
+app = make_group("Show or empty the cache of spectra.", info, clear)

@@ -1,30 +1,18 @@
-"""``unbend check``: what is wrong with a mesh, and what unbend will do about it."""
+"""``unbend check``: what is wrong with meshes, and what unbend will do about it."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from unbend._text import printable
-from unbend.cli._common import EXIT_REFUSED, JsonOption, MeshArgument, print_json, quoted
+from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, quoted, say, table, tell
+from unbend.errors import UnbendError
 
 if TYPE_CHECKING:
     from unbend.mesh import Mesh
     from unbend.preparation import Diagnosis
-
-
-# Columns without which numbers are cut; a terminal that has fewer breaks the lines itself.
-_LEAST_WIDTH = 72
-
-
-class Row(NamedTuple):
-    """A line of the health table."""
-
-    what: str
-    value: str
-    action: str
 
 
 class Verdict(NamedTuple):
@@ -32,44 +20,68 @@ class Verdict(NamedTuple):
 
     usable: bool
     sentence: str
-    next_step: str
+    next_step: str | None = None
 
 
-def check(mesh: MeshArgument, as_json: JsonOption = False) -> None:
-    """Report problems of a mesh, and how unbend will handle them.
+class Checked(NamedTuple):
+    """What was found in a file; no health where it could not be read."""
 
-    The exit code is 0 if unbend can use the mesh, perhaps with an option that it names, and 2 if
+    file: str
+    verdict: Verdict
+    health: Diagnosis | None = None
+    name: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def check(
+    meshes: Annotated[
+        list[str],
+        typer.Argument(metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files."),
+    ],
+) -> None:
+    """Report problems of meshes, and how unbend will handle them.
+
+    Several meshes get one table, a line each; a file that cannot be read does not end the check.
+    The exit code is 0 if unbend can use all meshes, perhaps with an option that it names, and 2 if
     not.
 
-    \b
-    Examples:
+    Examples
+    --------
       unbend check cat.off
+      unbend check scans/*.ply
       unbend check scan.ply --json
-    """  # noqa: D301 - \b is one character here: it keeps the lines of the examples
-    from unbend.io import read_mesh
-    from unbend.preparation import diagnose
-
-    shape = read_mesh(mesh)
-    health = diagnose(shape)
-    verdict = judge(shape, health, mesh)
-    if as_json:
-        print_json(
-            {
-                "file": mesh,
-                "notes": shape.notes,
-                **dataclasses.asdict(health),
-                "usable": verdict.usable,
-                "verdict": verdict.sentence,
-                "next_step": verdict.next_step,
-            }
-        )
-    else:
-        _print_table(shape, health, verdict)
-    if not verdict.usable:
+    """
+    with progress_on_stderr() as progress:
+        found = []
+        for i, path in enumerate(meshes):
+            progress(path, i / len(meshes))
+            found.append(_checked(path))
+    several = len(found) > 1
+    tell(
+        {"files": [_as_dict(one) for one in found]},
+        _overview(found) if several else _details(found[0]),
+        next_step="unbend check MESH shows the details of one"
+        if several
+        else found[0].verdict.next_step,
+    )
+    if not all(one.verdict.usable for one in found):
         raise typer.Exit(EXIT_REFUSED)
 
 
-def judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
+def _checked(path: str) -> Checked:
+    from unbend.io import read_mesh
+    from unbend.preparation import diagnose
+
+    try:
+        shape = read_mesh(path)
+        health = diagnose(shape)
+    except UnbendError as error:
+        say("error", str(error))
+        return Checked(path, Verdict(False, str(error)))
+    return Checked(path, _judge(shape, health, path), health, shape.name, shape.notes)
+
+
+def _judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
     """Try what computations will try."""
     from unbend.errors import InputError
     from unbend.preparation import prepare
@@ -81,34 +93,62 @@ def judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
         try:
             prepare(shape, component="largest")
         except InputError:
-            return Verdict(False, f"unbend cannot work with this mesh: {refusal}", "")
-        return Verdict(
-            True,
-            "unbend can work with one component of this mesh.",
-            f"{command} --component largest",
-        )
-    all_of_it = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+            return Verdict(False, f"unbend cannot work with this mesh: {refusal}")
+        sentence = "unbend can work with one component of this mesh."
+        return Verdict(True, sentence, f"{command} --component largest")
     if health.one_sided:
         return Verdict(True, "unbend can work with this mesh, but cannot match it.", command)
-    sentence = "This mesh is healthy." if all_of_it else "unbend can work with this mesh."
+    healthy = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+    sentence = "This mesh is healthy." if healthy else "unbend can work with this mesh."
     return Verdict(True, sentence, command)
 
 
-def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
-    """All lines of the table: facts first, then whatever is out of order."""
-    rows = [Row("vertices", f"{health.n_vertices:,}", "")]
-    if shape.is_point_cloud:
-        rows.append(Row("faces", "0", "treated as a point cloud"))
+def _as_dict(one: Checked) -> dict[str, Any]:
+    return {
+        "file": one.file,
+        "usable": one.verdict.usable,
+        "verdict": one.verdict.sentence,
+        "next_step": one.verdict.next_step,
+        "notes": one.notes,
+        "health": None if one.health is None else dataclasses.asdict(one.health),
+    }
+
+
+def _overview(found: list[Checked]) -> list[str]:
+    lines = [["mesh", "vertices", "faces", "components", "boundary edges", "verdict"]]
+    for one in found:
+        health = one.health
+        counts = ["-"] * 4
+        if health is not None:
+            numbers = (
+                health.n_vertices,
+                health.n_faces,
+                health.n_components,
+                health.boundary_edges,
+            )
+            counts = [f"{number:,}" for number in numbers]
+        lines.append([one.file, *counts, one.verdict.sentence])
+    return table("<>>>><", *lines)
+
+
+def _details(one: Checked) -> list[str]:
+    """All lines about a mesh: facts first, then whatever is out of order, and the verdict."""
+    health = one.health
+    if health is None:
+        return []
+    lines = [(one.name, "found", "what unbend does"), ("vertices", f"{health.n_vertices:,}", "")]
+    if not health.n_faces:
+        lines.append(("faces", "0", "treated as a point cloud"))
     else:
-        rows.append(Row("faces", f"{health.n_faces:,}", ""))
-        rows.append(_component_row(health))
-        rows.append(_boundary_row(health))
-        rows.append(Row("genus", "-" if health.genus is None else str(health.genus), ""))
-        rows.append(Row("area", f"{health.area:.4g}", ""))
         lengths = (health.edge_min, health.edge_median, health.edge_max)
-        rows.append(
-            Row("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max")
-        )
+        lines += [
+            ("faces", f"{health.n_faces:,}", ""),
+            ("components", f"{health.n_components:,}", _component_action(health)),
+            ("boundary edges", f"{health.boundary_edges:,}", _boundary_action(health)),
+            ("genus", "-" if health.genus is None else str(health.genus), ""),
+            ("area", f"{health.area:.4g}", ""),
+            ("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max"),
+        ]
     collapsed, branching = "leaves them out", "leaves out the faces that repeat others"
     if health.robust_needed:
         branching = "uses the robust Laplacian"
@@ -125,44 +165,21 @@ def table_rows(shape: Mesh, health: Diagnosis) -> list[Row]:
         (health.duplicate_vertices, "duplicate vertices", "keeps them; merge them if unintended"),
         (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
-    rows += [Row(what, f"{count:,}", action) for count, what, action in problems if count]
-    rows += [Row("reading", "", note) for note in shape.notes]
-    return rows
+    lines += [(what, f"{count:,}", action) for count, what, action in problems if count]
+    lines += [("reading", "", note) for note in one.notes]
+    return [*table("<><", *lines), "", one.verdict.sentence]
 
 
-def _component_row(health: Diagnosis) -> Row:
-    sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
+def _component_action(health: Diagnosis) -> str:
     if health.n_components == 1:
-        return Row("components", "1", "")
+        return ""
+    sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
     more = ", ..." if health.n_components > 4 else ""
-    action = f"needs --component largest (vertices: {sizes}{more})"
-    return Row("components", f"{health.n_components:,}", action)
+    return f"needs --component largest (vertices: {sizes}{more})"
 
 
-def _boundary_row(health: Diagnosis) -> Row:
+def _boundary_action(health: Diagnosis) -> str:
     if health.closed:
-        return Row("boundary edges", "0", "closed")
+        return "closed"
     loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"
-    return Row("boundary edges", f"{health.boundary_edges:,}", f"keeps them ({loops})")
-
-
-def _print_table(shape: Mesh, health: Diagnosis, verdict: Verdict) -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, title_justify="left", header_style="bold")
-    table.add_column(Text(printable(shape.name)), no_wrap=True)
-    table.add_column("found", justify="right", no_wrap=True)
-    table.add_column("what unbend does", overflow="fold")
-    for row in table_rows(shape, health):
-        # Text: file names and notes may hold [brackets]
-        table.add_row(*(Text(printable(cell)) for cell in row))
-    console = Console(highlight=False)
-    console.width = max(console.width, _LEAST_WIDTH)
-    console.print(table)
-    console.print()
-    style = "green" if verdict.usable else "red"
-    console.print(Text(printable(verdict.sentence), style=style), soft_wrap=True)
-    if verdict.next_step:
-        console.print(Text(f"Next: {verdict.next_step}"), soft_wrap=True)
+    return f"keeps them ({loops})"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-import typer
-
-from unbend.cli._common import JsonOption, print_json, steps_on_stderr
+from unbend.cli import _options as options
+from unbend.cli._output import progress_on_stderr, table, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -33,18 +32,15 @@ _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 
 
 def demo(
-    out: Annotated[
-        str, typer.Option("-o", "--out", metavar="PNG", help="Where to write the picture.")
-    ] = "unbend-demo.png",
-    as_json: JsonOption = False,
+    out: Annotated[str, options.out("Where to write the picture.", "PNG")] = "unbend-demo.png",
 ) -> None:
     """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
-    \b
-    Examples:
+    Examples
+    --------
       unbend demo
       unbend demo -o picture.png
-    """  # noqa: D301
+    """
     from unbend.alignment import procrustes
     from unbend.canonical import canonical_form, lay_into_pose
     from unbend.datasets import make_biped, make_quadruped
@@ -53,7 +49,7 @@ def demo(
 
     check_writable(out, (".png", ".pdf", ".svg"))
     columns: list[CanonicalColumn] = []
-    with steps_on_stderr() as progress:
+    with progress_on_stderr() as progress:
         for species, make in (("dog", make_quadruped), ("human", make_biped)):
             first = upright = None
             for pose in _POSES[species]:
@@ -74,11 +70,12 @@ def demo(
         pairs = _compare(columns)
         progress("drawing", 0)
         draw_canonical_forms(columns, out, canonical_view=(30, 20))
-    if as_json:
-        print_json({"out": out, "pairs": [pair._asdict() for pair in pairs]})
-    else:
-        _print_table(pairs)
-        typer.echo(f"\nPicture: {out}\nNext:    unbend canonical YOUR_MESH -o canonical.ply")
+    tell(
+        {"pairs": [pair._asdict() for pair in pairs]},
+        _lines(pairs),
+        written=[out],
+        next_step="unbend canonical YOUR_MESH -o canonical.ply",
+    )
 
 
 def _compare(columns: list[CanonicalColumn]) -> list[Pair]:
@@ -105,15 +102,17 @@ def _compare(columns: list[CanonicalColumn]) -> list[Pair]:
     ]
 
 
-def _print_table(pairs: list[Pair]) -> None:
-    typer.echo("How far apart two shapes are after the best rigid alignment, in % of their size:\n")
-    typer.echo(f"{'':34}{'before':>8}{'after':>8}")
+def _lines(pairs: list[Pair]) -> list[str]:
+    cells = [["", "before", "after"]]
     for pair in sorted(pairs, key=lambda pair: not pair.same_species):
-        names = f"{pair.first} - {pair.second}"
-        typer.echo(f"{names:34}{pair.before:8.1%}{pair.after:8.1%}")
+        cells.append([f"{pair.first} - {pair.second}", f"{pair.before:.1%}", f"{pair.after:.1%}"])
     same = [pair.after for pair in pairs if pair.same_species]
     different = [pair.after for pair in pairs if not pair.same_species]
-    typer.echo(
-        f"\nUnbent, one species differs by {max(same):.1%} at most between poses, "
-        f"two species by {min(different):.1%} at least."
-    )
+    return [
+        "How far apart two shapes are after the best rigid alignment, in % of their size:",
+        "",
+        *table("<>>", *cells),
+        "",
+        f"Unbent, one species differs by {max(same):.1%} at most between poses, "
+        f"two species by {min(different):.1%} at least.",
+    ]

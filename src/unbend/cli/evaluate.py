@@ -8,16 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from unbend.choices import GeodesicKind
-from unbend.cli._common import (
-    BaseOption,
-    JsonOption,
-    print_json,
-    print_notes,
-    print_written,
-    read_any_map,
-    read_truth,
-    steps_on_stderr,
-)
+from unbend.cli import _options as options
+from unbend.cli._input import read_any_map, read_truth
+from unbend.cli._output import progress_on_stderr, table, tell
 
 if TYPE_CHECKING:
     from unbend.correspondence import Evaluation
@@ -30,17 +23,16 @@ def evaluate(
         str,
         typer.Argument(metavar="MAP", help="A map: .npz, .npy, .txt, .csv or .vts."),
     ],
-    target: Annotated[str, typer.Option("--target", metavar="MESH", help="The target's mesh.")],
+    target: Annotated[str, typer.Argument(metavar="TARGET", help="The mesh that MAP maps to.")],
     source_truth: Annotated[
         str,
-        typer.Option(
-            "--source-truth",
-            metavar="FILE",
+        typer.Argument(
+            metavar="SOURCE_TRUTH",
             help="Source vertices whose image is known (.vts, .txt, .csv or .npy).",
         ),
     ],
     target_truth: Annotated[
-        str, typer.Option("--target-truth", metavar="FILE", help="Their true images, row by row.")
+        str, typer.Argument(metavar="TARGET_TRUTH", help="Their true images, row by row.")
     ],
     mirrored_truth: Annotated[
         str | None,
@@ -52,12 +44,8 @@ def evaluate(
         GeodesicKind,
         typer.Option("--distance", help="geodesic: heat method, about -1 %; exact: slow."),
     ] = "geodesic",
-    base: BaseOption = None,
-    figure: Annotated[
-        str | None,
-        typer.Option("--figure", metavar="PNG", help="Draw the error curves (.png, .pdf, .svg)."),
-    ] = None,
-    as_json: JsonOption = False,
+    base: options.Base = None,
+    figure: Annotated[str | None, options.figure("Draw the error curves")] = None,
 ) -> None:
     """Measure the geodesic errors of a map against the ground truth, in units of sqrt(target area).
 
@@ -65,21 +53,19 @@ def evaluate(
     truth and its reflection for the whole map; vertex-min, the better for each row. For partial
     shapes, -1 in the ground truth means no partner, and the overlap is measured too.
 
-    \b
-    Examples:
-      unbend evaluate map.vts --target cat1.off --source-truth cat0.vts --target-truth cat1.vts
-      unbend evaluate map.npz --target b.off --source-truth a.vts --target-truth b.vts \\
-          --mirrored-truth b.sym.vts --distance geodesic-exact --figure curves.png
-    """  # noqa: D301
+    Examples
+    --------
+      unbend evaluate map.vts cat1.off cat0.vts cat1.vts
+      unbend evaluate map.npz b.off a.vts b.vts --mirrored-truth b.sym.vts --figure curves.png
+      unbend evaluate map.npz b.off a.vts b.vts --distance geodesic-exact --json
+    """
     from unbend.correspondence import evaluate as measure
-    from unbend.io import check_writable, read_mesh
+    from unbend.io import read_mesh
 
-    if figure is not None:
-        check_writable(figure, (".png", ".pdf", ".svg"))
-    with steps_on_stderr() as progress:
+    with progress_on_stderr() as progress:
         progress("reading", 0)
         shape = read_mesh(target)
-        point_map = read_any_map(map_file, base=base, n_target=shape.n_vertices)
+        point_map = read_any_map(map_file, base, shape)
         files = [path for path in (source_truth, target_truth, mirrored_truth) if path is not None]
         sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
         progress(f"{distance} distances", 0)
@@ -88,13 +74,8 @@ def evaluate(
             from unbend.report.match_figures import draw_error_curves
 
             draw_error_curves({Path(map_file).stem: found}, figure)
-    print_notes(shape.notes)
-    if as_json:
-        given = {"map": map_file, "target": target, "distance": distance, "figure": figure}
-        print_json(_as_dict(found) | given)
-    else:
-        _print_table(found)
-        print_written(figure)
+    result = {"map": map_file, "target": target, "distance": distance, **_as_dict(found)}
+    tell(result, _summary(found), shapes=[shape], written=[figure])
 
 
 def _protocols(found: Evaluation) -> list[str]:
@@ -105,13 +86,13 @@ def _as_dict(found: Evaluation) -> dict[str, Any]:
     from unbend.correspondence import THRESHOLDS
 
     return {
-        "rows": len(found.direct),
+        "n_rows": len(found.direct),
         "coverage": found.coverage,
         "overlap": vars(found.overlap),
         "thresholds": THRESHOLDS,
         "protocols": {
             name: {
-                "rows": len(found.errors(name)),
+                "n_rows": len(found.errors(name)),
                 "mean": found.mean(name),
                 "median": found.median(name),
                 "auc": found.auc(name),
@@ -122,24 +103,23 @@ def _as_dict(found: Evaluation) -> dict[str, Any]:
     }
 
 
-def _print_table(found: Evaluation) -> None:
+def _summary(found: Evaluation) -> list[str]:
     from unbend.correspondence import THRESHOLDS
 
     columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
-    heads = ["mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]
-    typer.echo(f"{'protocol':12}" + "".join(f"{head:>9}" for head in heads))
+    cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
     for name in _protocols(found):
         curve = found.curve(name)
-        cells = [f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"]
-        cells += [f"{curve[i]:.1f} %" for i in columns]
-        typer.echo(f"{name:12}" + "".join(f"{cell:>9}" for cell in cells))
+        numbers = f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"
+        cells.append([name, *numbers, *(f"{curve[i]:.1f} %" for i in columns)])
     counts = f"{len(found.direct):,} rows"
     if found.map_min is not None and len(found.map_min) < len(found.direct):
         counts += f", {len(found.map_min):,} of them with a mirrored truth"
-    typer.echo(f"\n{counts}; {found.coverage:.1%} of the target's area is hit")
+    lines = ["", f"{counts}; {found.coverage:.1%} of the target's area is hit"]
     part = found.overlap
     if part.iou < 1:
-        typer.echo(
+        lines.append(
             f"overlap: {part.iou:.1%} intersection over union, {part.precision:.1%} precision, "
             f"{part.recall:.1%} recall"
         )
+    return table("<>>>>>>>", *cells) + lines

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import os
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from unbend.choices import Axis, Partial
-from unbend.cli._common import (
-    CacheOption,
-    ComponentOption,
-    JsonOption,
-    MapOutOption,
-    SourceArgument,
-    TargetArgument,
-    UpOption,
-    command_line,
-    parse_component,
-    print_json,
-    print_notes,
-    print_rows,
-    print_written,
-    quoted,
+from unbend.cli import _options as options
+from unbend.cli._input import (
+    is_unsure,
+    keeps_all,
+    landmarks_of,
+    read_shapes,
     read_truth,
-    steps_on_stderr,
+    write_result,
+)
+from unbend.cli._output import (
+    EXIT_UNSURE,
+    command_line,
+    elapsed,
+    look_at,
+    progress_on_stderr,
+    quoted,
+    rows,
+    tell,
     warn_if_doubtful,
 )
 
@@ -39,29 +38,19 @@ _CLEAR_SIDE = 0.1
 
 
 def match(
-    source: SourceArgument,
-    target: TargetArgument,
-    out: MapOutOption = None,
-    partial: Annotated[
-        Partial,
-        typer.Option(
-            "--partial",
-            help="Which shape may be partial: torn, cut, or seen from one side; auto: those "
-            "with a boundary.",
-        ),
-    ] = "auto",
-    landmarks: Annotated[
-        str | None,
-        typer.Option(
-            "--landmarks",
-            metavar="CSV",
-            help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
-        ),
-    ] = None,
+    source: options.Source,
+    target: options.Target,
+    out: options.MapOut = None,
+    partial: options.Partial = "auto",
+    landmarks: options.Landmarks = None,
+    min_confidence: options.MinConfidence = None,
     n_matches: Annotated[
         int,
         typer.Option(
-            "--n-matches", metavar="N", help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ..."
+            "-n",
+            "--n-matches",
+            metavar="N",
+            help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
         ),
     ] = 1,
     n_eigenpairs: Annotated[
@@ -73,14 +62,9 @@ def match(
     refine: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
     ] = True,
-    component: ComponentOption = None,
+    component: options.Component = None,
     figure: Annotated[
-        str | None,
-        typer.Option(
-            "--figure",
-            metavar="PNG",
-            help="Draw both shapes (.png, .pdf, .svg), corresponding points in one colour.",
-        ),
+        str | None, options.figure("Draw both shapes, corresponding points in one colour")
     ] = None,
     colored: Annotated[
         tuple[str, str] | None,
@@ -93,169 +77,126 @@ def match(
     ] = None,
     report: Annotated[
         str | None,
-        typer.Option(
-            "--report",
-            metavar="HTML",
-            help="Write a page to look at the match in a browser: both shapes turn together, and a "
-            "place on one shows its partner on the other.",
+        options.report(
+            "Write a page to look at the match in a browser: both shapes turn together, and a "
+            "place on one shows its partner on the other."
         ),
     ] = None,
-    source_truth: Annotated[
-        str | None,
+    truth: Annotated[
+        tuple[str, str] | None,
         typer.Option(
-            "--source-truth",
-            metavar="FILE",
-            help="Source vertices whose image is known: the report then shows the errors.",
+            "--truth",
+            metavar="SOURCE_TRUTH TARGET_TRUTH",
+            help="Source vertices whose image is known, and their true images, row by row: the "
+            "report then shows the errors.",
         ),
-    ] = None,
-    target_truth: Annotated[
-        str | None,
-        typer.Option("--target-truth", metavar="FILE", help="Their true images, row by row."),
     ] = None,
     mirrored_truth: Annotated[
         str | None,
         typer.Option("--mirrored-truth", metavar="FILE", help="Their images on the other side."),
     ] = None,
-    up: UpOption = "y",
-    cache: CacheOption = True,
-    as_json: JsonOption = False,
+    up: options.Up = "y",
+    cache: options.Cache = True,
 ) -> None:
     """Match two shapes: find the target vertex of each source vertex.
 
     The shapes may have different poses and different meshes. Nothing is random: the same meshes
-    give the same map.
+    give the same map. With --min-confidence, a less confident match is printed but not written, and
+    the exit code is 3.
 
-    \b
-    Examples:
+    Examples
+    --------
       unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
-      unbend match cat0.off cat1.off -o cat0_cat1.vts
+      unbend match cat0.off cat1.off -o cat0_cat1.vts --min-confidence 0.7
       unbend match cat0.off cat1.off --report match.html --up z
       unbend match cat0.off cat1.off --colored cat0.glb cat1.glb
       unbend match scan.ply model.ply --component largest --json
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
-    """  # noqa: D301
-    from unbend.errors import InputError
-    from unbend.io import (
-        COLOR_SUFFIXES,
-        MAP_SUFFIXES,
-        check_writable,
-        read_landmarks,
-        read_mesh,
-    )
+    """
     from unbend.matching import match as find_match
-    from unbend.preparation import only_component
 
-    if out is not None:
-        check_writable(out, (".npz", *MAP_SUFFIXES))
-    if figure is not None:
-        check_writable(figure, (".png", ".pdf", ".svg"))
-    if report is not None:
-        check_writable(report, (".html",))
-    for path in colored or ():
-        check_writable(path, COLOR_SUFFIXES)
-    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
-        raise InputError(f"--colored needs two files, and both are {colored[0]}")
-    truth_files = _truth_files(report, source_truth, target_truth, mirrored_truth)
-    start = time.perf_counter()
-    with steps_on_stderr() as progress:
+    _check_options(colored, report, truth, mirrored_truth)
+    with progress_on_stderr() as progress:
         progress("reading", 0)
-        chosen = parse_component(component)
-        shapes = [only_component(read_mesh(path), chosen) for path in (source, target)]
-        n_vertices = [shape.n_vertices for shape in shapes]
-        hints = None if landmarks is None else read_landmarks(landmarks, *n_vertices)
-        truth = read_truth(truth_files, *n_vertices) if truth_files else None
+        shapes = read_shapes((source, target), component)
+        known = None
+        if truth is not None:
+            files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
+            known = read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
         found = find_match(
             *shapes,
             partial=partial,
-            landmarks=hints,
+            landmarks=landmarks_of(landmarks, shapes),
             n_matches=n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=any((figure, report, colored, _keeps_all(out))),
-            progress=lambda stage, share: progress(f"{stage}, {share:.0%}", 0),
+            barycentric=any((figure, report, colored, keeps_all(out))),
+            progress=progress,
         )
-        seconds = time.perf_counter() - start
-        if out is not None:
+        seconds = elapsed()
+        unsure = is_unsure(found, min_confidence)
+        ways = (found, *found.alternatives)
+        maps = [] if out is None or unsure else [_numbered(out, i) for i in range(len(ways))]
+        written = [] if unsure else [*maps, figure, *(colored or ()), report]
+        if not unsure:
             progress("writing", 0)
-            for i, one in enumerate((found, *found.alternatives)):
-                write_result(_numbered(out, i), one)
-        if colored is not None:
-            progress("writing", 0)
-            _write_colored(shapes, found, colored)
-        if figure is not None:
-            progress("drawing", 0)
-            _draw(shapes, found, figure, up)
-        if report is not None:
-            from unbend.report.pages import match_page
+            for path, one in zip(maps, ways, strict=bool(maps)):
+                write_result(path, one)
+            if colored is not None:
+                _write_colored(shapes, found, colored)
+            if figure is not None:
+                from unbend.report.match_figures import draw_match
 
-            match_page(
-                shapes[0],
-                shapes[1],
-                found,
-                report,
-                up=up,
-                truth=truth,
-                command=command_line(),
-                progress=progress,
-            )
-    for shape in shapes:
-        print_notes(shape.notes)
+                progress("drawing", 0)
+                draw_match(shapes[0], shapes[1], found, figure, up=up)
+            if report is not None:
+                from unbend.report.pages import match_page
+
+                shown: Any = {"up": up, "truth": known, "command": command_line()}
+                match_page(shapes[0], shapes[1], found, report, progress=progress, **shown)
     warn_if_doubtful(found.confidence)
-    if as_json:
-        print_json(
-            {
-                "source": source,
-                "target": target,
-                "out": out,
-                "figure": figure,
-                "colored": colored,
-                "report": report,
-                "source_vertices": len(found.source_to_target),
-                "target_vertices": len(found.target_to_source),
-                "matched": int((found.source_to_target >= 0).sum()),
-                "overlap_source": found.overlap_source,
-                "overlap_target": found.overlap_target,
-                "missed_landmarks": list(found.missed_landmarks),
-                "alternatives": [
-                    {
-                        "out": out and _numbered(out, i + 1),
-                        "confidence": one.confidence,
-                        "confidence_bound": one.confidence_bound,
-                        "orientation": one.orientation,
-                        "overlap_source": one.overlap_source,
-                        "overlap_target": one.overlap_target,
-                    }
-                    for i, one in enumerate(found.alternatives)
-                ],
-                "orientation": found.orientation,
-                "residual": found.residual,
-                "confidence": found.confidence,
-                "confidence_bound": found.confidence_bound,
-                "hypotheses": [vars(one) for one in found.hypotheses],
-                "seconds": seconds,
-            }
-        )
-        return
-    print_rows(summary(shapes, found, seconds))
-    for i, one in enumerate(found.alternatives):
-        where = f", {_numbered(out, i + 1)}" if out else ""
-        typer.echo(f"or, at confidence {one.confidence:.2f}, another map{where}")
-    print_written(out, figure, *(colored or ()))
-    typer.echo(f"next: {_next_step(source, target, out, report)}")
+    others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
+    tell(
+        {
+            "source": source,
+            "target": target,
+            "n_source": len(found.source_to_target),
+            "n_target": len(found.target_to_source),
+            "n_matched": int((found.source_to_target >= 0).sum()),
+            **_measures(found),
+            "residual": found.residual,
+            "missed_landmarks": found.missed_landmarks,
+            "hypotheses": [vars(one) for one in found.hypotheses],
+            "alternatives": [_measures(one) for one in found.alternatives],
+        },
+        rows(summary(shapes, found, seconds)) + others,
+        shapes=shapes,
+        written=written,
+        next_step=None if unsure else look_at(report) or _next_step(source, target, out),
+    )
+    if unsure:
+        raise typer.Exit(EXIT_UNSURE)
 
 
-def _truth_files(report: str | None, *paths: str | None) -> list[str]:
-    """Check that truths go together, and with a report."""
+def _check_options(
+    colored: tuple[str, str] | None,
+    report: str | None,
+    truth: tuple[str, str] | None,
+    mirrored_truth: str | None,
+) -> None:
     from unbend.errors import InputError
+    from unbend.io import COLOR_SUFFIXES, check_writable
 
-    given = [path for path in paths if path is not None]
-    if given and (report is None or None in paths[:2]):
-        raise InputError(
-            "ground truth is shown by --report, and needs both --source-truth and --target-truth"
-        )
-    return given
+    for path in colored or ():
+        check_writable(path, COLOR_SUFFIXES)
+    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
+        raise InputError(f"--colored needs two files, and both are {colored[0]}")
+    if truth is not None and report is None:
+        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
+    if mirrored_truth is not None and truth is None:
+        raise InputError("--mirrored-truth needs --truth")
 
 
 def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
@@ -281,31 +222,15 @@ def describe_side(orientation: float) -> str:
     return "right side out" if orientation > 0 else "inside out, a reflection"
 
 
-def write_result(out: str, found: Match) -> None:
-    """Write all of a match to a .npz file, or its point map to any other."""
-    from unbend.correspondence import write_match
-    from unbend.io import write_map
-
-    if _keeps_all(out):
-        write_match(out, found)
-    else:
-        write_map(out, found.source_to_target)
+def _measures(found: Match) -> dict[str, Any]:
+    names = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
+    return {name: getattr(found, name) for name in names}
 
 
 def _numbered(out: str, i: int) -> str:
     """Name the file of the i-th way to match: ``map.npz``, ``map-2.npz`` and so on."""
     path = Path(out)
     return out if i == 0 else str(path.with_name(f"{path.stem}-{i + 1}{path.suffix}"))
-
-
-def _keeps_all(out: str | None) -> bool:
-    return out is not None and Path(out).suffix.lower() == ".npz"
-
-
-def _draw(shapes: list[Mesh], found: Match, figure: str, up: Axis) -> None:
-    from unbend.report.match_figures import draw_match
-
-    draw_match(shapes[0], shapes[1], found, figure, up=up)
 
 
 def _write_colored(shapes: list[Mesh], found: Match, paths: tuple[str, str]) -> None:
@@ -317,9 +242,7 @@ def _write_colored(shapes: list[Mesh], found: Match, paths: tuple[str, str]) -> 
         write_mesh(path, shape, colors=one)
 
 
-def _next_step(source: str, target: str, out: str | None, report: str | None) -> str:
-    if report is not None:
-        return f"open {report} in a browser"
+def _next_step(source: str, target: str, out: str | None) -> str:
     if out is None:
         return "add -o MAP.npz to keep the match, --report HTML to look at it"
     paths = quoted(source, target)

@@ -1,36 +1,13 @@
-"""``unbend collection``: many shapes, one file per command as for all others."""
+"""``unbend collection``: many shapes in one store."""
 
 from __future__ import annotations
 
-import typer
+from unbend.cli._command import make_group
+from unbend.cli.collection.compare import evaluate, groups, matrix, search
+from unbend.cli.collection.pairs import match, mean
+from unbend.cli.collection.shapes import add, export, info, list_, remove
 
-from unbend.cli.collection import (
-    add,
-    evaluate,
-    export,
-    groups,
-    info,
-    list_,
-    match,
-    matrix,
-    mean,
-    remove,
-    search,
+app = make_group(
+    "Store many shapes; search, group and match them.",
+    *(add, list_, info, remove, search, matrix, groups, match, evaluate, mean, export),
 )
-
-app = typer.Typer(
-    help="Store many shapes; search, group and match them.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-app.command()(add.add)
-app.command("list")(list_.list_)
-app.command()(info.info)
-app.command()(remove.remove)
-app.command()(search.search)
-app.command()(matrix.matrix)
-app.command()(groups.groups)
-app.command()(match.match)
-app.command()(evaluate.evaluate)
-app.command()(mean.mean)
-app.command()(export.export)

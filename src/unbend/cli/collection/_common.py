@@ -1,55 +1,20 @@
-"""What the commands on collections share: options, the bar, the list of failures."""
+"""What the commands on collections share."""
 
 from __future__ import annotations
 
 import os
-import sys
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import typer
-
-from unbend._text import printable
-from unbend.cli._common import command_line, say
+from unbend.cli._output import command_line, say
 
 if TYPE_CHECKING:
-    from unbend._types import FloatArray, Progress
+    from unbend._types import FloatArray
     from unbend.choices import Axis
     from unbend.collection import Collection, Entry, Failure, Hit
     from unbend.mesh import Mesh
 
-EXIT_SOME_FAILED = 1
-_SECONDS_BETWEEN_LINES = 10.0
 SHORT_ID = 12  # digits of an id that are shown
-
-StoreArgument = Annotated[
-    str, typer.Argument(metavar="STORE", help="The collection: a folder, or s3://bucket/name.")
-]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=1,
-        help="Local processes; by default as many as there are processors and memory for.",
-    ),
-]
-ReportOption = Annotated[
-    str | None,
-    typer.Option(
-        "--report", metavar="HTML", help="Write an interactive page of pictures, for a browser."
-    ),
-]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="A Dask scheduler whose workers to use; they must see the files under these paths.",
-    ),
-]
 
 
 def opened(store: str, *outputs: str | None) -> Collection:
@@ -71,7 +36,7 @@ def opened(store: str, *outputs: str | None) -> Collection:
 def shown(path: str) -> str:
     """Shorten a path that is below the folder we are in."""
     here = os.path.join(os.getcwd(), "")
-    return printable(path.removeprefix(here))
+    return path.removeprefix(here)
 
 
 def shown_shape(shape: Entry | Hit) -> str:
@@ -133,26 +98,3 @@ def write_page(
         up=up,
         command=command_line(),
     )
-
-
-@contextmanager
-def bar_on_stderr() -> Iterator[Progress]:
-    """Show how far it is, the rate and the time left: a bar, or now and then a line in a log."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
-
-        columns = BarColumn(), TextColumn("{task.percentage:>3.0f}%  {task.description}")
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("", total=1.0)
-            yield lambda stage, share: bar.update(task, description=stage, completed=share)
-        return
-    last = time.monotonic()
-
-    def line(stage: str, share: float) -> None:
-        nonlocal last
-        if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
-            last = time.monotonic()
-            say("progress", stage)
-
-    yield line

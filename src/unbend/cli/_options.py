@@ -1,0 +1,177 @@
+"""Arguments and options that several commands take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from unbend import choices
+
+
+def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
+    """Refuse a file that cannot be written before anything is read."""
+
+    def check(path: str | None) -> str | None:
+        if path is not None:
+            from unbend.io import check_writable
+
+            check_writable(path, suffixes)
+        return path
+
+    return check
+
+
+def _map_file(path: str | None) -> str | None:
+    from unbend.io import MAP_SUFFIXES
+
+    return _writable(".npz", *MAP_SUFFIXES)(path)
+
+
+def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
+    if not keep:
+        from unbend.spectral import use_cache
+
+        ctx.with_resource(use_cache(gib=0))
+    return keep
+
+
+def out(help: str, metavar: str = "OUT", callback: Any = None) -> Any:
+    """Make the option that names the file to write."""
+    return typer.Option("-o", "--out", metavar=metavar, callback=callback, help=help)
+
+
+def figure(help: str) -> Any:
+    """Make the option that draws a figure."""
+    check = _writable(".png", ".pdf", ".svg")
+    return typer.Option(
+        "--figure", metavar="PNG", callback=check, help=f"{help} (.png, .pdf, .svg)."
+    )
+
+
+def report(help: str) -> Any:
+    """Make the option that writes a page for a browser."""
+    return typer.Option("--report", metavar="HTML", callback=_writable(".html"), help=help)
+
+
+Mesh = Annotated[
+    str, typer.Argument(metavar="MESH", help="A .off, .obj, .ply, .stl, .xyz or .npy file.")
+]
+Source = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map from.")]
+Target = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]
+Csv = Annotated[
+    str | None,
+    typer.Option(
+        "--csv", metavar="OUT", callback=_writable(".csv"), help="Write the table to a file, too."
+    ),
+]
+Up = Annotated[
+    choices.Axis,
+    typer.Option(
+        "--up", help="The axis that points upward in pictures; for two shapes, the source's."
+    ),
+]
+Component = Annotated[
+    str | None,
+    typer.Option(
+        "--component",
+        metavar="largest|NUMBER",
+        help="Which connected component to keep; numbers count from 0, largest first.",
+    ),
+]
+Laplacian = Annotated[
+    choices.LaplacianKind,
+    typer.Option("--laplacian", help="auto: robust for degenerate faces or non-manifold edges."),
+]
+Cache = Annotated[
+    bool,
+    typer.Option(
+        "--cache/--no-cache",
+        callback=_switch_cache,
+        help="Keep eigenpairs on disk for later runs.",
+    ),
+]
+
+# Of commands that read a map or make a match.
+MapOut = Annotated[
+    str | None,
+    out(
+        "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of each "
+        "source vertex, from 0) or .vts (from 1).",
+        "MAP",
+        _map_file,
+    ),
+]
+Base = Annotated[
+    int | None,
+    typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
+]
+Map = Annotated[
+    str | None,
+    typer.Option(
+        "--map",
+        metavar="MAP",
+        help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
+        "first.",
+    ),
+]
+SaveMatch = Annotated[
+    str | None,
+    typer.Option(
+        "--save-match",
+        metavar="MAP",
+        callback=_map_file,
+        help="Keep the match that was made, as unbend match -o does.",
+    ),
+]
+Partial = Annotated[
+    choices.Partial,
+    typer.Option(
+        "--partial",
+        help="Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
+        "boundary.",
+    ),
+]
+Landmarks = Annotated[
+    str | None,
+    typer.Option(
+        "--landmarks",
+        metavar="CSV",
+        help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
+    ),
+]
+MinConfidence = Annotated[
+    float | None,
+    typer.Option(
+        "--min-confidence",
+        metavar="X",
+        min=0,
+        max=1,
+        help="If the match's confidence is below X, write no file and exit with code 3.",
+    ),
+]
+
+# Of collections.
+Store = Annotated[
+    str, typer.Argument(metavar="STORE", help="The collection: a folder, or s3://bucket/name.")
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        min=0,
+        help="Local processes; by default as many as there are processors and memory for. 0: none "
+        "beside this one.",
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="A Dask scheduler whose workers to use; they must see the files under these paths.",
+    ),
+]
+Report = Annotated[str | None, report("Write an interactive page of pictures, for a browser.")]

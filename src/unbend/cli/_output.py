@@ -1,0 +1,228 @@
+"""What commands say: messages and progress on stderr, results as text or JSON on stdout."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from unbend._text import printable
+from unbend.errors import UnbendWarning
+
+if TYPE_CHECKING:
+    from unbend._types import FloatArray, Progress
+    from unbend.mesh import Mesh
+
+EXIT_SOME_FAILED = 1
+EXIT_REFUSED = 2
+EXIT_UNSURE = 3
+_DOUBTFUL = 0.5
+_SECONDS_BETWEEN_LINES = 30.0
+
+
+@dataclass
+class _Run:
+    """What the running command was asked for, and what it has said."""
+
+    as_json: bool = False
+    quiet: bool = False
+    warnings: list[str] = field(default_factory=list)
+    start: float = field(default_factory=time.perf_counter)
+
+
+_run = _Run()
+
+
+def begin(as_json: bool, quiet: bool) -> None:
+    """Begin a command: nothing has been said yet, and the clock starts."""
+    global _run
+    _run = _Run(as_json, quiet)
+
+
+def elapsed() -> float:
+    """Seconds since the command began."""
+    return time.perf_counter() - _run.start
+
+
+def say(kind: str, sentence: str) -> None:
+    """Print one line such as ``error: ...`` to stderr, where it cannot spoil piped output."""
+    if kind.startswith(("note", "warning")):
+        _run.warnings.append(sentence)
+    if not (_run.quiet and kind in ("note", "progress")):
+        typer.echo(f"{kind}: {printable(sentence)}", err=True)
+
+
+def warning_printer() -> Callable[..., None]:
+    """Make what prints each warning once, without the line of code: users did not write it."""
+    printed: set[str] = set()
+
+    def print_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
+        if str(message) not in printed:
+            printed.add(str(message))
+            ours = issubclass(category, UnbendWarning)
+            say("warning" if ours else f"warning ({category.__name__})", str(message))
+
+    return print_warning
+
+
+def warn_if_doubtful(confidence: float) -> None:
+    """Warn of a match that is as likely wrong as right; NaN says that nobody knows.
+
+    What counts is the confidence as it is shown: 0.4999 is 0.50, and no more doubtful than it.
+    """
+    if round(confidence, 2) < _DOUBTFUL:
+        say(
+            "warning",
+            f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
+            "or be symmetric; check the match with unbend match --report",
+        )
+
+
+@contextmanager
+def progress_on_stderr() -> Iterator[Progress]:
+    """Show the step under way and its share: a bar, or a line now and then in a log."""
+    if _run.quiet or sys.stderr is None:
+        yield lambda stage, share: None
+        return
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+        words = TextColumn("{task.percentage:>3.0f}%  {task.description}", markup=False)
+        console = Console(stderr=True)
+        with Progress(SpinnerColumn(), BarColumn(), words, console=console, transient=True) as bar:
+            task = bar.add_task("", total=1.0)
+            yield lambda stage, share: bar.update(task, description=stage, completed=share)
+        return
+    last = time.monotonic()
+
+    def line(stage: str, share: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            say("progress", stage if not share else f"{stage}, {share:.0%}")
+
+    yield line
+
+
+def tell(
+    result: Mapping[str, Any],
+    lines: Iterable[str],
+    *,
+    shapes: Iterable[Mesh] = (),
+    written: Iterable[str | None] = (),
+    next_step: str | None = None,
+) -> None:
+    """Tell what a command found: as JSON if that was asked for, else in lines.
+
+    Notes of the readers of `shapes` go to stderr. `written` are the files of options, None for
+    those that were not given. Every JSON object ends with the keys that are added here.
+    """
+    for shape in shapes:
+        for note in shape.notes:
+            say("note", note)
+    paths = [path for path in written if path is not None]
+    if _run.as_json:
+        common = {"written": paths, "warnings": _run.warnings, "seconds": elapsed()}
+        typer.echo(json.dumps(_plain({**result, **common}), indent=2, allow_nan=False))
+        return
+    for line in lines:
+        typer.echo(printable(line))
+    if paths:
+        typer.echo(f"written: {', '.join(map(printable, paths))}")
+    if next_step is not None and not _run.quiet:
+        typer.echo(f"next: {printable(next_step)}")
+
+
+def _plain(value: Any) -> Any:
+    """Turn a value into what JSON has; NaN and infinity, which it lacks, become None."""
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | Iterator):
+        return [_plain(entry) for entry in value]
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars, without importing NumPy
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def rows(values: Mapping[str, str]) -> list[str]:
+    """Put names and values into two aligned columns."""
+    width = max(map(len, values)) + 2
+    return [f"{name:<{width}}{value}" for name, value in values.items()]
+
+
+def table(align: str, *cells: Sequence[str]) -> list[str]:
+    """Align rows of cells, the first being the heads; ``<`` and ``>`` say how, column by column."""
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        "  ".join(
+            f"{cell:{side}{width}}" for cell, side, width in zip(row, align, widths, strict=True)
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def matrix(names: Sequence[str], values: Iterable[Sequence[float]]) -> list[str]:
+    """Lay out a square table of numbers; columns are numbered, and rows named and numbered."""
+    heads = ["", *(str(i) for i in range(len(names))), ""]
+    body = [
+        [name, *(f"{value:.4f}" for value in row), str(i)]
+        for i, (name, row) in enumerate(zip(names, values, strict=True))
+    ]
+    return table("<" + ">" * len(names) + "<", heads, *body)
+
+
+def look_at(report: str | None) -> str | None:
+    """Give the next step after a page was written."""
+    return None if report is None else f"open {report} in a browser"
+
+
+def command_line() -> str:
+    """Give the command that is running, as it could be typed again."""
+    return quoted("unbend", *sys.argv[1:])
+
+
+def quoted(*words: str) -> str:
+    """Put words together as this system's shell takes them."""
+    shown = [printable(word) for word in words]
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(shown)
+    return shlex.join(shown)
+
+
+def write_table(path: str, cells: Iterable[Iterable[Any]]) -> None:
+    """Write rows to a .csv file, which appears once it is complete."""
+    import csv
+    import io
+
+    from unbend.io import atomic_write
+
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(cells)
+    with atomic_write(path) as file:
+        file.write(text.getvalue().encode())
+
+
+def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:
+    """Write an array to a .npy file, or with names of its columns to a .csv file."""
+    import numpy as np
+
+    from unbend.io import atomic_write
+
+    with atomic_write(path) as file:
+        if path.lower().endswith(".npy"):
+            np.save(file, values)
+        else:
+            np.savetxt(file, values, "%.17g", ",", header=",".join(names), comments="")

@@ -1,0 +1,223 @@
+"""Commands on what is in a collection: add, list, info, remove, export."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from unbend.cli import _options as options
+from unbend.cli._output import (
+    EXIT_SOME_FAILED,
+    progress_on_stderr,
+    quoted,
+    rows,
+    tell,
+)
+from unbend.cli.collection._common import (
+    SHORT_ID,
+    list_failures,
+    opened,
+    shown,
+    shown_shape,
+)
+
+if TYPE_CHECKING:
+    from unbend.collection import Entry
+
+
+def add(
+    store: options.Store,
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PATHS",
+            help="Meshes, folders of them (and all folders below), quoted patterns like "
+            "'scans/**/*.ply'.",
+        ),
+    ],
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+) -> None:
+    """Describe shapes and store their descriptors; the files stay where they are.
+
+    Files whose content is stored already are skipped, so run the same command again to resume. A
+    file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
+    with several paths. After you move a folder, add it again to update the paths.
+
+    Examples
+    --------
+      unbend collection add shapes scans/
+      unbend collection add shapes 'models/**/*.obj' --workers 8
+      unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
+    """
+    from unbend.collection import Collection
+
+    collection = Collection(store)
+    with progress_on_stderr() as progress:
+        done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
+    list_failures(done.failures)
+    rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
+    moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
+    line = (
+        f"added {done.added:,}, there before {done.skipped:,}{moved}, failed "
+        f"{len(done.failures):,}; {store} has {len(collection):,} shapes "
+        f"({done.seconds:.1f} s{rate})"
+    )
+    hint = f"unbend collection search {quoted(store)} MESH, to find what is like it"
+    tell(
+        {
+            "store": store,
+            "n_added": done.added,
+            "n_skipped": done.skipped,
+            "n_new_paths": done.new_paths,
+            "n_shapes": len(collection),
+            "failed": [vars(one) for one in done.failures],
+        },
+        [line],
+        next_step=hint if len(collection) else None,
+    )
+    if done.failures:
+        raise typer.Exit(EXIT_SOME_FAILED)
+
+
+def list_(
+    store: options.Store,
+    n: Annotated[
+        int | None,
+        typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Show the first N only."),
+    ] = None,
+) -> None:
+    """List the shapes of a collection: id, vertices, faces and path.
+
+    Examples
+    --------
+      unbend collection list shapes
+      unbend collection list shapes -n 20 --json
+    """
+    collection = opened(store)
+    entries = itertools.islice(collection, n)
+    lines: Iterator[str] = _lines(entries)
+    if n is not None and len(collection) > n:
+        lines = itertools.chain(lines, [f"... of {len(collection):,}"])
+    tell({"store": store, "shapes": (vars(entry) for entry in entries)}, lines)
+
+
+def _lines(entries: Iterator[Entry]) -> Iterator[str]:
+    """Print as they are read: there may be millions."""
+    first = list(itertools.islice(entries, 1))  # before anything is printed: it may fail
+    yield f"{'id':<{SHORT_ID}}  {'vertices':>10}  {'faces':>10}  path"
+    for one in itertools.chain(first, entries):
+        sizes = f"{one.n_vertices:>10,}  {one.n_faces:>10,}"
+        yield f"{one.id[:SHORT_ID]}  {sizes}  {shown_shape(one)}"
+
+
+def info(
+    store: options.Store,
+    shape: Annotated[
+        str | None, typer.Argument(metavar="[SHAPE]", help="A path or id, to show one shape.")
+    ] = None,
+    thumbnail: Annotated[
+        str | None,
+        typer.Option("--thumbnail", metavar="PNG", help="Write the picture of SHAPE."),
+    ] = None,
+) -> None:
+    """Show how many shapes a collection has and how they are described, or show one shape.
+
+    Examples
+    --------
+      unbend collection info shapes
+      unbend collection info shapes scans/cat0.off --thumbnail cat0.png
+    """
+    from unbend.errors import InputError
+    from unbend.io import atomic_write, check_writable
+
+    if thumbnail is not None:
+        if shape is None:
+            raise InputError("--thumbnail is the picture of one shape: name it after STORE")
+        check_writable(thumbnail, (".png",))
+    collection = opened(store, thumbnail)
+    if shape is None:
+        found = collection.info()
+        lines = {
+            "shapes": f"{found.n_shapes:,}",
+            "files": f"{found.n_files:,}",
+            "size": "unknown" if found.n_bytes is None else f"{found.n_bytes / 2**20:,.1f} MiB",
+            "descriptors": f"version {found.version}, {found.descriptor_length} numbers each",
+            "indexed": "yes" if found.indexed else "no: every search looks at all",
+            **{name: str(value) for name, value in found.parameters.items()},
+        }
+        tell({"store": store, **vars(found)}, rows(lines))
+        return
+    (entry,) = collection.find([shape])
+    if thumbnail is not None:
+        with atomic_write(thumbnail) as file:
+            file.write(collection.thumbnail(entry.id))
+    lines = {
+        "id": entry.id,
+        "path": entry.path,
+        **({"also": ", ".join(entry.also)} if entry.also else {}),
+        "vertices": f"{entry.n_vertices:,}",
+        "faces": f"{entry.n_faces:,}",
+        "area": f"{entry.area:.6g}",
+        "notes": entry.notes or "none",
+    }
+    tell({"store": store, **vars(entry)}, rows(lines), written=[thumbnail])
+
+
+def remove(
+    store: options.Store,
+    shapes: Annotated[
+        list[str],
+        typer.Argument(metavar="SHAPES", help="Paths, or ids (8 digits or more of them)."),
+    ],
+) -> None:
+    """Remove shapes from a collection; their files stay where they are.
+
+    A path removes only that path of a shape that has several. An id removes the shape.
+
+    Examples
+    --------
+      unbend collection remove shapes scans/cat0.off
+      unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
+    """
+    collection = opened(store)
+    left = {one.id: {one.path, *one.also} for one in collection.find(shapes)}
+    removed = collection.remove(shapes)
+    for entry in removed:
+        left[entry.id] -= {entry.path, *entry.also}
+    lines = []
+    for entry in removed:
+        kept = f"; the shape stays as {shown(min(left[entry.id]))}" if left[entry.id] else ""
+        lines.append(f"removed {shown_shape(entry)}{kept}")
+    tell(
+        {
+            "store": store,
+            "removed": [vars(entry) for entry in removed],
+            "n_shapes": len(collection),
+        },
+        [*lines, f"{store} has {len(collection):,} shapes"],
+    )
+
+
+def export(
+    store: options.Store,
+    out: Annotated[
+        str,
+        options.out(".parquet: every column; .csv: all but forms and thumbnails."),
+    ],
+) -> None:
+    """Write the stored data of every shape into one table.
+
+    There is a row for each file. Identical files have the same id.
+
+    Examples
+    --------
+      unbend collection export shapes -o shapes.parquet
+      unbend collection export shapes -o shapes.csv
+    """
+    count = opened(store).export(out)
+    line = f"wrote {count:,} rows to {out}, one for each file"
+    tell({"store": store, "n_rows": count}, [line], written=[out])
