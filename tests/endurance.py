@@ -43,8 +43,7 @@ COMMANDS = {
     "transfer": "transfer good.off good.off --map map.txt --values values.csv -o carried.csv",
     "similarity": "similarity good.off good.off --known-correspondence --matrix --csv table.csv "
     "--figure table.png --report table.html",
-    "evaluate": "evaluate map.txt --target good.off --source-truth truth.txt "
-    "--target-truth truth.txt --figure curves.svg",
+    "evaluate": "evaluate map.txt good.off truth.txt truth.txt --figure curves.svg",
     "demo": "demo -o demo.png",
     "cache clear": "cache clear",
     "collection add": "collection add OWN good.off --workers 1",
