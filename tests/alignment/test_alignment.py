@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.alignment import align, icp, nearest_rotation, procrustes
-from unbend.alignment._alignment import _axis_choices, _principal_axes, _closest_points
+from unbend.alignment._alignment import _axis_choices, _closest_points, _principal_axes
 from unbend.errors import InputError, UnbendWarning
 
 
