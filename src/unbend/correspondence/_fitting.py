@@ -1,9 +1,7 @@
 """Nonrigid registration of a surface to a target, rigid at first, then ever softer.
 
-Neighbourhoods keep their shapes up to a rotation and a size (Sorkine & Alexa, "As-rigid-as-possible
-surface modeling", SGP 2007); sizes vary slowly, as proportions do. Vertices are pulled to closest
-points on faces, as in Amberg, Romdhani & Vetter, "Optimal step nonrigid ICP algorithms for surface
-registration", CVPR 2007. Closest points are found by walking over the surface from the vertices
+Neighbourhoods keep their shapes up to a rotation and a size, which varies slowly. Vertices are
+pulled to closest points on faces. These are found by walking over the surface from the vertices
 that the match gives, so a leg is never registered to the leg beside it.
 """
 

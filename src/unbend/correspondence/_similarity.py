@@ -170,16 +170,14 @@ def _pairs(
                 "model with the probe"
             )
         return every, every, ours + theirs
-    forward = _images(
-        match.source_to_target if isinstance(match, Match) else match, len(ours), len(theirs)
-    )
-    rows, columns, weights = every, forward, ours
     if isinstance(match, Match):
-        backward = _images(match.target_to_source, len(theirs), len(ours))
-        rows, columns = np.concatenate([rows, backward]), np.concatenate([columns, others])
-        weights = np.concatenate([weights, theirs])
-    there = (rows >= 0) & (columns >= 0)
-    return rows[there], columns[there], weights[there]
+        rows = np.concatenate([every, _images(match.target_to_source, len(theirs), len(ours))])
+        forward = _images(match.source_to_target, len(ours), len(theirs))
+        columns, weights = np.concatenate([forward, others]), np.concatenate([ours, theirs])
+    else:
+        rows, columns, weights = every, _images(match, len(ours), len(theirs)), ours
+    matched = (rows >= 0) & (columns >= 0)
+    return rows[matched], columns[matched], weights[matched]
 
 
 def _images(values: Any, n: int, m: int) -> IntArray:

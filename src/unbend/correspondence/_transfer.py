@@ -222,7 +222,15 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         raise InputError(f'text cannot be averaged as {kind}; use kind="label"')
     numbers = array.astype(np.float64)
     if kind == "weights":
-        _check_weights(numbers)
+        if numbers.ndim != 2:
+            raise InputError(f"weights must be rows, one for each vertex, not {numbers.shape}")
+        wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
+        if wrong.any():
+            row = wrong.argmax()
+            raise InputError(
+                f"weights must be non-negative and sum to one in each row; row {row} sums to "
+                f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
+            )
     if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
         raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
     if kind == "color" and (
@@ -234,18 +242,6 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
             "colours must be from 0 to 255, and these are from 0 to 1; multiply by 255"
         )
     return numbers
-
-
-def _check_weights(numbers: FloatArray) -> None:
-    if numbers.ndim != 2:
-        raise InputError(f"weights must be rows, one for each vertex, not {numbers.shape}")
-    wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
-    if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise InputError(
-            f"weights must be non-negative and sum to one in each row; row {row} sums to "
-            f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
-        )
 
 
 def _average(numbers: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
