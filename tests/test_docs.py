@@ -140,7 +140,10 @@ def test_every_page_can_be_found():
 
 
 def test_every_public_name_is_in_the_reference():
-    folders = {f"unbend.{name}": _public(name) for name in ("datasets", "report")}
+    folders = {
+        f"unbend.{name}": set(_public(name)).difference(unbend.__all__)
+        for name in ("datasets", "report")
+    }
     for module, names in {"unbend": unbend.__all__, **folders}.items():
         text = (DOCS / "api" / "index.rst").read_text("utf-8")
         parts = re.split(r"^\.\. currentmodule:: (.*)$", text, flags=re.MULTILINE)

@@ -311,6 +311,8 @@ def test_the_ablation_prints_what_each_line_earns(script, plan, monkeypatch, cap
 def test_constants_are_halved_and_doubled(script, monkeypatch, capsys, tmp_path):
     stand_in = SimpleNamespace(LADDER=(3.0, 10.0), BEAM=16, PATCH=0.08, NAME="x", FLAG=True)
     monkeypatch.setattr(unbend.matching, "_constants", stand_in, raising=False)
+    # The plan, once loaded again, would keep the stand-in after this test.
+    monkeypatch.setattr("importlib.reload", lambda module: module)
     constants, changes = script("constants"), []
 
     def measured(given, out, changed="", set_up=None):

@@ -26,20 +26,7 @@ def is_number(number: Any) -> TypeGuard[float]:
 
 
 def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
-    """Turn rows into an array.
-
-    Raises
-    ------
-    InputError
-        If the rows have different lengths.
-
-    Examples
-    --------
-    >>> from unbend._arrays import array_of
-    >>> array_of([[1, 2], [3]], "landmarks")
-    Traceback (most recent call last):
-    unbend.errors.InputError: landmarks: rows have different lengths, and must have one
-    """
+    """Turn rows into an array; raise InputError if they have different lengths."""
     try:
         return np.asarray(values)
     except ValueError:
@@ -49,16 +36,7 @@ def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
 def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     """Turn real numbers, whatever their type, into an array of float64.
 
-    Raises
-    ------
-    InputError
-        If they are something else, some are masked, or rows have different lengths.
-
-    Examples
-    --------
-    >>> from unbend._arrays import numbers_of
-    >>> numbers_of([1, 2], "weights")
-    array([1., 2.])
+    Raises InputError if they are something else, some are masked, or rows have different lengths.
     """
     array = array_of(values, what)
     if np.ma.is_masked(values):
@@ -72,20 +50,7 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
 
 
 def point_map_of(values: npt.ArrayLike, what: str) -> IntArray | None:
-    """Turn vertex numbers of any whole type, -1 for none, into an array; None if they are not that.
-
-    Raises
-    ------
-    InputError
-        If the rows have different lengths.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import point_map_of
-    >>> point_map_of(np.array([2, 0], dtype=np.uint8), "a map")
-    array([2, 0])
-    """
+    """Turn vertex numbers of any whole type, -1 for none, into an array, or return None."""
     array = array_of(values, what)
     if array.ndim != 1 or array.dtype.kind not in "iu":
         return None
@@ -97,13 +62,6 @@ def unit_of(points: npt.NDArray[Any]) -> float:
     """Power of 2 about as large as points are across: dividing by it rounds nothing.
 
     Rows that are not finite do not count. Without extent: 1.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import unit_of
-    >>> unit_of(np.array([[0.0, 0.0], [3e-30, np.nan], [1.1e-30, 0.0]])) == 2.0**-100
-    True
     """
     finite = points[np.isfinite(points).all(axis=1)]
     size = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
@@ -111,25 +69,10 @@ def unit_of(points: npt.NDArray[Any]) -> float:
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
-    """Index of the first row equal to each row.
+    """Index (n,) of the first row equal to each row of (n, k).
 
     Row ``i`` is a repetition where the result is not ``i``. Rows with NaN equal nothing, and
     ``-0.0`` equals ``0.0``.
-
-    Parameters
-    ----------
-    rows : (n, k) ndarray of float64 or int64
-
-    Returns
-    -------
-    (n,) ndarray of int64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import first_equal_row
-    >>> first_equal_row(np.array([[1, 2], [3, 4], [1, 2]]))
-    array([0, 1, 0])
     """
     rows = np.ascontiguousarray(rows + 0)  # + 0 turns -0.0 into 0.0
     first = np.arange(len(rows), dtype=np.int64)
@@ -149,24 +92,9 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
 def first_largest(values: FloatArray) -> IntArray:
     """Index of the first entry that is the largest but for rounding, along the first axis.
 
-    Symmetric shapes have equal values at several vertices. Which of them is largest hangs on the
-    last bit, and so on the processor; which of them comes first does not.
-
-    Parameters
-    ----------
-    values : (n, ...) ndarray of float64
-        The largest along the first axis is not negative.
-
-    Returns
-    -------
-    (...) ndarray of int64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import first_largest
-    >>> int(first_largest(np.array([0.5, 3.0, 3.0 + 1e-12])))
-    1
+    Symmetric shapes have equal values at several vertices. Which of them is largest depends on the
+    last bit, and so on the processor; which of them comes first does not. The largest must not be
+    negative.
     """
     return np.asarray((values >= (1 - _ROUNDING) * values.max(axis=0)).argmax(axis=0))
 
@@ -175,24 +103,8 @@ def snap(values: FloatArray) -> FloatArray:
     """Round to a grid of a 100-millionth of the largest, where sums and differences are exact.
 
     What should be equal is then equal, and what it decides (the nearest of two points, the
-    shorter of two ways, what comes first in an order) is the same on every processor.
-
-    Parameters
-    ----------
-    values : ndarray of float64
-        Lengths or coordinates; what is not finite stays.
-
-    Returns
-    -------
-    ndarray of float64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import snap
-    >>> one, other = snap(np.array([0.1 + 0.2, 0.3]))
-    >>> bool(one == other)
-    True
+    shorter of two paths, what comes first in an order) is the same on every processor. What is not
+    finite stays.
     """
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     cell = 2.0 ** max(int(np.frexp(largest)[1]) - _GRID_BITS, -1000)
@@ -200,24 +112,7 @@ def snap(values: FloatArray) -> FloatArray:
 
 
 def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:
-    """Row of the nearest target to each point; where several are, rounding does not choose.
-
-    Parameters
-    ----------
-    points : (n, d) ndarray of float64
-    targets : (m, d) ndarray of float64
-
-    Returns
-    -------
-    (n,) ndarray of int64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._arrays import nearest_rows
-    >>> nearest_rows(np.array([[0.9], [0.1]]), np.array([[0.0], [1.0]]))
-    array([1, 0])
-    """
+    """Row of the nearest target (m, d) to each point (n, d); of equally near ones, the first."""
     from scipy.spatial import cKDTree
 
     snapped = snap(np.concatenate([targets, points]))

@@ -10,18 +10,9 @@ def control_groups(
 ) -> list[tuple[Path, int]]:
     """List the groups that this process is in, from its own up: every one of them limits it.
 
-    Parameters
-    ----------
-    controller : str
-        What is limited: ``"cpu"`` or ``"memory"``.
-    proc, root : Path
-        Where the kernel shows processes and control groups.
-
-    Returns
-    -------
-    list of (Path, int)
-        Folders of files with limits, and the version (1 or 2) that their names are of. Some may
-        not exist; none are known where the system has no control groups.
+    The controller is "cpu" or "memory". With each folder of files with limits comes the version (1
+    or 2) that their names are of. Some folders may not exist; there are none where the system has
+    no control groups.
     """
     try:
         lines = (proc / "self" / "cgroup").read_text("utf-8", "surrogateescape").splitlines()

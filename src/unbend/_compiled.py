@@ -85,17 +85,8 @@ def compiled(
 ) -> Callable[..., Any]:
     """Compile a kernel that releases the GIL, and keep the code on disk where that is possible.
 
-    Parameters
-    ----------
-    function : callable
-        Written in what Numba understands.
-    fastmath : frozenset of str
-        Liberties that LLVM may take: ``"reassoc"`` adds in whatever order is fastest.
-
-    Returns
-    -------
-    callable
-        Compiled for the types of its arguments when it is first called with them.
+    It is compiled for the types of its arguments when it is first called with them. `fastmath` are
+    liberties that LLVM may take: ``"reassoc"`` adds in whatever order is fastest.
     """
     if numba.config.DISABLE_JIT:
         return function
@@ -109,15 +100,8 @@ def compiled(
 def generated(plain: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a decorator for a generator of LLVM code, to be called in kernels.
 
-    Parameters
-    ----------
-    plain : callable
-        The same in NumPy. It says what the code does, and takes its place where Numba's compiler
-        is off (``NUMBA_DISABLE_JIT=1``): coverage then sees kernels, and NumPy minds their bounds.
-
-    Returns
-    -------
-    callable
+    ``plain`` does the same in NumPy. It takes the code's place where Numba's compiler is off
+    (``NUMBA_DISABLE_JIT=1``): coverage then sees kernels, and NumPy checks their bounds.
     """
 
     def choose(generator: Callable[..., Any]) -> Callable[..., Any]:

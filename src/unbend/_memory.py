@@ -30,22 +30,8 @@ _COMPILER_BYTES, _COMPILED = 110 * 2**20, 2_000
 def needed_memory(n_vertices: int, columns: int = 0) -> int:
     """Predict the bytes that factorising a Laplacian and solving with it take.
 
-    Parameters
-    ----------
-    n_vertices : int
-    columns : int, default=0
-        Numbers that are kept for each vertex besides.
-
-    Returns
-    -------
-    int
-        About right for large meshes: within a tenth at a million vertices.
-
-    Examples
-    --------
-    >>> from unbend._memory import needed_memory
-    >>> round(needed_memory(1_000_000, 64) / 2**30, 1)
-    2.1
+    `columns` numbers are kept for each vertex besides. About right for large meshes: within a tenth
+    at a million vertices.
     """
     fill = _FILL * (n_vertices / 1e6) ** _GROWTH
     return int(n_vertices * (fill * _ENTRY_BYTES + _VERTEX_BYTES + 8 * columns))
@@ -65,13 +51,7 @@ def available_memory() -> int | None:
 
 
 def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
-    """Refuse a mesh whose computation will not fit into memory.
-
-    Raises
-    ------
-    MeshError
-        With the figures, and what to do.
-    """
+    """Raise MeshError, with the figures, for a mesh whose computation will not fit in memory."""
     needed = needed_memory(n_vertices, columns)
     if n_vertices >= _COMPILED and "numba" not in sys.modules:
         needed += _COMPILER_BYTES
@@ -79,13 +59,7 @@ def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
 
 
 def check_robust_memory(name: str, n_faces: int) -> None:
-    """Refuse a mesh whose robust Laplacian will not fit into memory.
-
-    Raises
-    ------
-    MeshError
-        With the figures, and what to do.
-    """
+    """Raise MeshError for a mesh whose robust Laplacian will not fit in memory."""
     what = f"{name}: the robust Laplacian of {n_faces:,} faces needs"
     _refuse_more(n_faces * _ROBUST_BYTES, what)
 

@@ -31,17 +31,6 @@ def n_threads() -> int:
 
     Those are what the process is bound to, and no more than its control groups' quotas of
     processor time are worth: threads beyond a quota are stopped until its period ends.
-
-    Returns
-    -------
-    int
-        At least 1.
-
-    Examples
-    --------
-    >>> from unbend._parallel import n_threads
-    >>> n_threads() >= 1
-    True
     """
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if asked.isdigit() and int(asked) > 0:
@@ -75,23 +64,9 @@ def _share(group: Path, version: int) -> float:
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
-    The caller works too, and in the end waits for nothing but tasks that others have begun: so
-    tasks may call this themselves. An error or Ctrl-C drops the tasks that have not begun.
-
-    Parameters
-    ----------
-    tasks : iterable of callables without arguments
-
-    Returns
-    -------
-    list
-        What they returned, in their order.
-
-    Examples
-    --------
-    >>> from unbend._parallel import run_all
-    >>> run_all([lambda: 1, lambda: 2])
-    [1, 2]
+    What the tasks return comes in their order. The caller works too, and in the end waits for
+    nothing but tasks that others have begun: so tasks may call this themselves. An error or Ctrl-C
+    drops the tasks that have not begun.
     """
     pending = deque(enumerate(tasks))
     if len(pending) == 1:
@@ -179,27 +154,10 @@ def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) 
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
-    """Apply a function to a block of columns a chunk at a time, chunks spread over threads.
+    """Apply a function, (n, r) to (n, r), to a block of columns a chunk at a time, in threads.
 
     A chunk is what the triangular solves take at once; all else that is done to it then finds it
     in the cache.
-
-    Parameters
-    ----------
-    work : callable
-        Maps (n, r) to (n, r), column by column.
-    block : (n, r) array of float64
-
-    Returns
-    -------
-    (n, r) array of float64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend._parallel import by_columns
-    >>> by_columns(lambda chunk: 2 * chunk, np.ones((1, 3)))
-    array([[2., 2., 2.]])
     """
     if block.ndim == 1 or block.shape[1] <= COLUMNS:
         return work(block)
@@ -213,14 +171,7 @@ def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> F
 
 
 def column_slices(count: int) -> list[slice]:
-    """Cut columns into chunks for one task each.
-
-    Examples
-    --------
-    >>> from unbend._parallel import column_slices
-    >>> column_slices(20)
-    [slice(0, 16, None), slice(16, 20, None)]
-    """
+    """Cut columns into chunks for one task each."""
     return [slice(start, min(start + COLUMNS, count)) for start in range(0, count, COLUMNS)]
 
 
@@ -231,12 +182,6 @@ def one_blas_thread() -> Iterator[None]:
     Results then do not depend on the number of threads, and narrow products are faster: BLAS's own
     threads lose more by waiting than they gain. Several threads may be inside at once; the last
     one out restores the number that the first one found.
-
-    Examples
-    --------
-    >>> from unbend._parallel import one_blas_thread
-    >>> with one_blas_thread():
-    ...     pass
     """
     with _lock:
         pins = _pins  # a forked process has a list of its own
@@ -276,12 +221,5 @@ def _blas() -> Any:
 
 
 def row_slices(n: int) -> list[slice]:
-    """Cut n rows into pieces for one task each.
-
-    Examples
-    --------
-    >>> from unbend._parallel import row_slices
-    >>> row_slices(20_000)
-    [slice(0, 16384, None), slice(16384, 20000, None)]
-    """
+    """Cut n rows into pieces for one task each."""
     return [slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS)]

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 
 def printable(text: str) -> str:
-    r"""Write what does not print as an escape: a file's name may hold line breaks and worse.
-
-    Examples
-    --------
-    >>> from unbend._text import printable
-    >>> printable("cat\n.off")
-    'cat\\n.off'
-    """
+    """Write what does not print as an escape: a file's name may hold line breaks and worse."""
     return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 

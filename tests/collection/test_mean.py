@@ -28,7 +28,7 @@ def shapes(blob: Mesh):
 def registered(monkeypatch):
     """Registration along the truth, so that only what is made of it is tested."""
 
-    def lay(template, scan, *, cache):
+    def lay(template, scan):
         if scan.n_vertices != template.n_vertices:
             raise MeshError(f"{scan.name}: not of this kind")
         told = {"unsure": (0.4999, 1.0), "torn": (0.9, 0.4999)}

@@ -27,27 +27,19 @@ def right():
 def test_products(left, right):
     small = np.random.default_rng(2).standard_normal((4, 4))
     np.testing.assert_allclose(tall.inner(left, right[:, :3]), left.T @ right[:, :3], atol=1e-13)
-    np.testing.assert_allclose(tall.combine(None, left, small[:, :3]), left @ small[:, :3])
+    np.testing.assert_allclose(tall.multiply(left, small[:, :3]), left @ small[:, :3])
     target = right.copy()
-    assert tall.combine(target, left, small) is target
+    tall.subtract_product(target, left, small)
     np.testing.assert_allclose(target, right - left @ small, atol=1e-13)
     turned = left.copy()
-    tall.rotate(turned, small)
+    assert tall.multiply(turned, small, out=turned) is turned
     np.testing.assert_allclose(turned, left @ small)
-    matrix = sp.random_array((50, 50), density=0.1, rng=np.random.default_rng(3)).tocsr()
-    product = np.empty((50, 4))
-    tall.sparse_product(matrix, left, product)
-    np.testing.assert_allclose(product, matrix.toarray() @ left, atol=1e-13)
-
-
-def test_columns(left, right):
-    np.testing.assert_allclose(tall.column_dots(left, right), (left * right).sum(axis=0))
     np.testing.assert_allclose(tall.column_lengths(left), np.linalg.norm(left, axis=0))
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0, 2.0, np.array([1.0, 2.0, 1.0, 0.5]), np.full(4, 2.0)])
-@pytest.mark.parametrize("factor", [-0.5, np.array([1.0, 0.0, -2.0, 3.0])])
-def test_every_column_has_its_share_and_its_factor(left, right, share, factor):
-    target = left.copy()
-    tall.scale_and_add(target, share, factor, right)
-    np.testing.assert_allclose(target, share * left + factor * right)
+@pytest.mark.parametrize("values", [0.0, np.array([1.0, 0.0, -2.0, 3.0])])
+def test_residuals(left, values):
+    matrix = sp.random_array((50, 50), density=0.1, rng=np.random.default_rng(3)).tocsr()
+    residuals = np.empty((50, 4))
+    tall.sparse_residuals(matrix, left, values, residuals)
+    np.testing.assert_allclose(residuals, matrix.toarray() @ left - values * left, atol=1e-13)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from unbend._compiled import compiled
 from unbend._parallel import run_all
@@ -68,25 +69,11 @@ def _edge_covariances(start, neighbors, weights, rest, posed, result, first, las
 
 def edge_squares(edge_weights: SparseMatrix, points: FloatArray) -> FloatArray:
     """Weighted sums (n, ...) of the squared edges around vertices (n, ..., 3)."""
-    poses = points.reshape(len(points), -1, 3)
-    result = np.empty(poses.shape[:2])
-    graph = edge_weights.indptr, edge_weights.indices, edge_weights.data
-    over_rows(len(poses), poses.shape[1], _edge_squares, *graph, poses, result)
-    return result.reshape(points.shape[:-1])
-
-
-@compiled
-def _edge_squares(start, neighbors, weights, points, result, first, last):  # type: ignore[no-untyped-def]
-    for m in range(points.shape[1]):
-        for i in range(first, last):
-            total = 0.0
-            for e in range(start[i], start[i + 1]):
-                j = neighbors[e]
-                x = points[j, m, 0] - points[i, m, 0]
-                y = points[j, m, 1] - points[i, m, 1]
-                z = points[j, m, 2] - points[i, m, 2]
-                total += weights[e] * (x * x + y * y + z * z)
-            result[i, m] = total
+    degrees = np.diff(edge_weights.indptr)
+    edges = points[edge_weights.indices] - np.repeat(points, degrees, axis=0)
+    squares = np.einsum("...c,...c->...", edges, edges).reshape(len(edges), -1)
+    ends = sp.csr_array((edge_weights.data, np.arange(len(edges)), edge_weights.indptr))
+    return np.asarray((ends @ squares).reshape(points.shape[:-1]))
 
 
 def rotated_divergence(

@@ -15,7 +15,7 @@ from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg.factorization import Factorization, factorize
-from unbend.linalg.tall import column_lengths, inner, rotate, scale_and_add, sparse_product
+from unbend.linalg.tall import column_lengths, inner, multiply, sparse_residuals
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
 _LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
@@ -35,31 +35,9 @@ def inverse_lanczos(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the k smallest eigenpairs of a sparse positive semi-definite matrix.
 
-    Parameters
-    ----------
-    matrix : (n, n) sparse matrix of float64
-        Scaled such that the mean distance of the first eigenvalues is about 4 pi.
-    k, tol, random_state, progress
-        As in :func:`unbend.linalg.lanczos.smallest_eigenpairs`.
-
-    Returns
-    -------
-    values : (k,) array of float64
-    vectors : (n, k) array of float64
-        Orthonormal.
-
-    Raises
-    ------
-    SolverError
-        If the accuracy is not reached.
-
-    Examples
-    --------
-    >>> import scipy.sparse as sp
-    >>> from unbend.linalg._inverse import inverse_lanczos
-    >>> diagonal = sp.diags_array([4.0, 0.0, 3.0, 9.0]).tocsc()
-    >>> inverse_lanczos(diagonal, 2, 1e-8, 0, None)[0].round(6) + 0.0
-    array([0., 3.])
+    The matrix is in compressed columns, and scaled such that the mean distance of the first
+    eigenvalues is about 4 pi. Otherwise like :func:`unbend.linalg.lanczos.smallest_eigenpairs`, but
+    with orthonormal vectors.
     """
     n = matrix.shape[0]
     shift, factor = _first_shift(matrix, k)
@@ -202,13 +180,9 @@ def _near_pairs(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give Ritz values of the matrix around the shift, ascending: ``below`` of them below it.
 
-    Returns
-    -------
-    values : (r,) array
-    coordinates : (size, r) array
-        Of the Ritz vectors after one more application of the inverse, which costs nothing here.
-    residuals : (r,) array
-        Residuals of these vectors with the matrix itself: |residual of the inverse| / value^2.
+    With the values (r,) come the coordinates (size, r) of the Ritz vectors after one more
+    application of the inverse, which costs nothing here, and their residuals (r,) with the matrix
+    itself: |residual of the inverse| / value^2.
     """
     inverse, vectors, coupling = basis.ritz()
     # The inverse maps what is below the shift to its negative end, the rest to its positive one.
@@ -259,19 +233,18 @@ def _polish(
     rows = matrix.T  # the same, in compressed rows
     # Large arrays are kept: memory fresh from the system costs as much as the work.
     image = np.empty(vectors.shape)
-    sparse_product(rows, vectors, image)
-    scale_and_add(image, 1.0, -values, vectors)
+    sparse_residuals(rows, vectors, values, image)
     if (column_lengths(image[:, :k]) > tol * np.maximum(values[:k], floor) / 2).any():
         _correct(vectors, factor, image)
     worst = np.inf
     for step in range(steps):
         if step > 0:
             _correct(vectors, factor, image)
-        sparse_product(rows, vectors, image)
+        sparse_residuals(rows, vectors, 0.0, image)
         values, rotation = scipy.linalg.eigh(inner(vectors, image), inner(vectors, vectors))
-        rotate(vectors, rotation)
-        sparse_product(rows, vectors, image)  # turned instead, it would not show what turning lost
-        scale_and_add(image, 1.0, -values, vectors)
+        multiply(vectors, rotation, out=vectors)
+        # Computed again: the rotated image would not show what the rotation of the vectors lost.
+        sparse_residuals(rows, vectors, values, image)
         lengths = column_lengths(image[:, :k])
         best, ranks = vectors[:, :k], np.maximum(values[:k], floor)
         last, worst = worst, float((lengths / ranks).max())

@@ -9,7 +9,7 @@ import scipy.linalg
 
 from unbend._types import FloatArray
 from unbend.errors import SolverError
-from unbend.linalg.tall import column_lengths, combine, inner
+from unbend.linalg.tall import column_lengths, inner, multiply, subtract_product
 
 Operator = Callable[[FloatArray], FloatArray]
 
@@ -24,36 +24,11 @@ class KrylovBasis:
     Block Lanczos without restarts and with full orthogonalisation. The operator has been applied
     to the first ``done`` columns, so ``op(Q[:, :done]) = Q T[:, :done]`` holds to rounding; the
     columns after them are the next block. T is kept whole, not as a band, which lets a random
-    block enter at any time.
+    block enter at any time. There is room for ``capacity`` columns; more is made when needed.
 
     One pass of orthogonalisation against a basis with Q^T Q = I + E leaves errors of E times the
     coefficients, over the length of what remains. These products of small matrices are carried
     along as an estimate of E, and only where it grows too large there is a second pass.
-
-    Parameters
-    ----------
-    operator : callable
-        Symmetric; takes (n, b) arrays.
-    n : int
-        Size of the operator.
-    block_size : int
-        Number of columns in the first block.
-    rng : numpy.random.Generator
-        Source of the starting block.
-    capacity : int
-        Number of columns to make room for; more are made when they are needed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.linalg._krylov import KrylovBasis
-    >>> diagonal = np.arange(9.0)[:, None]
-    >>> basis = KrylovBasis(lambda x: diagonal * x, 9, 2, np.random.default_rng(0))
-    >>> for _ in range(4):
-    ...     basis.grow()
-    >>> values, vectors, coupling = basis.ritz()
-    >>> vectors.shape, coupling.shape
-    ((8, 8), (1, 8))
     """
 
     def __init__(
@@ -90,13 +65,9 @@ class KrylovBasis:
     def ritz(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Diagonalise the projection.
 
-        Returns
-        -------
-        values : (done,) array, ascending
-        vectors : (done, done) array
-            Coordinates of the Ritz vectors in the basis.
-        coupling : (size - done, done) array
-            Coordinates of the residuals ``op(x) - value * x`` in the next block.
+        Returns the values (done,), ascending, the coordinates (done, done) of the Ritz vectors in
+        the basis, and those of the residuals ``op(x) - value * x`` in the next block (size - done,
+        done).
         """
         square = self._projection[: self.done, : self.done]
         if np.abs(square - square.T).max() > 1e-6 * np.abs(square).max():
@@ -106,7 +77,7 @@ class KrylovBasis:
 
     def combine(self, coordinates: FloatArray) -> FloatArray:
         """Form the vectors with these coordinates in the basis."""
-        return combine(None, self._columns[:, : len(coordinates)], coordinates)
+        return multiply(self._columns[:, : len(coordinates)], coordinates)
 
     def _append(self, block: FloatArray) -> FloatArray:
         """Append the block's new directions; return its coordinates in the basis so extended."""
@@ -119,11 +90,11 @@ class KrylovBasis:
         while True:
             step = inner(old, block)
             along += step @ beyond
-            combine(block, old, step)
+            subtract_product(block, old, step)
             # Rotate to the principal directions. The Gram matrix resolves short ones poorly, which
             # is why their lengths are measured anew.
             rotation = np.linalg.eigh(inner(block, block))[1][:, ::-1][:, :room]
-            block = combine(None, block, rotation)
+            block = multiply(block, rotation)
             lengths = column_lengths(block)
             alive = lengths > _LOST * before
             beyond = np.where(alive, lengths, 0.0)[:, None] * (rotation.T @ beyond)

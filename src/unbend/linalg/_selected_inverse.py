@@ -33,33 +33,14 @@ _ROWS = 128  # of a symmetric product computed at once: half of it is not needed
 
 
 def inverse_diagonals(found: Factor, weights: FloatArray | None = None) -> FloatArray:
-    """Compute the diagonal of the inverse B of a factorised matrix, and of B A B.
+    """Compute the diagonal of the inverse B of a factorised matrix and, for weights A, of B A B.
 
-    Parameters
-    ----------
-    found : Factor
-    weights : (n,) ndarray of float64, optional
-        The diagonal of A.
-
-    Returns
-    -------
-    (1, n) or (2, n) ndarray of float64
-        The diagonal of B and, given `weights`, the diagonal of B A B.
+    See :meth:`unbend.linalg.factorization.Factorization.inverse_diagonals`.
 
     References
     ----------
     Erisman and Tinney, "On computing certain elements of the inverse of a sparse matrix",
     Communications of the ACM 18, 1975. Lin et al., "SelInv", ACM TOMS 37, 2011.
-
-    Examples
-    --------
-    >>> import numpy as np, scipy.sparse as sp
-    >>> from unbend.linalg._selected_inverse import inverse_diagonals
-    >>> from unbend.linalg.multifrontal import factor
-    >>> found = factor(sp.csc_matrix([[2.0, 1.0], [1.0, 2.0]]))
-    >>> inverse_diagonals(found, np.array([1.0, 0.0])).round(6)
-    array([[0.666667, 0.666667],
-           [0.444444, 0.111111]])
     """
     nodes = found.nodes
     widths, heights = np.diff(nodes.starts), np.diff(nodes.row_starts)

@@ -111,12 +111,6 @@ def working_columns(k: int) -> int:
     """Predict how many columns of n numbers :func:`smallest_eigenpairs` keeps at once.
 
     Fitted to 10, 100 and 300 pairs of meshes of 50,000 to 500,000 vertices, in 1 to 16 threads.
-
-    Examples
-    --------
-    >>> from unbend.linalg.lanczos import working_columns
-    >>> working_columns(300) > working_columns(100) > 400
-    True
     """
     # The basis has about 1.6 k + 75 columns, and polishing copies what it found. Each thread solves
     # for three chunks of columns.
@@ -131,33 +125,22 @@ def measure_eigenpairs(
     vectors: FloatArray,
     tol: float,
 ) -> tuple[float, float]:
-    """Measure what eigenpairs lack, from one random combination of them.
+    """Measure the errors of eigenpairs, from one random combination of them.
 
     Pairs that are off by some share make a combination that is off by about as much, so one product
-    with the matrix tells of all pairs at once.
+    with the matrix measures all pairs at once.
 
     Parameters
     ----------
     stiffness, areas, tol
         As :func:`smallest_eigenpairs` had them.
-    values : (k,) array of float64
-    vectors : (n, k) array of float64
+    values, vectors : (k,) and (n, k) arrays of float64
 
     Returns
     -------
-    skew : float
-        About the size of ``vectors.T @ (areas[:, None] * vectors) - I``.
-    residual : float
-        And that of the residuals, relative as in :func:`smallest_eigenpairs`. Of what is above
-        `tol`, that which rounding makes unavoidable is taken away.
-
-    Examples
-    --------
-    >>> import numpy as np, scipy.sparse as sp
-    >>> from unbend.linalg.lanczos import measure_eigenpairs
-    >>> diagonal = sp.diags_array([1.0, 2.0]).tocsr()
-    >>> measure_eigenpairs(diagonal, np.ones(2), np.array([1.0, 2.0]), np.eye(2), 1e-8)
-    (0.0, 0.0)
+    skew, residual : float
+        About the size of ``vectors.T @ (areas[:, None] * vectors) - I``, and that of the relative
+        residuals. If the residual is above `tol`, what rounding makes unavoidable is subtracted.
     """
     floor = least_that_counts(values, stiffness.diagonal() / areas)
     shares = np.random.default_rng(0).standard_normal((len(values), 2))
@@ -190,10 +173,8 @@ def largest_eigenpairs(
     ----------
     operator : callable
         Takes an (n, b) array of float64 and returns the operator times it, a new array.
-    n : int
-        Size of the operator.
-    k : int
-        Number of eigenpairs, 1 <= k <= n.
+    n, k : int
+        Size of the operator, and number of eigenpairs.
     tol : float
         Largest residual |operator(x) - value x|, relative to the largest absolute eigenvalue.
     random_state : int
@@ -215,14 +196,6 @@ def largest_eigenpairs(
         If k or the block size is out of range.
     SolverError
         If the accuracy is not reached, or the operator returns NaN or infinity.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.linalg.lanczos import largest_eigenpairs
-    >>> diagonal = np.arange(5.0)
-    >>> largest_eigenpairs(lambda x: diagonal[:, None] * x, 5, 2)[0].round(6)
-    array([4., 3.])
     """
     if not 1 <= k <= n:
         raise InputError(f"k = {k} eigenpairs of an operator of size {n}: k must be from 1 to {n}")

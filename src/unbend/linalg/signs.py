@@ -17,33 +17,12 @@ _SYMMETRIC = 1e-6
 
 
 def fix_basis(vectors: FloatArray, values: FloatArray, tolerance: Any) -> FloatArray:
-    """Give the eigenvectors of equal eigenvalues a basis that depends on their space alone.
+    """Give the eigenvectors (n, k) of equal eigenvalues a basis that depends on their space alone.
 
-    The first vector is the one that reaches the highest entry of all unit vectors in the space;
-    each next one does so among those orthogonal to it. Where several entries could be the
-    highest, as on a symmetric shape, it is the first of them.
-
-    Parameters
-    ----------
-    vectors : (n, k) ndarray of float64
-        Orthonormal in some inner product.
-    values : (k,) ndarray of float64
-        Ascending or descending.
-    tolerance : float or (k - 1,) ndarray of float64
-        Neighbouring values that differ by no more are equal.
-
-    Returns
-    -------
-    (n, k) ndarray of float64
-        With the same inner products; signs are left to :func:`fix_signs`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.linalg.signs import fix_basis
-    >>> fix_basis(np.array([[0.8, -0.6], [0.6, 0.8]]), np.array([5.0, 5.0]), 1e-9).round(6) + 0.0
-    array([[1., 0.],
-           [0., 1.]])
+    Neighbouring values (k,) that differ by no more than the tolerance are equal. The first vector
+    is the one that reaches the highest entry of all unit vectors in the space; each next one does
+    so among those orthogonal to it. Where several entries could be the highest, as on a symmetric
+    shape, it is the first of them. Signs are left to :func:`fix_signs`.
     """
     ends = np.append(np.flatnonzero(np.abs(np.diff(values)) > tolerance) + 1, len(values))
     fixed = vectors
@@ -69,28 +48,11 @@ def _rotation(vectors: FloatArray) -> FloatArray:
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
-    """Give every column the sign that makes its weighted third moment positive.
+    """Give every column (n, k) the sign that makes its weighted third moment positive.
 
     The third moment does not depend on the order of the vertices. Where it vanishes, as for a
     function that is odd under a symmetry of the shape, the first entry whose magnitude is
     within rounding of the largest is made positive.
-
-    Parameters
-    ----------
-    vectors : (n, k) ndarray of float64
-    weights : (n,) ndarray of float64
-        Vertex areas, or ones.
-
-    Returns
-    -------
-    (n, k) ndarray of float64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.linalg.signs import fix_signs
-    >>> fix_signs(np.array([[-3.0], [1.0], [2.0]]), np.ones(3)).ravel()
-    array([ 3., -1., -2.])
     """
     size = np.abs(vectors)
     third = weights @ (size * size * vectors)

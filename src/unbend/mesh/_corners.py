@@ -15,27 +15,13 @@ def measure_corners(
     The cotangent of a corner is the dot product of the two edges that leave it over twice the area
     of the face.
 
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-
     Returns
     -------
-    dots : (m, 3) ndarray of float64
-        At each corner, the dot product of the two edges that leave it.
-    squared : (m, 3) ndarray of float64
-        Squared length of the edge that faces each corner.
+    dots, squared : (m, 3) ndarrays of float64
+        At each corner, the dot product of the two edges that leave it, and the squared length of
+        the edge that faces it.
     double_areas : (m,) ndarray of float64
         Twice the area of each face.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.mesh import measure_corners
-    >>> right = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0]])
-    >>> measure_corners(right, np.array([[0, 1, 2]]))
-    (array([[0., 4., 1.]]), array([[5., 1., 4.]]), array([2.]))
     """
     corners = vertices[faces]  # (m, 3 corners, 3 coordinates)
     facing = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)

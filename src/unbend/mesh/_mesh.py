@@ -176,22 +176,9 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
 
 
 def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
-    """Check vertex numbers: one, or a list of whole numbers from 0 to ``n - 1``.
+    """Check vertex numbers, one or a list, from 0 to ``n - 1``; return them as (s,) int64.
 
-    Returns
-    -------
-    (s,) ndarray of int64
-
-    Raises
-    ------
-    InputError
-        If they are something else.
-
-    Examples
-    --------
-    >>> from unbend.mesh import vertex_ids
-    >>> vertex_ids(5, 12, "mesh")
-    array([5])
+    Raises InputError if they are something else.
     """
     ids = np.atleast_1d(np.asarray(vertices))
     if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
@@ -205,16 +192,7 @@ def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
 
 
 def used_vertices(mesh: Mesh) -> FloatArray:
-    """Positions (n, 3), NaN at vertices that no face uses; all of a point cloud.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.mesh import used_vertices
-    >>> used_vertices(Mesh([[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 2, 3]]))[:2]
-    array([[nan, nan, nan],
-           [ 0.,  0.,  0.]])
-    """
+    """Positions (n, 3), NaN at vertices that no face uses; all of a point cloud."""
     if mesh.is_point_cloud:
         return mesh.vertices
     positions = np.full(mesh.vertices.shape, np.nan)
@@ -223,23 +201,10 @@ def used_vertices(mesh: Mesh) -> FloatArray:
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
-    """Give each vertex a third of the area of the faces around it; repeated faces count once.
+    """Give each vertex, (n,), a third of the area of the faces around it.
 
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    (n,) ndarray of float64
-        In squared units of the mesh; 0 at vertices that no face uses. All 1 for a point cloud.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.mesh import vertex_areas
-    >>> vertex_areas(Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0]], [[0, 1, 2]]))
-    array([1., 1., 1.])
+    Repeated faces count once. The areas are 0 at vertices that no face uses, and 1 for a point
+    cloud.
     """
     if mesh.is_point_cloud:
         return np.ones(mesh.n_vertices)
@@ -251,24 +216,9 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Average the faces' normals, weighted by area, at each vertex.
+    """Average the faces' normals, weighted by area, at each vertex: (n, 3).
 
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-
-    Returns
-    -------
-    (n, 3) ndarray of float64
-        Of unit length; 0 where no face has an area.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.mesh import vertex_normals
-    >>> vertex_normals(np.array([[0.0, 0, 0], [3, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))[0]
-    array([0., 0., 1.])
+    They are of unit length; 0 where no face has an area.
     """
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -92,15 +92,8 @@ def other_sides(edges: Edges) -> IntArray:
 def group_rows(rows: IntArray, n_groups: int) -> IntArray:
     """Label rows so that rows that share a group, directly or through others, share a label.
 
-    Parameters
-    ----------
-    rows : (m, k) ndarray of int64
-        The groups that each row belongs to, 0 to ``n_groups - 1``.
-
-    Returns
-    -------
-    (m + n_groups,) ndarray of int64
-        Labels of the rows, then of the groups; a group without rows has a label of its own.
+    A row of ``rows`` (m, k) holds the groups that it belongs to, 0 to ``n_groups - 1``. The labels
+    (m + n_groups,) are those of the rows, then of the groups; a group without rows has its own.
     """
     m, k = rows.shape
     # Rows and groups are the nodes of a bipartite graph whose CSR arrays need no sorting.

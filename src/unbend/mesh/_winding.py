@@ -18,21 +18,12 @@ _STEPS = 20  # of inverse iteration
 
 
 def wind_alike(vertices: FloatArray, faces: IntArray) -> IntArray | None:
-    """Turn faces until any two that are alone at an edge walk along it in opposite directions.
+    """Orient faces consistently: faces that share an edge walk along it in opposite directions.
 
-    Of each connected part, turned are the fewer faces. Edges of more than two faces connect none.
-    A scan, or a mesh that was decimated, may have a twist smaller than any detail, through which
-    its surface has, strictly, one side only. Faces then still disagree along a short seam there.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-
-    Returns
-    -------
-    (m, 3) ndarray of int64, or None
-        None for a surface that has only one side, as a Möbius strip.
+    Of each connected part, the fewer faces are turned. Edges of more than two faces connect none.
+    Returns None for a non-orientable surface, such as a Möbius strip. A scan or a decimated mesh
+    may have a twist smaller than any detail, which makes it, strictly, non-orientable. Faces then
+    still disagree along a short seam there.
     """
     m = len(faces)
     edges = find_edges(faces, len(vertices))

@@ -184,29 +184,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
 def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
     """Keep the faces of one component, and every vertex: what was left out is unreferenced.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    component : "largest", int or None
-        Which component, 0 being the largest. None: all of the mesh.
-
-    Returns
-    -------
-    Mesh
-
-    Raises
-    ------
-    MeshError, InputError
-        If there is no such component, or it cannot be used.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.preparation import only_component
-    >>> two = Mesh([[x, y, z] for x in (0, 5) for y, z in ((0, 0), (0, 1), (1, 0), (1, 1))],
-    ...            [[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]])
-    >>> only_component(two, "largest")
-    Mesh(8 vertices, 2 faces)
+    The component is "largest", a number (0 is the largest), or None for all of the mesh. Raises
+    MeshError or InputError if there is no such component, or it cannot be used.
     """
     if component is None:
         return mesh
@@ -238,12 +217,7 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
 
 
 def check_area(mesh: Mesh) -> None:
-    """Refuse a mesh of which no face has an area.
-
-    Raises
-    ------
-    MeshError
-    """
+    """Raise MeshError for a mesh of which no face has an area."""
     if measure_faces(mesh.vertices, mesh.faces)[0].all():
         raise _no_area(mesh.name)
 
@@ -251,10 +225,7 @@ def check_area(mesh: Mesh) -> None:
 def check_size(mesh: Mesh) -> None:
     """Refuse a mesh, all of it in use, whose size double precision cannot hold to the fourth power.
 
-    Raises
-    ------
-    MeshError
-        If it is less than 1e-60 or more than 1e60 across.
+    Raises MeshError if it is less than 1e-60 or more than 1e60 across.
     """
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
@@ -297,19 +268,8 @@ def _sizes(components: Components) -> str:
 def restrict(mesh: Mesh, keep: BoolArray) -> tuple[Mesh, IntArray, IntArray]:
     """Keep some components: their vertices, in their order, and the proper faces between them.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    keep : (n,) ndarray of bool
-        Alike for all vertices of a face that names three.
-
-    Returns
-    -------
-    part : Mesh
-    kept : (n_kept,) ndarray of int64
-        Index in the mesh of each vertex of the part.
-    kept_faces : (m_kept,) ndarray of int64
-        Index in the mesh of each face of the part.
+    `keep` (n,) must be equal for all vertices of a face that names three. Returns the part, and the
+    indices in the mesh of its vertices and of its faces.
     """
     kept = np.flatnonzero(keep).astype(np.int64)
     kept_faces = np.flatnonzero(keep[mesh.faces[:, 0]] & ~has_repeated_index(mesh.faces))

@@ -111,17 +111,7 @@ def cache_key(mesh: Mesh, *how: str | float) -> str:
 
 
 def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
-    """Return cached eigenvalues and eigenfunctions, or None.
-
-    Parameters
-    ----------
-    key : str
-        From :func:`cache_key`.
-
-    Returns
-    -------
-    tuple of (k,) and (n, k) ndarray of float64, or None
-    """
+    """Return the eigenvalues (k,) and eigenfunctions (n, k) kept under a key, or None."""
     if not _most_bytes():
         return None
     path = _path(key)
@@ -160,13 +150,7 @@ def cache_info() -> CacheInfo:
 
 
 def clear_cache() -> int:
-    """Remove every cached spectrum; return how many there were.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be removed.
-    """
+    """Remove every cached spectrum; return how many there were. FileError if one cannot be."""
     count = 0
     for path, _, _ in _files():
         try:

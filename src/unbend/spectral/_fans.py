@@ -26,22 +26,12 @@ def fans(inverse, near, flat):  # type: ignore[no-untyped-def]
     one side of that hull. Which of them are joined then depends on their numbers alone, so that all
     points on the circle choose the same triangles.
 
-    Parameters
-    ----------
-    inverse : (m, k, 2) array of float64
-        From each point to its neighbours in the tangent plane, over their squared distances.
-    near : (m, k + 1) array of int64
-        Numbers of each point and of its neighbours.
-    flat : float
-        A point whose neighbours leave a gap of 180 degrees but for this angle, in radians, is on
-        the boundary.
+    ``inverse`` (m, k, 2) leads from each point to its neighbours in the tangent plane, over their
+    squared distances; ``near`` (m, k + 1) has the numbers of each point and of its neighbours. A
+    point whose neighbours leave a gap of 180 degrees, but for the angle ``flat`` in radians, is on
+    the boundary.
 
-    Returns
-    -------
-    faces : (t, 3) ndarray of int64
-        The point itself is first.
-    is_open : (m,) ndarray of bool
-        Whether each point is on the boundary.
+    Returns the faces (t, 3), the point itself first, and whether each point is on the boundary.
     """
     m, k = inverse.shape[:2]
     faces = np.empty((m * k, 3), np.int64)

@@ -110,29 +110,9 @@ def triangulate_points(mesh: Mesh) -> Triangulation:
 def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     """Stiffness matrix and areas of a point cloud, as this module describes them.
 
-    Points at one place share its area, and links between them keep functions equal there.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        A point cloud.
-
-    Returns
-    -------
-    stiffness : (n, n) sparse array of float64
-    areas : (n,) ndarray of float64
-
-    Raises
-    ------
-    MeshError
-        See :func:`triangulate_points`.
-    SolverError
-        See :func:`check_energy`.
-
-    Warns
-    -----
-    UnbendWarning
-        If the triangles around neighbouring points disagree on much of the surface.
+    Points at one place share its area, and links between them keep functions equal there. Raises
+    the errors of :func:`triangulate_points` and :func:`check_energy`; warns if the triangles around
+    neighbouring points disagree on much of the surface.
     """
     faces, weights, first = triangulate_points(mesh)
     n, unit = mesh.n_vertices, unit_of(mesh.vertices)
@@ -156,15 +136,10 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
 
 
 def check_energy(mesh: Mesh, stiffness: SparseMatrix, areas: FloatArray) -> None:
-    """Refuse weights and areas that are not those of one surface.
+    """Raise SolverError for weights and areas that are not those of one surface.
 
     The Dirichlet energy of the three coordinates, which follows from the weights alone, is twice
     the area of the surface.
-
-    Raises
-    ------
-    SolverError
-        If the energy and the areas differ.
     """
     upper = sp.triu(stiffness, 1, format="coo")
     squared = ((mesh.vertices[upper.row] - mesh.vertices[upper.col]) ** 2).sum(axis=1)
@@ -290,12 +265,8 @@ def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArra
 def _tangent_planes(offsets: FloatArray, squared: FloatArray) -> FloatArray:
     """Axes (m, 3, 2) of planes fitted to the neighbours of points, the nearest above all.
 
-    Parameters
-    ----------
-    offsets : (m, k, 3) ndarray of float64
-        From each point to its neighbours.
-    squared : (m, k, 1) ndarray of float64
-        Their squared lengths, increasing.
+    ``offsets`` (m, k, 3) lead from each point to its neighbours; ``squared`` (m, k, 1) are their
+    squared lengths, increasing.
     """
     farthest = squared[:, -1:]
     weights = (1 - squared / (9 / 8 * farthest)) ** 3

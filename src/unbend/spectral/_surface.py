@@ -119,10 +119,7 @@ def named(surface: Surface) -> Iterator[None]:
 def local_ids(surface: Surface, vertices: Any) -> IntArray:
     """Turn vertex ids of the whole mesh into ids among the vertices in use.
 
-    Raises
-    ------
-    InputError
-        If an id is not a whole number, out of range, or not in use, or there is none.
+    Raises InputError if an id is not a whole number, out of range, or not in use, or there is none.
     """
     kept = surface.prepared.kept
     ids = vertex_ids(vertices, surface.prepared.n_original, surface.mesh.name)
