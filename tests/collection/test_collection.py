@@ -313,7 +313,7 @@ def test_a_table_that_another_process_is_just_making_is_waited_for(
 
 
 ADD = (
-    "import sys\nfrom unbend import Collection\nCollection(sys.argv[1]).add(sys.argv[2], workers=1)"
+    "import sys\nfrom unbend.collection import Collection\nCollection(sys.argv[1]).add(sys.argv[2], workers=1)"
 )
 
 
