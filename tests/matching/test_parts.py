@@ -83,7 +83,7 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
         Pose(moved, turns, truth, size),
         Pose(back, turns[: len(back)].copy(), np.ones(len(back), dtype=bool), 1 / size),
     )
-    (found,) = register(whole, part, [start], constants.LOOSE + constants.DATA_WEIGHTS[1:], 8)
+    (found,) = register(whole, part, [start], constants.DATA_WEIGHTS[2:], 8)
     overlap = (found.source.overlap & truth).sum() / (found.source.overlap | truth).sum()
     assert overlap > 0.98
     assert found.target.overlap.all()
@@ -99,7 +99,7 @@ def test_parts_are_pulled_over_no_less_than_an_edge() -> None:
     assert limited(whole, whole, constants.DATA_WEIGHTS) == constants.DATA_WEIGHTS
     most = 1 / part.edge**2  # of unit area as the other one, of fewer and longer edges
     assert part.edge > whole.edge
-    assert constants.DATA_WEIGHTS[0] < most < constants.DATA_WEIGHTS[2]
+    assert constants.DATA_WEIGHTS[4] < most < constants.DATA_WEIGHTS[6]
     data_weights = limited(whole, part, constants.DATA_WEIGHTS)
     assert data_weights == limited(part, whole, constants.DATA_WEIGHTS)
     assert list(data_weights) == sorted(
