@@ -1,4 +1,4 @@
-"""What is done with a map: measure it, carry values and shapes along it, compare forms."""
+"""Uses of a map: evaluation, transfer, registration, morphing, similarity; files of matches."""
 
 from unbend.correspondence._archive import (
     read_functional_map,

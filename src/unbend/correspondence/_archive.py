@@ -1,4 +1,4 @@
-"""Archives (.npz): functional maps and whole matches, never as pickles."""
+"""Files (.npz) of functional maps and matches, never as pickles."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
 
 
 def write_match(path: str | os.PathLike[str], match: Match) -> None:
-    """Write a match to a .npz file: all its fields, its alternatives included.
+    """Write all fields of a match, including its alternatives, to a .npz file.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     FileError
         If the file cannot be written.
     InputError
-        If it is no match.
+        If it is not a match.
 
     See Also
     --------
@@ -228,7 +228,7 @@ def _checked_match(arrays: _Arrays) -> Match:
 
 
 def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> IntArray:
-    """Check a list of vertices or faces, -1 for none; of any length if n is None."""
+    """Check a list of n vertices or faces, -1 for none; None allows any length."""
     with _prefixed(f"its {name}"):
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
     if n is not None and len(found) != n:
@@ -243,7 +243,7 @@ def _numbers(
     least: float = -np.inf,
     most: float = np.inf,
 ) -> FloatArray:
-    """Check finite numbers in a range; None in the shape for any length."""
+    """Check finite numbers in a range; None in the shape allows any length."""
     array = arrays[name]
     fits = len(shape) == array.ndim and all(
         wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
@@ -263,7 +263,7 @@ def _check_range(name: str, array: npt.NDArray[Any], least: float, most: float) 
 
 
 def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
-    """Check barycentric coordinates: NaN where there is no face, else of sum one."""
+    """Check barycentric coordinates: NaN without a face, otherwise with sum one."""
     on_face = faces >= 0
     if array.shape != (len(faces), 3) or array.dtype.kind != "f":
         raise FileError(f"its weights are not {len(faces)} rows of 3 numbers")

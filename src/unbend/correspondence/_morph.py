@@ -1,4 +1,4 @@
-"""Shapes between two matched shapes."""
+"""Interpolation between two matched shapes."""
 
 from __future__ import annotations
 
@@ -96,9 +96,9 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     goal = (goal - translation) @ rotation
     between = _bend(start, goal, source.faces, t)
     center = start[moving].mean(axis=0)
-    turn = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
+    share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
-    return Mesh((between - center) @ turn.T + center + t * travel, source.faces, name=name)
+    return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
 
 
 def _extended(

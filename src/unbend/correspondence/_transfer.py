@@ -1,4 +1,4 @@
-"""Carrying values per vertex from one shape to another along a match."""
+"""Transfer of values per vertex from one shape to another along a match."""
 
 from __future__ import annotations
 
