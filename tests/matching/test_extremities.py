@@ -24,7 +24,7 @@ from unbend.matching._shape import Shape
 
 
 def test_a_person_has_five_tips() -> None:
-    body = make_biped("walking", n_vertices=1500)
+    body = make_biped("walking", n_vertices=700)
     extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
@@ -94,7 +94,7 @@ def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
 
 
 def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
-    body = make_octopus("floating", n_vertices=1500)
+    body = make_octopus("floating", n_vertices=700)
     extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
@@ -246,7 +246,7 @@ def test_the_order_of_tips_does_not_matter() -> None:
 
 
 def test_eight_alike_limbs_are_all_guessed() -> None:
-    bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
+    bodies = [make_octopus(pose, n_vertices=700) for pose in ("swimming", "curled")]
     extremities = [find_extremities(prepare_shape(body.mesh, 60)[1]) for body in bodies]
     labels = [body.labels[one.vertices] for body, one in zip(bodies, extremities, strict=True)]
     guesses = guess_limbs(*extremities, 200)
@@ -355,7 +355,7 @@ def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=600).mesh, 60)[1]
     ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
@@ -379,7 +379,7 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
 
 
 def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
-    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30)[1]
+    shape = prepare_shape(make_octopus("swimming", n_vertices=600).mesh, 30)[1]
     ends = find_extremities(shape).vertices
     for landmark in ends:
         found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices

@@ -16,7 +16,6 @@ from unbend.matching._extremities import Guess
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._points import (
     Points,
-    _consistent,
     _describe,
     _unlike,
     find_points,
@@ -289,72 +288,6 @@ def test_what_faces_away_is_not_described_and_what_faces_the_same_way_counts_ali
     for facing in (0.3, 0.15, 1e-3, 0.0):
         seen = described(slab([1.0, facing]))[:, 1]
         np.testing.assert_allclose(seen, 2 * 0.02 * facing / (1 + facing) / RADII, atol=1e-12)
-
-
-def gathered(ours: Points, theirs: Points, step: int) -> list[tuple[float, list[tuple[int, int]]]]:
-    """Pairs that support each other, as they are defined: one beginning, one pair at a time."""
-    unlike = _unlike(ours, theirs, step)
-    n, m = unlike.shape
-    partners = [sorted(range(m), key=row.__getitem__)[: constants.BEAM] for row in unlike]
-    pairs = [(i, j) for i in range(n) for j in partners[i]]
-    usual = np.median([row.min() for row in unlike])
-    longer = 2 ** (step / 8)  # half of it on either side
-    support = np.zeros((len(pairs), len(pairs)))
-    for a, (i, j) in enumerate(pairs):
-        for b, (k, o) in enumerate(pairs):
-            if i != k and j != o:
-                here, there = ours.distances[i, k] * longer, theirs.distances[j, o] / longer
-                deviation = abs(here - there) / max(min(here, there), constants.PATCH)
-                alike = np.exp(-(unlike[i, j] + unlike[k, o]) / 2 / (2 * usual))
-                near = np.exp(-(here + there) / 2 / (4 * constants.LIMB))
-                support[a, b] = max(1 - (deviation / _points._DEVIATION) ** 2, 0) * near * alike
-    of_point = [[a for a, pair in enumerate(pairs) if pair[0] == i] for i in range(n)]
-    distances = set()
-    for begun in range(len(pairs)):
-        shares = np.arange(len(pairs)) == begun
-        for _ in range(_points._ROUNDS):
-            shares = support @ shares
-            for own in of_point:  # which compete
-                shares[own] *= (shares[own] / (shares[own].max() or 1)) ** 2
-            shares /= np.linalg.norm(shares) or 1
-        best = [own[int(shares[own].argmax())] for own in of_point]
-        distances.add(tuple(a for a in best if shares[a] > _points._HALF * shares.max()))
-    found = []
-    for way in map(list, distances):
-        if way:
-            strength = support[np.ix_(way, way)].sum(axis=1)
-            kept = [a for a, own in zip(way, strength, strict=True) if own >= np.median(strength)]
-            if len(kept) >= 4:
-                total = support[np.ix_(kept, kept)].sum() / len(kept)
-                found.append((float(total), [pairs[a] for a in kept]))
-    return found
-
-
-@pytest.mark.parametrize("step", [-2, 0, 3])
-def test_pairs_are_gathered_that_support_each_other(step):
-    ours, theirs, _ = planted(13, step)
-    chance = np.random.default_rng(3)
-    distances = theirs.distances * (1 + np.triu(chance.normal(0, 0.2, theirs.distances.shape), 1))
-    looks = theirs.surroundings + chance.normal(0, 0.8, theirs.surroundings.shape)
-    # Far apart but for some, and shaken, so that most beginnings lead elsewhere.
-    ours, distances = (
-        ours._replace(distances=6 * ours.distances),
-        6 * np.maximum(distances, distances.T),
-    )
-    distances[range(0, 12, 2), range(1, 12, 2)] = distances[range(1, 12, 2), range(0, 12, 2)] = 0.01
-    shaken = theirs._replace(distances=distances, surroundings=looks)
-    expected = gathered(ours, shaken, step)
-    found = [
-        (total, list(zip(guess.source.tolist(), guess.target.tolist(), strict=True)))
-        for total, guess in _consistent(ours, shaken, step)
-    ]
-    assert len(found) > 20
-    for one, other in zip(
-        *(sorted(every, key=lambda one: (one[1], one[0])) for every in (found, expected)),
-        strict=True,
-    ):
-        assert one[1] == other[1]
-        assert one[0] == pytest.approx(other[0])
 
 
 def test_a_guess_that_shares_half_of_its_pairs_with_a_better_one_is_none(monkeypatch):
