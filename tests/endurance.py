@@ -259,7 +259,7 @@ def crowd(number: int) -> None:
         assert not list((folder / "cache").glob(".*"))
         print(f"{number} processes, one cache: the same field from all, one file", flush=True)
         code = (
-            "import sys\nfrom unbend import Collection\n"
+            "import sys\nfrom unbend.collection import Collection\n"
             "done = Collection('store').add(sys.argv[1:], workers=0)\n"
             "assert not done.failures, done.failures\n"
         )

@@ -312,9 +312,10 @@ def test_a_table_that_another_process_is_just_making_is_waited_for(
         Collection(tmp_path / "store")
 
 
-ADD = (
-    "import sys\nfrom unbend import Collection\nCollection(sys.argv[1]).add(sys.argv[2], workers=1)"
-)
+ADD = """import sys
+from unbend.collection import Collection
+Collection(sys.argv[1]).add(sys.argv[2], workers=1)
+"""
 
 
 def test_killed_and_resumed_it_is_as_if_undisturbed(

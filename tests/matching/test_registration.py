@@ -45,7 +45,7 @@ def _same_numbers(source: Shape, target: Shape, k: int) -> np.ndarray:
 
 def _registered(source: Shape, target: Shape, functional_map: np.ndarray) -> Registered:
     (found,) = register(
-        source, target, [rough_start(source, target, functional_map)], constants.DATA_WEIGHTS, 8
+        source, target, [rough_start(source, target, functional_map)], constants.DATA_WEIGHTS[4:], 8
     )
     return found
 
@@ -98,7 +98,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
     turns = np.tile(np.eye(3), (700, 1, 1))
     pose = Pose(standing.vertices, turns, every >= 0)
     (found,) = register(
-        standing, standing, [Registered(every, every, pose, pose)], constants.DATA_WEIGHTS, 8
+        standing, standing, [Registered(every, every, pose, pose)], constants.DATA_WEIGHTS[4:], 8
     )
     np.testing.assert_array_equal(found.forward, every)
     np.testing.assert_array_equal(found.backward, every)
@@ -113,7 +113,7 @@ def test_the_identity_stays_the_identity(standing: Shape) -> None:
 def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
     source, target = (_shape(make(pose, n_vertices=700).mesh) for pose in ("standing", "walking"))
     start = rough_start(source, target, _same_numbers(source, target, 12))
-    (found,) = register(source, target, [start], constants.DATA_WEIGHTS, 8)
+    (found,) = register(source, target, [start], constants.DATA_WEIGHTS[4:], 8)
     for point_map, pose, own, goal in (
         (found.forward, found.source, source, target),
         (found.backward, found.target, target, source),
@@ -159,14 +159,14 @@ def test_poses_side_by_side_do_not_mind_each_other(
 ) -> None:
     ours, theirs = (replace(one, partial=partial) for one in (standing, walking))
     starts = [rough_start(ours, theirs, _same_numbers(standing, walking, k)) for k in (12, 30, 20)]
-    together = register(ours, theirs, starts, constants.DATA_WEIGHTS, 8)
+    together = register(ours, theirs, starts, constants.DATA_WEIGHTS[4:], 8)
     for start, found in zip(starts, together, strict=True):
-        (alone,) = register(ours, theirs, [start], constants.DATA_WEIGHTS, 8)
+        (alone,) = register(ours, theirs, [start], constants.DATA_WEIGHTS[4:], 8)
         assert _agree(found.forward, alone.forward, walking)
         assert _agree(found.backward, alone.backward, standing)
         np.testing.assert_allclose(found.source.places, alone.source.places, atol=0.01)
         assert found.source.size == pytest.approx(alone.source.size, abs=1e-3)
-    assert register(ours, theirs, [], constants.DATA_WEIGHTS, 8) == []
+    assert register(ours, theirs, [], constants.DATA_WEIGHTS[4:], 8) == []
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])  # a round rod knows no turn about itself
@@ -359,7 +359,7 @@ def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: 
     every = np.arange(700)
     shuffled = np.random.default_rng(0).permutation(700)
     start = mapped_start(part, walking, every, shuffled, 1.0)
-    (found,) = register(part, walking, [start], constants.DATA_WEIGHTS[:1], 1)
+    (found,) = register(part, walking, [start], constants.DATA_WEIGHTS[4:5], 1)
     assert found.source.overlap.all()
     returned = walking.vertices[found.forward[found.backward]]
     off = np.linalg.norm(walking.vertices - returned, axis=1) / walking.edge
@@ -419,7 +419,7 @@ def test_how_much_larger_a_part_is_found_unless_asked_not_to(
         Pose(ours.vertices, still, every >= 0),
     )
     for options, resized in (({}, True), ({"resize": True}, True), ({"resize": False}, False)):
-        (found,) = register(ours, theirs, [start], constants.DATA_WEIGHTS[:1], 8, **options)
+        (found,) = register(ours, theirs, [start], constants.DATA_WEIGHTS[4:5], 8, **options)
         size = 1.3 if any(parts) and resized else 1
         assert found.source.size == pytest.approx(size, rel=0.02)
         assert found.target.size == pytest.approx(1 / size, rel=0.02)
@@ -442,7 +442,7 @@ def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both
     shapes, maps = [part, wide], [apart.argmin(axis=0), apart.argmin(axis=1)]
     if not part_first:
         shapes, maps, every = shapes[::-1], maps[::-1], every[::-1]
-    (found,) = register(*shapes, [Registered(*maps, *every)], constants.DATA_WEIGHTS[:1], 1)
+    (found,) = register(*shapes, [Registered(*maps, *every)], constants.DATA_WEIGHTS[4:5], 1)
     small, large = found[2:] if part_first else found[:1:-1]
     assert small.overlap.all()
     assert large.overlap[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()

@@ -45,7 +45,7 @@ def found(shapes: Collection, tmp_path_factory: pytest.TempPathFactory) -> list[
         return judge_all(run, [("dog0", "dog1"), ("dog0", "dog9")], 50)
 
 
-def _true_match(source: Mesh, target: Mesh, *, cache: bool) -> SimpleNamespace:
+def _true_match(source: Mesh, target: Mesh) -> SimpleNamespace:
     return SimpleNamespace(source_to_target=np.arange(source.n_vertices), confidence=0.75)
 
 

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 # How the matcher sees a body.
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
-PATCH = (
-    0.08  # Radius of the patches that maps are scored by; rough maps are smoothed over twice it.
-)
+# Radius of the patches that maps are scored by; rough maps are smoothed over twice it.
+PATCH = 0.08
 THIN = 0.05  # No limb is shorter than this, and along a shorter boundary nothing was cut off.
 
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
-BEAM = 8  # Hypotheses that are gone on with; half as many are restarted, four times as many begun.
+BEAM = 8  # Hypotheses that are kept; half as many are relaxed, four times as many begun.
 SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.
 LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.
@@ -27,7 +26,8 @@ LIMB_LENGTH = 64.0  # Variance of a limb's length, of its trunk's, where only tr
 # How shapes are registered.
 # Data weights, in steps of sqrt(10). Stiffness and a data weight balance over a length that is the
 # inverse of its square root: from over half of sqrt(area), where parts slide as wholes, to a 55th.
-LOOSEST, LOOSE, DATA_WEIGHTS = (3.0, 10.0), (30.0, 100.0, 300.0), (300.0, 1000.0, 3000.0)
+# All of them let partial shapes slide; coarse copies begin with the third, and end with the fifth.
+DATA_WEIGHTS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 STEPS = 8  # At each data weight.
 MOMENTUM = 0.7  # Closest points are sought ahead of a slow slide, by this share of its last step.
 NORMAL_WEIGHT = 0.1  # Length that a difference of normals of one counts as.
@@ -38,17 +38,14 @@ OUTLINE = 3.0  # A part that is missing may have an outline so many times the bo
 # How maps are scored.
 WITHOUT = 0.12  # What a vertex without a partner leaves unexplained.
 MISSED = 0.15  # What a missed landmark adds to the cost.
-UNAMBIGUOUS = (
-    0.2,
-    1.4,
-)  # Largest cost of an unambiguous candidate, and how many times as much all others cost.
+# Largest cost of an unambiguous candidate, and how many times as much all others cost.
+UNAMBIGUOUS = (0.2, 1.4)
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a share
 # of the energy, that makes the odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
 CONFIDENCE = (0.27, 0.022, 0.0275)
-FEATURES = (
-    0.08  # Where the second best costs less, a shape has few features, and a lead means less.
-)
+# Where the second best costs less, a shape has few features, and a lead means less.
+FEATURES = 0.08
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
 SMALLEST_PART = 0.02  # Share of the area below which a hole is no missing part.
 

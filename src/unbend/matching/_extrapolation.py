@@ -87,7 +87,7 @@ def _carried(
 
     What is nearest there faces as they do. They begin turned as what is held nearest to them.
     """
-    data_weights = constants.LOOSE[1] * shape.areas * held
+    data_weights = constants.DATA_WEIGHTS[3] * shape.areas * held
     system = shape.system_of(data_weights)
     force = data_weights[:, None] * goal.vertices[point_map]
     nearest = np.flatnonzero(held)[snap(shape.distances[:, held]).argmin(axis=1)]

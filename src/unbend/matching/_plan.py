@@ -35,6 +35,7 @@ from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
 BEAM = constants.BEAM
+COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
 
 class Levels(NamedTuple):
@@ -87,8 +88,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     sides = Sides(levels[0], levels[-1], thorough=thorough)
     for level in (COARSE, MEDIUM):
         pair = sides.at(level)
-        loosest = constants.LOOSEST if sides.partial else ()
-        data_weights = limited(*pair, (*loosest, *constants.LOOSE, *constants.DATA_WEIGHTS[1:]))
+        data_weights = limited(*pair, constants.DATA_WEIGHTS[0 if sides.partial else 2 :])
         run_all(functools.partial(precompute, one, data_weights) for one in pair)
     for one in sides.at(COARSE):  # once, before several threads do
         _ = one.averaging(2 * constants.PATCH), one.distances, one.landmark_distances
@@ -127,7 +127,7 @@ def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidat
         lowered = [lower(one.registered, *coarse) for one in found]
         return [scored(*sides.at(COARSE), one, sides.turned) for one in lowered]
     starts = [lift(one.registered, *coarse, *sides.at(MEDIUM)) for one in found]
-    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS[1:])
+    return registered(sides, MEDIUM, starts, MEDIUM_WEIGHTS)
 
 
 def registered(
@@ -174,7 +174,7 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     maps = search(sides.source.shape, sides.target.shape)
     coarse = sides.at(COARSE)
     starts = run_all(functools.partial(rough_start, *coarse, one) for one in maps)
-    return registered(sides, COARSE, starts, constants.DATA_WEIGHTS[:1])
+    return registered(sides, COARSE, starts, COARSE_WEIGHTS[-1:])
 
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -207,9 +207,7 @@ def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best again from small data weights, which let parts slide."""
     starts = [one.registered for one in found[: BEAM // 2]]
-    return registered(
-        sides, MEDIUM, starts, (*constants.LOOSEST, *constants.LOOSE, *constants.DATA_WEIGHTS[1:])
-    )
+    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
 def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -222,7 +220,7 @@ def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
         starts = run_all(
             functools.partial(extrapolate, *coarse, one, patches) for one, patches in held
         )
-        begun = best(sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE))
+        begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS))
         poses = [one.registered for one in begun[:BEAM]]
         proposed += begun
     return moved(sides, best(sides, COARSE, proposed)[:BEAM], MEDIUM)
@@ -245,11 +243,9 @@ def _from_guesses(
         mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
         for i in np.argsort(costs, kind="stable")[:n_begun]
     ]
-    begun = best(
-        sides, COARSE, registered(sides, COARSE, starts, constants.LOOSE[:1], resize=False)
-    )
+    begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
     poses = [one.registered for one in begun[:n_kept]]
-    return registered(sides, COARSE, poses, constants.LOOSE[1:], resize=False)
+    return registered(sides, COARSE, poses, COARSE_WEIGHTS[1:], resize=False)
 
 
 def _make_levels(shape: Shape) -> Levels:

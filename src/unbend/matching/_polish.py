@@ -42,7 +42,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     found = lift(candidate.registered, *proxies, ours, theirs)
     if not polish:
         return scored(ours, theirs, found, candidate.reflected)
-    data_weights = limited(ours, theirs, constants.DATA_WEIGHTS, constants.EDGES)
+    data_weights = limited(ours, theirs, constants.DATA_WEIGHTS[4:], constants.EDGES)
     run_all(functools.partial(precompute, one, data_weights) for one in (ours, theirs))
     (found,) = register(ours, theirs, [found], data_weights, constants.STEPS // 2)
     first = scored(ours, theirs, found, candidate.reflected)

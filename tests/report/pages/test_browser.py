@@ -259,10 +259,12 @@ def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
     assert 100 < browser.run("Math.min(...drawn)") < 0.6 * ball.n_faces
 
 
-def test_a_notebook_shows_what_it_has(browser, dogs, tmp_path, screenshots) -> None:
+def test_a_notebook_shows_a_page(browser, dogs, tmp_path, screenshots) -> None:
     cell = tmp_path / "notebook.html"
     ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
-    cell.write_text(f"<!doctype html><body>{dogs[0]._repr_html_()}{ready}", encoding="utf-8")
+    cell.write_text(
+        f"<!doctype html><body>{mesh_page(dogs[0])._repr_html_()}{ready}", encoding="utf-8"
+    )
     browser.open(cell)
     for _ in range(100):
         if drawn(browser.picture("iframe")) > 0.01:
