@@ -15,23 +15,21 @@ from unbend.matching import match
 RIGHT = 0.08  # a map whose mean error is larger has a limb, a side or an end mistaken
 SPECIES = (
     (make_quadruped, "dog", "standing", "galloping"),
-    (make_quadruped, "cat", "walking", "sitting"),
     (make_quadruped, "horse", "galloping", "howling"),
     (make_biped, "human", "standing", "sitting"),
-    (make_biped, "child", "walking", "waving"),
 )
 BODIES = (("quadruped", 0, 20), ("quadruped", 2, 22), ("biped", 0, 20))
-# Mean errors, in sqrt(area), over one body in two poses and over two bodies: measured as 0.0143
-# and 0.0343.
-ONE_BODY, TWO_BODIES = 0.019, 0.045
+# Bounds of the mean errors, in sqrt(area): measured as 0.0190 for one body in two poses and as
+# 0.0379 for two bodies.
+ONE_BODY, TWO_BODIES = 0.025, 0.049
 
 
 def _poses() -> dict[str, tuple[Shape, Shape]]:
     """Each species in two poses, each meshed on its own."""
     return {
         f"{species}, {first} to {second}": (
-            make(first, species=species, n_vertices=800),
-            make(second, species=species, n_vertices=700, meshing=1),
+            make(first, species=species, n_vertices=600),
+            make(second, species=species, n_vertices=500, meshing=1),
         )
         for make, species, first, second in SPECIES
     }
@@ -41,28 +39,33 @@ def _bodies() -> dict[str, tuple[Shape, Shape]]:
     """Two bodies of random proportions, poses and meshings."""
     return {
         f"{kind} {first} to {second}": (
-            make_body(kind, first, n_vertices=800, meshing=first, random_state=first),
-            make_body(kind, second, n_vertices=700, meshing=second, random_state=second + 30),
+            make_body(kind, first, n_vertices=600, meshing=first, random_state=first),
+            make_body(kind, second, n_vertices=500, meshing=second, random_state=second + 30),
         )
         for kind, first, second in BODIES
     }
 
 
 def _mean_error(pairs: dict[str, tuple[Shape, Shape]]) -> float:
-    """Mean over the maps' mean errors, after each is seen to be right and not mirrored."""
+    """Mean over the mean errors of all maps, each of which must be right and not mirrored."""
     means = []
     for name, (source, target) in pairs.items():
         found = match(source.mesh, target.mesh)
-        truth = rest_map(source, target)
-        assert target.mirror is not None
-        every = np.arange(len(truth))
-        errors = evaluate(found.source_to_target, target.mesh, every, truth, target.mirror[truth])
-        means.append(errors.mean())
-        print(f"{name}: {means[-1]:.4f}")  # seen where a bound is not kept
-        assert means[-1] < RIGHT, name
-        assert errors.mean("map-min") == errors.mean(), f"{name} is mirrored"
+        for point_map, one, other in (
+            (found.source_to_target, source, target),
+            (found.target_to_source, target, source),
+        ):
+            truth = rest_map(one, other)
+            assert other.mirror is not None
+            every = np.arange(len(truth))
+            errors = evaluate(point_map, other.mesh, every, truth, other.mirror[truth])
+            means.append(errors.mean())
+            print(f"{name}: {means[-1]:.4f}")  # pytest shows this if a bound is not kept
+            assert means[-1] < RIGHT, name
+            assert errors.mean("map-min") == errors.mean(), f"{name} is mirrored"
         assert found.orientation > 0.9, name
         assert found.confidence > 0.5, name
+        assert found.confidence_bound > 0.9, name
     return float(np.mean(means))
 
 

@@ -1,22 +1,15 @@
 """Hypotheses mended from what they explain best: truths that hold for a body that did not move."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from sheets import make_sheet
-from testshapes.damage import keep
 from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.matching import _constants as constants
-from unbend.matching import _extrapolation
 from unbend.matching._extrapolation import _best_explained, extrapolate, patches_to_hold
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._plan import candidates, make_sides
-from unbend.matching._polish import reranked
 from unbend.matching._registration import Registered, mapped_start
 from unbend.matching._shape import Shape
 
@@ -133,77 +126,8 @@ def test_where_nothing_has_a_partner_nothing_is_held(
     assert patches_to_hold(*shapes, swapped._replace(source=none)) == []
 
 
-def test_candidates_that_cost_nearly_the_same_are_told_apart_on_the_full_meshes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Whatever the proxies say: all that may be best is looked at, and what is best there wins."""
-    monkeypatch.setattr("unbend.matching._constants.NEARLY", np.inf)
-    half = keep(SOURCE.mesh, SOURCE.mesh.vertices[:, 2] > 0).mesh
-    part = prepare_shape(half, 60, partial=True).shape
-    sides = make_sides(part, prepare_shape(TARGET.mesh, 60).shape, thorough=True)
-    best, other, *rest = candidates(sides)
-    found, fine = reranked(sides, [other, best, *rest])
-    assert found[0].registered is best.registered
-    known = [one for one in found if one in fine]
-    assert len(known) > 1
-    was = next(one for one in known if one.registered is other.registered)
-    assert was.energy == pytest.approx(other.energy)
-    for one in known:  # in the proxies' unit
-        assert one.energy == pytest.approx(other.energy * fine[one].energy / fine[was].energy)
-
-
 def test_the_best_explained_half_of_what_has_a_partner_is_held() -> None:
     areas = np.array([1.0, 0.0, 2.0, 1.0, 2.0, 2.0])
     shares = np.array([0.1, 0.0, 0.5, 0.2, 0.3, 0.4])
     held = _best_explained(areas, shares)  # one, one and two, of eight
     np.testing.assert_array_equal(np.flatnonzero(held), [0, 3, 4])
-
-
-@pytest.mark.parametrize(
-    ("columns", "pieces"),
-    [
-        ([5, 3, 2], [5, 3]),  # all, and the two largest
-        ([2, 5, 3], [5, 3]),
-        ([9, 1], [9, 1]),  # a tenth is enough
-        ([9.05, 0.95], [9.05]),
-        ([10], []),  # all is there once
-    ],
-)
-def test_all_and_the_largest_pieces_are_held(
-    monkeypatch: pytest.MonkeyPatch, columns: list[float], pieces: list[float]
-) -> None:
-    """Of a sheet of twenty columns, ten of which are well explained, in strips."""
-    sheet = prepare_shape(make_sheet(20), 20, partial=True).shape
-    sheet = replace(sheet, areas=np.ones(400))
-    shares, strips, begun = np.ones(400), {}, 0
-    for width in columns:
-        strips[width] = begun + np.arange(round(20 * width))
-        shares[strips[width]] = 0
-        begun += 20 * int(width + 2)
-    theirs = np.arange(400) % 2.0  # every other one, on the other shape
-    monkeypatch.setattr(_extrapolation, "unexplained", lambda *given: (shares, theirs))
-    every = np.arange(400)
-    held = patches_to_hold(sheet, sheet, mapped_start(sheet, sheet, every, every, 1.0))
-    expected = [shares == 0, *(np.isin(every, strips[width]) for width in pieces)]
-    assert len(held) == len(expected)
-    for i, ((mine, other), wanted) in enumerate(zip(held, expected, strict=True)):
-        np.testing.assert_array_equal(mine, wanted)
-        np.testing.assert_array_equal(other, (theirs == 0) & (wanted if i else True))
-
-
-def test_the_rest_begins_turned_as_what_is_held_nearest(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("unbend.deformation._surface.turn_rotations", lambda *given: None)
-    sheet = prepare_shape(make_sheet(8), 20).shape
-    every, x = np.arange(64), sheet.vertices[:, 0]
-    turns = np.zeros((64, 3, 3)) + every[:, None, None]
-    pose = mapped_start(sheet, sheet, every, every, 1.0).source._replace(
-        rotations=turns, overlap=every < 0
-    )
-    held = np.abs(x) > 0.49
-    assert held.sum() == 16
-    found = extrapolate(sheet, sheet, Registered(every, every, pose, pose), (held, held)).source
-    nearest = np.where(x < 0, every % 8, 56 + every % 8)
-    np.testing.assert_array_equal(found.rotations[:, 0, 0], nearest)
-    assert found.overlap.all()

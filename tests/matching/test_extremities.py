@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
+from unbend.datasets import Shape as Body
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import (
@@ -24,7 +25,7 @@ from unbend.matching._shape import Shape
 
 
 def test_a_person_has_five_tips() -> None:
-    body = make_biped("walking", n_vertices=1500)
+    body = make_biped("walking", n_vertices=700)
     extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
     named = [body.parts[label] for label in body.labels[extremities.vertices]]
     assert sorted(named) == ["head", "left_arm", "left_leg", "right_arm", "right_leg"]
@@ -91,13 +92,6 @@ def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
         few.distances, [[distances[3, 3], distances[3, 0]], [distances[0, 3], distances[0, 0]]]
     )
     np.testing.assert_array_equal(few.fields, fields[[4, 1, 2]][:, [3, 0]])
-
-
-def test_an_octopus_has_tips_on_arms_of_their_own() -> None:
-    body = make_octopus("floating", n_vertices=1500)
-    extremities = find_extremities(prepare_shape(body.mesh, 60)[1])
-    named = [body.parts[label] for label in body.labels[extremities.vertices]]
-    assert len(named) == len(set(named)) == 9  # its eight arms and its mantle
 
 
 def test_limbs_of_other_lengths_change_little() -> None:
@@ -245,13 +239,33 @@ def test_the_order_of_tips_does_not_matter() -> None:
             assert np.abs(fields[maps] - fields[same]).mean() < 0.005  # ties go either way
 
 
-def test_eight_alike_limbs_are_all_guessed() -> None:
-    bodies = [make_octopus(pose, n_vertices=900) for pose in ("swimming", "curled")]
-    extremities = [find_extremities(prepare_shape(body.mesh, 60)[1]) for body in bodies]
-    labels = [body.labels[one.vertices] for body, one in zip(bodies, extremities, strict=True)]
+@pytest.fixture(scope="module")
+def octopuses() -> list[tuple[Body, Shape]]:
+    bodies = [make_octopus(pose, n_vertices=700) for pose in ("swimming", "curled")]
+    return [(body, prepare_shape(body.mesh, 60).shape) for body in bodies]
+
+
+def test_eight_alike_limbs_are_all_guessed(octopuses: list[tuple[Body, Shape]]) -> None:
+    extremities = [find_extremities(shape) for _, shape in octopuses]
+    labels = [
+        body.labels[one.vertices] for (body, _), one in zip(octopuses, extremities, strict=True)
+    ]
+    for ends in labels:
+        assert len(ends) == len(set(ends)) == 9  # an octopus has eight arms and a mantle
     guesses = guess_limbs(*extremities, 200)
     right = [(labels[0][one.source] == labels[1][one.target]).sum() for one in guesses]
     assert max(right) == 9
+
+
+def test_landmarks_come_first_and_a_tip_there_does_not_come_again(
+    octopuses: list[tuple[Body, Shape]],
+) -> None:
+    shape = octopuses[0][1]
+    ends = find_extremities(shape).vertices
+    for landmark in ends[[0, 4, 8]]:
+        found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices
+        assert found[0] == landmark
+        assert sorted(found) == sorted(ends)
 
 
 def test_either_shape_may_lack_most_tips() -> None:
@@ -355,7 +369,7 @@ def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
-    shape = prepare_shape(make_biped("running", n_vertices=1000).mesh, 60)[1]
+    shape = prepare_shape(make_biped("running", n_vertices=600).mesh, 60)[1]
     ends = find_extremities(shape)
     for point_map in limb_maps(ends, ends):  # the front may stand for the back
         np.testing.assert_allclose(ends.fields[point_map], ends.fields, atol=2e-3)
@@ -376,12 +390,3 @@ def test_whitened_ways_vary_alike(limb: float) -> None:
     root = _whitening(5, limb)
     np.testing.assert_allclose(root @ covariance @ root, np.eye(10), atol=1e-10)
     np.testing.assert_allclose(root, root.T, atol=1e-12)
-
-
-def test_landmarks_come_first_and_a_tip_there_does_not_come_again() -> None:
-    shape = prepare_shape(make_octopus("swimming", n_vertices=800).mesh, 30)[1]
-    ends = find_extremities(shape).vertices
-    for landmark in ends:
-        found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices
-        assert found[0] == landmark
-        assert sorted(found) == sorted(ends)

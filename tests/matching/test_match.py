@@ -11,12 +11,9 @@ from testshapes.damage import Damaged, keep
 from unbend import Mesh, read_mesh
 from unbend.choices import Partial
 from unbend.correspondence import evaluate
-from unbend.datasets import make_biped, make_quadruped, make_sphere, rest_map
-from unbend.errors import InputError, MeshError, UnbendWarning
+from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import InputError, UnbendWarning
 from unbend.matching import match, prepare_spectrum, symmetry
-from unbend.matching._inputs import prepare_shape
-from unbend.matching._plan import candidates, make_sides
-from unbend.matching._polish import refined
 from unbend.mesh import vertex_areas
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -32,6 +29,12 @@ def _share_right(point_map: np.ndarray, mesh: Mesh, truth: np.ndarray) -> float:
     )
 
 
+@pytest.fixture(scope="module")
+def blob(blob: Mesh) -> Mesh:
+    """The same surface in 162 vertices."""
+    return Mesh(blob.vertices[:162], make_sphere(2).faces, name="blob")
+
+
 def _rotation(seed: int) -> np.ndarray:
     rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
     return rotation * np.sign(np.linalg.det(rotation))
@@ -45,49 +48,17 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
     assert found.orientation > 0.9
     assert found.residual < 1e-3
     assert found.confidence > 0.9
-    np.testing.assert_allclose(found.functional_map, np.eye(150), atol=1e-9)
+    np.testing.assert_allclose(found.functional_map, np.eye(81), atol=1e-9)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1)
     assert (found.weights >= 0).all()
     positions = np.einsum("ij,ijk->ik", found.weights, blob.vertices[blob.faces[found.faces]])
     assert np.abs(positions - blob.vertices).max() < 0.02
 
 
-def test_symmetric_shape_is_itself_not_its_mirror_image() -> None:
-    dog = make_quadruped("standing", n_vertices=1200)
-    found = match(dog.mesh, dog.mesh, mirrored=True)
-    assert (found.source_to_target == np.arange(1200)).all()
-    assert _share_right(found.mirrored, dog.mesh, dog.mirror) > 0.99
-
-
-@pytest.mark.parametrize("make", [make_quadruped, make_biped])
-def test_another_pose_and_meshing(make) -> None:
-    source = make("standing", n_vertices=1500)
-    target = make("walking", n_vertices=1200, meshing=1)
-    found = match(source.mesh, target.mesh)
-    truth = rest_map(source, target)
-    assert _share_right(found.source_to_target, target.mesh, truth) > 0.99
-    assert _share_right(found.target_to_source, source.mesh, rest_map(target, source)) > 0.99
-    result = evaluate(found.source_to_target, target.mesh, np.arange(1500), truth)
-    assert result.mean() < 0.03
-    assert found.confidence > 0.5
-
-
-def test_the_judge_prefers_the_right_map_to_its_rivals() -> None:
-    # A person back to front is nearly the same person: only patches of the surface tell.
-    source = make_biped("standing", n_vertices=1500)
-    target = make_biped("walking", n_vertices=1200, meshing=1)
-    sides = make_sides(*(prepare_shape(one.mesh, 150)[1] for one in (source, target)))
-    first, *rivals = candidates(sides)
-    assert rivals
-    truth = rest_map(source, target)
-    shares = [
-        _share_right(refined(sides, one).registered.forward, target.mesh, truth)
-        for one in (first, rivals[0])
-    ]
-    assert shares[0] > 0.99
-    assert shares[1] < 0.8
-    assert first.energy < rivals[0].energy
-    assert first.orientation > 0.9
+def test_symmetric_shape_and_its_mirror_image() -> None:
+    dog = make_quadruped("standing", n_vertices=600)
+    image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
+    assert _share_right(match(dog.mesh, image).source_to_target, image, dog.mirror) > 0.99
 
 
 def test_vertex_order_motion_and_unit_do_not_matter(blob: Mesh) -> None:
@@ -107,52 +78,34 @@ def test_mirror_image_keeps_the_side_that_faces_name(blob: Mesh) -> None:
     assert (match(blob, reflected).source_to_target == every).all()
     kept = match(blob, rewound, refine=False)
     assert kept.orientation > 0 or kept.confidence < 0.5
-    allowed = match(blob, rewound, allow_mirror=True)
+    allowed = match(blob, rewound, allow_mirror=True, barycentric=True)
     assert (allowed.source_to_target == every).all()
     assert allowed.orientation < -0.9
-
-
-def test_places_of_a_map_that_mirrors_are_on_the_target(blob: Mesh) -> None:
-    image = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
-    found = match(blob, image, allow_mirror=True, barycentric=True)
-    assert found.orientation < -0.9
-    places = np.einsum("ij,ijk->ik", found.weights, image.vertices[image.faces[found.faces]])
-    assert np.abs(places - image.vertices).max() < 0.02
-
-
-def test_progress_ends_where_fewer_matches_are_found_than_asked_for(blob: Mesh) -> None:
-    told: list[tuple[str, float]] = []
-    found = match(blob, blob, n_matches=1000, refine=False, progress=lambda *s: told.append(s))
-    assert len(found.alternatives) < 999
-    assert told[-1] == ("refine", 1.0)
-
-
-def test_symmetric_shape_and_its_mirror_image() -> None:
-    dog = make_quadruped("standing", n_vertices=1000)
-    image = Mesh(dog.mesh.vertices * MIRROR, dog.mesh.faces[:, ::-1])
-    assert _share_right(match(dog.mesh, image).source_to_target, image, dog.mirror) > 0.99
+    places = np.einsum(
+        "ij,ijk->ik", allowed.weights, rewound.vertices[rewound.faces[allowed.faces]]
+    )
+    assert np.abs(places - rewound.vertices).max() < 0.02
 
 
 def test_symmetry_swaps_left_and_right() -> None:
-    dog = make_quadruped("walking", n_vertices=1500)
-    found = symmetry(dog.mesh)
+    dog = make_quadruped("walking", n_vertices=600)
+    told: list[tuple[str, float]] = []
+    found = symmetry(dog.mesh, progress=lambda *stage: told.append(stage))
     assert _share_right(found.source_to_target, dog.mesh, dog.mirror) > 0.98
     assert found.orientation < -0.5
     assert found.confidence > 0.5
-
-
-@pytest.mark.parametrize("options", [{}, {"refine": False}])
-def test_maps_are_polished_unless_asked_not_to(options: dict[str, Any]) -> None:
-    """Those that are not lead to vertices of a coarse copy alone."""
-    egg = make_egg(4)
-    told: list[tuple[str, float]] = []
-    both = match(egg, egg, n_eigenpairs=30, mirrored=True, **options)
-    swap = symmetry(egg, n_eigenpairs=30, progress=lambda *stage: told.append(stage), **options)
-    for one in (both.source_to_target, both.mirrored, swap.source_to_target):
-        assert (len(np.unique(one)) > 2000) == (not options)
-    for one in (both.mirrored, swap.source_to_target):
-        assert np.linalg.norm(egg.vertices[one] * MIRROR - egg.vertices, axis=1).mean() < 0.05
     assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
+
+
+def test_maps_lead_to_vertices_of_a_coarse_copy_alone_unless_refined() -> None:
+    egg = make_egg(4)
+    both = match(egg, egg, n_eigenpairs=30, mirrored=True, refine=False)
+    rough, swap = (symmetry(egg, n_eigenpairs=30, refine=one) for one in (False, True))
+    for one in (both.source_to_target, both.mirrored, rough.source_to_target):
+        assert len(np.unique(one)) <= 1000
+    assert len(np.unique(swap.source_to_target)) > 2000
+    for one in (both.mirrored, rough.source_to_target, swap.source_to_target):
+        assert np.linalg.norm(egg.vertices[one] * MIRROR - egg.vertices, axis=1).mean() < 0.05
 
 
 def test_every_alternative_knows_all_hypotheses_its_own_first() -> None:
@@ -196,11 +149,6 @@ def test_open_surface_and_small_mesh() -> None:
     assert len(found.functional_map) <= len(used) // 2
 
 
-def test_a_map_that_is_not_refined_is_right_too(blob: Mesh) -> None:
-    every = np.arange(blob.n_vertices)
-    assert _share_right(match(blob, blob, refine=False).source_to_target, blob, every) == 1
-
-
 @pytest.mark.filterwarnings("ignore:part of the map is wrong")
 def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> None:
     other = make_quadruped("walking", n_vertices=600).mesh
@@ -214,15 +162,6 @@ def test_the_same_every_time_and_unlike_shapes_are_not_trusted(blob: Mesh) -> No
     assert {stage for stage, _ in told} == {"spectrum", "search", "refine"}
     assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
     assert all(0 < share <= 1 for _, share in told)
-
-
-def test_faces_that_disagree_are_wound_alike(blob: Mesh) -> None:
-    faces = blob.faces.copy()
-    some = np.random.default_rng(0).random(len(faces)) < 0.2
-    faces[some] = faces[some][:, ::-1]
-    found = match(Mesh(blob.vertices, faces), blob)
-    assert (found.source_to_target == np.arange(blob.n_vertices)).all()
-    assert found.orientation > 0.9
 
 
 def test_an_edge_of_three_faces_does_not_stop_a_match(blob: Mesh) -> None:
@@ -246,27 +185,10 @@ def test_a_small_twist_that_leaves_one_side_is_no_hindrance() -> None:
     assert off.mean() < 0.1
 
 
-def test_what_is_wrong_is_said(blob: Mesh, moebius_strip: Mesh) -> None:
-    with pytest.raises(MeshError, match="only one side"):
-        match(moebius_strip, blob)
-    with pytest.raises(InputError, match="needs faces"):
-        match(blob.vertices, blob)
-    with pytest.raises(InputError, match="n_eigenpairs"):
-        match(blob, blob, n_eigenpairs=2)
-    with pytest.raises(InputError, match="partial must be one of auto, none"):
-        match(blob, blob, partial="half")  # type: ignore[arg-type]
-    for wrong in (0, 1.5, True):
-        with pytest.raises(InputError, match="n_matches must be a whole number of at least 1"):
-            match(blob, blob, n_matches=wrong)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("source", "target"), [("cat0", "cat1"), ("david0", "david1")])
-def test_real_shapes(real_data: Path, source: str, target: str) -> None:
-    folder = real_data / "tosca_remeshed"
-    shapes = [read_mesh(folder / f"{name}.off") for name in (source, target)]
-    truth = [
-        np.loadtxt(folder / "corres" / f"{name}.vts", dtype=int) - 1 for name in (source, target)
-    ]
+def test_real_shapes(real_data: Path) -> None:
+    folder, names = real_data / "tosca_remeshed", ("david0", "david1")
+    shapes = [read_mesh(folder / f"{name}.off") for name in names]
+    truth = [np.loadtxt(folder / "corres" / f"{name}.vts", dtype=int) - 1 for name in names]
     some = np.arange(0, 5000, 25)
     found = match(*shapes)
     result = evaluate(found.source_to_target, shapes[1], truth[0][some], truth[1][some])
@@ -291,6 +213,8 @@ def test_places_on_faces_are_those_of_the_mesh_as_given(blob: Mesh) -> None:
         for one, mesh in ((plain, blob), (found, other))
     ]
     np.testing.assert_allclose(places[1], places[0], atol=1e-8)
+    assert found.orientation > 0.9
+    assert _share_right(plain.source_to_target, blob, np.arange(blob.n_vertices)) == 1
 
 
 def _box() -> Mesh:
@@ -335,14 +259,14 @@ def test_rounding_does_not_choose_between_a_map_and_its_mirror_image() -> None:
 
 def _without_end() -> Damaged:
     """An egg without one end, a fifth of it."""
-    egg = make_egg(3)
+    egg = make_egg(2)
     return keep(egg, egg.vertices[:, 1] > np.quantile(egg.vertices[:, 1], 0.2))
 
 
 @pytest.mark.filterwarnings("ignore:part of the map is wrong")
 @pytest.mark.parametrize("partial", get_args(Partial))
 def test_only_what_the_other_shape_may_lack_has_no_partner(partial: Partial) -> None:
-    egg, torn = make_egg(3), _without_end()
+    egg, torn = make_egg(2), _without_end()
     found = match(egg, torn.mesh, n_eigenpairs=40, partial=partial, barycentric=True)
     matched = found.source_to_target >= 0
     assert (found.target_to_source >= 0).all()
@@ -361,7 +285,7 @@ def test_only_what_the_other_shape_may_lack_has_no_partner(partial: Partial) -> 
 
 
 def test_what_only_the_target_has_has_no_partner() -> None:
-    egg, torn = make_egg(3), _without_end()
+    egg, torn = make_egg(2), _without_end()
     found = match(torn.mesh, egg, n_eigenpairs=40, partial="source")
     assert (found.source_to_target >= 0).all()
     assert ((found.target_to_source >= 0) == (torn.image >= 0)).mean() > 0.95
@@ -386,9 +310,9 @@ def test_small_holes_leave_nothing_without_partner_unless_asked_to() -> None:
 def test_how_far_it_is_is_told_after_each_of_the_matches() -> None:
     told: list[tuple[str, float]] = []
     box = _box()
-    found = match(box, box, n_eigenpairs=40, n_matches=4, progress=lambda *s: told.append(s))
+    found = match(box, box, n_eigenpairs=40, n_matches=1000, progress=lambda *s: told.append(s))
     n = 1 + len(found.alternatives)
-    assert n > 1
+    assert 1 < n < 1000  # fewer than asked for
     assert told[0] == ("spectrum", 1.0)
     searched = [share for stage, share in told if stage == "search"]
     assert searched == sorted(searched)
@@ -451,8 +375,20 @@ def test_a_symmetry_needs_four_functions(blob: Mesh, wrong: Any) -> None:
         symmetry(blob, n_eigenpairs=wrong)
 
 
+def test_options_that_make_no_sense_are_refused(blob: Mesh) -> None:
+    with pytest.raises(InputError, match="n_eigenpairs"):
+        match(blob, blob, n_eigenpairs=2)
+    with pytest.raises(InputError, match="partial must be one of auto, none"):
+        match(blob, blob, partial="half")  # type: ignore[arg-type]
+    for wrong in (0, 1.5, True):
+        with pytest.raises(InputError, match="n_matches must be a whole number of at least 1"):
+            match(blob, blob, n_matches=wrong)  # type: ignore[arg-type]
+
+
 def test_landmarks_that_are_no_pairs_are_refused_and_so_are_too_many() -> None:
     egg = make_egg(2)
+    with pytest.raises(InputError, match=f"there is no vertex {egg.n_vertices}"):
+        match(egg, egg, n_eigenpairs=20, landmarks=[(0, egg.n_vertices)])
     for wrong in ([1, 2], [[1, 2, 3]], [[[1, 2], [3, 4]]], np.zeros((0, 2), dtype=int), 5):
         with pytest.raises(InputError, match="landmarks must be rows of two vertex numbers"):
             match(egg, egg, n_eigenpairs=20, landmarks=wrong)

@@ -57,6 +57,8 @@ def test_what_costs_nearly_the_same_is_told_apart_on_the_shapes(partial: bool) -
     found, fine = reranked(sides, ranks)
     assert [one.registered for one in found] == [ranks[i].registered for i in (1, 0, 2)]
     assert found[0].energy < found[1].energy == pytest.approx(0.3)
+    ratio = fine[found[0]].energy / fine[found[1]].energy
+    assert found[0].energy == pytest.approx(0.3 * ratio)  # in the unit of the proxies
     assert found[2] is ranks[2]  # it costs more, and is not looked at
     assert set(fine) == set(found[:2])
     goal = sides.target.shape

@@ -13,7 +13,6 @@ from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
-    _POSITIONS,
     Pose,
     Registered,
     _closest,
@@ -128,7 +127,7 @@ def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
     assert scored(source, target, found).energy < 0.05
 
 
-def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
+def test_a_shape_that_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
     every = np.arange(700)[:, None]
     turns = np.tile(np.eye(3), (700, 1, 1))
     goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
@@ -137,13 +136,21 @@ def test_both_maps_pull_and_what_only_has_to_move_arrives_in_one_step(standing: 
     moving.step(300.0, every, every, every >= 0)
     np.testing.assert_allclose(moving.places[:, 0], goal.vertices, atol=1e-8)
     np.testing.assert_allclose(moving.rotations[:, 0], turns, atol=1e-6)
-    # Where the goal's own vertices do not pull, it goes half the way.
+    # The next closest points are sought ahead, farther in the same direction.
+    shares = (moving.ahead[:, 0] - goal.vertices) / (goal.vertices - standing.vertices)
+    np.testing.assert_allclose(shares, shares[0, 0], atol=1e-6)
+    assert 0.3 < shares[0, 0] < 1
+    # If the goal's own vertices do not pull, it goes half the way.
     empty = np.zeros((0, 1), dtype=np.int64)
     silent = replace(goal, areas=goal.areas[empty[:, 0]])
     half = _Moving(standing, silent, [still])
     half.step(300.0, every, empty, empty >= 0)
     between = (standing.vertices + goal.vertices) / 2
     np.testing.assert_allclose(half.places[:, 0], between, atol=1e-8)
+    # Without partners nothing pulls, and it stays where it is.
+    alone = _Moving(standing, goal, [still._replace(overlap=every[:, 0] < 0)])
+    alone.step(300.0, every, every, every < 0)
+    np.testing.assert_allclose(alone.places[:, 0], standing.vertices, atol=1e-8)
 
 
 @pytest.mark.parametrize("partial", [False, True])
@@ -196,12 +203,10 @@ def test_motions_of_a_shape_do_not_matter(
     assert two.orientation == pytest.approx(one.orientation, abs=0.01)
 
 
-def test_units_do_not_matter(standing: Shape, walking: Shape, found: Registered) -> None:
+def test_units_do_not_matter(walking: Shape) -> None:
     mesh = make_biped("walking", n_vertices=700).mesh
     grown = _shape(Mesh(250 * mesh.vertices - 40, mesh.faces))
     np.testing.assert_allclose(grown.vertices, walking.vertices, atol=1e-9)
-    again = _registered(standing, grown, _same_numbers(standing, grown, 12))
-    assert _agree(again.forward, found.forward, walking)
 
 
 def test_the_order_of_vertices_does_not_matter(
@@ -268,21 +273,25 @@ def test_what_is_lifted_and_lowered_again_is_as_it_was(standing: Shape, walking:
             np.testing.assert_allclose(mine, theirs_)
 
 
-@pytest.mark.parametrize("partial", [False, True])
-def test_maps_begin_with_poses_that_are_turned_and_for_parts_larger(
-    standing: Shape, partial: bool
+@pytest.mark.parametrize("parts", [(False, False), (True, False), (False, True)])
+def test_maps_begin_with_poses_that_are_turned_and_larger_if_either_is_a_part(
+    standing: Shape, parts: tuple[bool, bool]
 ) -> None:
-    every, turn = np.arange(700), _turn(3)
-    ours = replace(standing, partial=partial)
-    turned = replace(ours, vertices=standing.vertices @ turn.T)
-    found = mapped_start(ours, turned, every, every, 1.3)
-    assert found.source.size == (1.3 if partial else 1.0)
+    order, turn = np.random.default_rng(0).permutation(700), _turn(3)
+    source = replace(standing, partial=parts[0])
+    shuffled = _shuffled(standing, order)
+    target = replace(shuffled, vertices=shuffled.vertices @ turn.T, partial=parts[1])
+    found = mapped_start(source, target, np.argsort(order), order, 1.3)
+    np.testing.assert_array_equal(found.forward, np.argsort(order))
+    np.testing.assert_array_equal(found.backward, order)
+    assert found.source.size == (1.3 if any(parts) else 1.0)
     assert found.target.size == pytest.approx(1 / found.source.size)
-    for pose, shape, motion in ((found.source, turned, turn), (found.target, ours, turn.T)):
+    for pose, shape, motion in ((found.source, source, turn), (found.target, target, turn.T)):
+        assert pose.overlap.dtype == bool
         assert pose.overlap.all()
         np.testing.assert_allclose(pose.rotations, np.tile(motion, (700, 1, 1)), atol=1e-6)
         smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
-        np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
+        np.testing.assert_allclose(pose.places, smooth @ motion.T, atol=1e-9)
 
 
 def test_how_much_longer_things_are_is_the_median_of_what_has_partners(standing: Shape) -> None:
@@ -300,17 +309,6 @@ def test_how_much_longer_things_are_is_the_median_of_what_has_partners(standing:
     assert smaller <= both <= larger
 
 
-def test_the_last_step_tells_where_the_next_may_lead(standing: Shape) -> None:
-    every = np.arange(700)[:, None]
-    turns = np.tile(np.eye(3), (700, 1, 1))
-    goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
-    moving = _Moving(standing, goal, [Pose(standing.vertices, turns, every[:, 0] >= 0)])
-    moving.step(300.0, every, every, every >= 0)
-    shares = (moving.ahead[:, 0] - goal.vertices) / (goal.vertices - standing.vertices)
-    np.testing.assert_allclose(shares, shares[0, 0], atol=1e-6)  # on the way, by one share of it
-    assert 0.3 < shares[0, 0] < 1
-
-
 def test_forms_are_compared_where_there_are_partners_by_functions_of_both(
     standing: Shape,
 ) -> None:
@@ -325,18 +323,18 @@ def test_forms_are_compared_where_there_are_partners_by_functions_of_both(
 
 
 def test_a_smooth_start_has_maps_near_those_it_was_given(standing: Shape, walking: Shape) -> None:
-    """Of few functions, and from maps that are a neighbour off everywhere, or the truth."""
-    every = np.arange(700)
+    """The maps given are a neighbour off everywhere, or the truth. The order does not matter."""
+    every, order = np.arange(700), np.random.default_rng(1).permutation(700)
+    number, shuffled = np.argsort(order), _shuffled(walking, order)
     grown = _same_numbers(standing, walking, 30)
+    smooth = standing.basis[:, :30] @ (grown @ walking.position_coefficients[:30])
     beside = standing.faces[np.unique(standing.faces.ravel(), return_index=True)[1] // 3, 0]
-    near = mapped_start(standing, walking, beside, beside, 1.0)
-    found = smooth_start(standing, walking, grown, near)
-    right = smooth_start(standing, walking, grown, mapped_start(standing, walking, every, every, 1))
-    for one in (found, right):
-        assert _mean_error(one.forward, walking) < 0.02
-        assert _mean_error(one.backward, standing) < 0.02
-        smooth = standing.basis[:, :30] @ (grown @ walking.position_coefficients[:30])
-        np.testing.assert_allclose(one.source.places, smooth, atol=1e-9)
+    for given in (beside, every):
+        near = mapped_start(standing, shuffled, number[given], given[order], 1.0)
+        found = smooth_start(standing, shuffled, grown, near)
+        assert _mean_error(order[found.forward], walking) < 0.02
+        assert _mean_error(found.backward[number], standing) < 0.02
+        np.testing.assert_allclose(found.source.places, smooth, atol=1e-9)
 
 
 def test_what_lands_on_a_rim_does_not_pull() -> None:
@@ -370,39 +368,6 @@ def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: 
     assert found.target.overlap[off < 1].all()
 
 
-@pytest.mark.parametrize(("ours", "theirs"), [(True, False), (False, True)])
-def test_maps_begin_as_they_are_and_of_their_size_if_either_is_a_part(
-    standing: Shape, ours: bool, theirs: bool
-) -> None:
-    order = np.random.default_rng(0).permutation(700)
-    source = replace(standing, partial=ours)
-    target = replace(_shuffled(standing, order), partial=theirs)
-    found = mapped_start(source, target, np.argsort(order), order, 1.3)
-    np.testing.assert_array_equal(found.forward, np.argsort(order))
-    np.testing.assert_array_equal(found.backward, order)
-    assert found.source.size == 1.3
-    for pose, shape in ((found.source, source), (found.target, target)):
-        assert pose.overlap.dtype == bool
-        smooth = shape.averaged(shape.areas[:, None] * shape.vertices, 2 * constants.PATCH)
-        np.testing.assert_allclose(pose.places, smooth, atol=1e-9)
-
-
-def test_a_smooth_start_is_one_of_vertices_in_any_order(standing: Shape, walking: Shape) -> None:
-    order = np.random.default_rng(1).permutation(700)
-    beside = standing.faces[np.unique(standing.faces.ravel(), return_index=True)[1] // 3, 0]
-    shuffled = _shuffled(walking, order)
-    grown = _same_numbers(standing, walking, 30)
-    near = mapped_start(standing, shuffled, np.argsort(order)[beside], beside[order], 1.0)
-    found = smooth_start(standing, shuffled, grown, near)
-    plain = smooth_start(
-        standing, walking, grown, mapped_start(standing, walking, beside, beside, 1.0)
-    )
-    assert _mean_error(order[found.forward], walking) < 0.02
-    assert _mean_error(found.backward[np.argsort(order)], standing) < 0.02
-    assert _agree(order[found.forward], plain.forward, walking)
-    assert _agree(found.backward, plain.backward[order], standing)
-
-
 def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
     fine, coarse = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 7))
     data_weights = (1.0, 10.0, 3000.0, 9000.0)
@@ -415,24 +380,6 @@ def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
         assert found[2:] == pytest.approx([most])
         assert limited(*pair, data_weights, 2)[-1] == pytest.approx(most / 4)
     assert limited(*whole, data_weights) == data_weights
-
-
-def test_closest_points_of_parts_are_sought_by_both_positions(walking: Shape) -> None:
-    """Which are columns of rows that tell of normals, too, whichever pose comes first."""
-    turn = _turn(5)
-    moving = _Moving(
-        walking,
-        walking,
-        [Pose(walking.vertices @ turn.T, np.tile(turn, (700, 1, 1)), np.arange(700) >= 0)],
-    )
-    ahead, rest = walking.vertices @ turn.T, walking.vertices
-    for columns, places in (((0, 6), (ahead, rest)), ((6, 0), (rest, ahead))):
-        rows = moving.rows(*columns)[:, 0]
-        np.testing.assert_allclose(rows[:, _POSITIONS], np.hstack(places), atol=1e-12)
-        normals = np.delete(rows, _POSITIONS, axis=1)
-        np.testing.assert_allclose(
-            np.linalg.norm(normals, axis=1), np.sqrt(2) * constants.NORMAL_WEIGHT
-        )
 
 
 @pytest.mark.parametrize("size", [1.0, 1.3])
@@ -500,14 +447,6 @@ def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both
     assert small.overlap.all()
     assert large.overlap[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()
     assert not large.overlap[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
-
-
-def test_what_has_no_partner_stays_where_it_is(standing: Shape) -> None:
-    every, still = np.arange(700)[:, None], np.tile(np.eye(3), (700, 1, 1))
-    goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
-    moving = _Moving(standing, goal, [Pose(standing.vertices, still, every[:, 0] < 0)])
-    moving.step(300.0, every, every, every < 0)
-    np.testing.assert_allclose(moving.places[:, 0], standing.vertices, atol=1e-8)
 
 
 @pytest.mark.parametrize(("share", "median"), [(0.4, 2.0), (0.6, 1.5)])

@@ -1,5 +1,7 @@
 """What the matcher knows of a surface: truths that its definition gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -167,6 +169,8 @@ def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) ->
     np.testing.assert_array_equal(
         proxy.reflected().position_coefficients, shape.position_coefficients * [-1, 1, 1]
     )
+    part = _square(6)
+    np.testing.assert_allclose(part.reflected().conormals, part.conormals * [-1, 1, 1], atol=1e-12)
     again = mirror.reflected()
     np.testing.assert_array_equal(again.vertices, shape.vertices)
     np.testing.assert_array_equal(again.faces, shape.faces)
@@ -220,11 +224,16 @@ def test_rounding_does_not_choose_the_samples_of_a_symmetric_shape() -> None:
 
 def test_a_proxy_has_the_whole_area_and_the_functions_of_the_shape() -> None:
     shape = _shape(make_quadruped("walking", n_vertices=1500).mesh)
-    proxy = make_proxy(shape, 500)
+    proxy = make_proxy(replace(shape, landmarks=np.array([3, 600])), 500)
     coarse = proxy.shape
     assert len(coarse.vertices) == len(proxy.kept) == 500
+    assert set(np.unique(coarse.faces)) == set(range(500))
     np.testing.assert_array_equal(coarse.vertices, shape.vertices[proxy.kept])
+    np.testing.assert_array_equal(coarse.landmarks, proxy.parents[[3, 600]])
     np.testing.assert_array_equal(proxy.parents[proxy.kept], np.arange(500))
+    # A vertex is near the one that stands for it.
+    off = np.linalg.norm(coarse.vertices[proxy.parents] - shape.vertices, axis=1)
+    assert off.max() < 3 * coarse.edge
     assert coarse.areas.sum() == pytest.approx(1)
     np.testing.assert_allclose(coarse.areas, np.bincount(proxy.parents, shape.areas))
     np.testing.assert_array_equal(coarse.basis, shape.basis[proxy.kept])
