@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.alignment import align, icp, nearest_rotation, procrustes
-from unbend.alignment._alignment import _axis_choices, _principal_axes, closest_points
+from unbend.alignment._alignment import _axis_choices, _closest_points, _principal_axes
 from unbend.errors import InputError, UnbendWarning
 
 
@@ -206,7 +206,7 @@ def test_units_do_not_matter_where_a_point_is_the_middle(exponent: int) -> None:
 def test_the_residual_counts_both_directions_alike() -> None:
     source, target = _cloud(30, 3), _cloud(80, 3, 1)
     ways = np.linalg.norm(source[:, None] - target, axis=2)
-    forward, backward, residual = closest_points(source, target)
+    forward, backward, residual = _closest_points(source, target)
     np.testing.assert_array_equal(forward, ways.argmin(axis=1))
     np.testing.assert_array_equal(backward, ways.argmin(axis=0))
     squared = (ways.min(axis=1) ** 2).mean() / 2 + (ways.min(axis=0) ** 2).mean() / 2
@@ -290,7 +290,7 @@ def test_what_is_sampled_more_densely_elsewhere_is_aligned(seed: int) -> None:
 def test_what_is_found_is_said_in_units_of_the_points() -> None:
     source, target = 1000 * _cloud(60, 3), 1000 * _cloud(70, 3, 1) + 5000
     found = align(source, target)
-    forward, backward, residual = closest_points(found.apply(source), target)
+    forward, backward, residual = _closest_points(found.apply(source), target)
     np.testing.assert_array_equal(found.source_to_target, forward)
     np.testing.assert_array_equal(found.target_to_source, backward)
     assert found.residual == pytest.approx(residual, rel=1e-9)
@@ -315,13 +315,13 @@ def test_at_the_end_both_directions_pull_alike() -> None:
     source, target = _cloud(30, 3), _cloud(80, 3, 1)
     rotation, translation, residuals = icp(source, target, np.eye(3), tolerance=0.0)
     moved = source @ rotation.T + translation
-    forward, backward, residual = closest_points(moved, target)
+    forward, backward, residual = _closest_points(moved, target)
     pull = (target[forward] - moved).mean(axis=0) + (target - moved[backward]).mean(axis=0)
     np.testing.assert_allclose(pull, 0, atol=1e-9)
     assert residual == pytest.approx(residuals[-1])
 
 
-def test_closest_points_reflect_unless_they_must_not() -> None:
+def test__closest_points_reflect_unless_they_must_not() -> None:
     points = _cloud(40, 3) * [0.01, 1, 1]  # so thin that the mirrored are nearest to their own
     mirrored = points * [-1, 1, 1]
     rotation, _, residuals = icp(points, mirrored, np.eye(3))

@@ -130,8 +130,8 @@ def test_continuity_is_the_ratio_of_the_perimeters_of_triangles_of_unit_area() -
     assert _continuity(every, source, target) == pytest.approx(whole)
     side = 13 / np.sqrt(30) / (5 / np.sqrt(6))
     assert _continuity(np.array([-1, 1, 2]), source, target) == pytest.approx(side)
-    with pytest.raises(InputError, match="the map has 2 rows, but the source has 3 vertices"):
-        _continuity(every[:2], source, target)
+    with pytest.raises(InputError, match="the map has 2 source vertices, but mesh has 3"):
+        evaluate(every[:2], target, [0], [0], source=source)
 
 
 def test_coverage_of_a_constant_map() -> None:
@@ -143,7 +143,7 @@ def test_coverage_of_a_constant_map() -> None:
     ("arguments", "message"),
     [
         ((EVERY, BALL, EVERY, EVERY[:3]), "source and"),
-        ((EVERY + 1, BALL, EVERY, EVERY), "match: row 641 is 642"),
+        ((EVERY + 1, BALL, EVERY, EVERY), "names target vertex 642, but .* has 642"),
         ((EVERY, BALL, [-1], [0]), "source_points: row 0 is -1"),
         ((EVERY * 1.0, BALL, EVERY, EVERY), "list of vertex numbers"),
         ((np.full_like(EVERY, -1), BALL, EVERY, EVERY), "no row"),

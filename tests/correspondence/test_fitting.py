@@ -1,11 +1,11 @@
-"""What fitting keeps of a surface while it is drawn: sizes of its parts, partners of its points."""
+"""What registration keeps of a surface: sizes of its parts, partners of its vertices."""
 
 import numpy as np
 import scipy.sparse as sp
 
 from unbend import Mesh
-from unbend.correspondence._fitting import Fit, _spread
-from unbend.correspondence._landing import make_ground
+from unbend.correspondence._fitting import Fit, _nearest_partners
+from unbend.correspondence._projection import make_target
 from unbend.datasets import make_sphere
 from unbend.deformation import ElasticSurface
 from unbend.mesh import vertex_areas
@@ -21,8 +21,8 @@ def _fitted(goal: np.ndarray, seen: np.ndarray) -> Fit:
     """Fit a rod to what is seen of another."""
     n = len(START)
     surface = ElasticSurface(START, ROD.faces, AREAS / AREAS.sum())
-    ground = make_ground(goal, ROD.faces[seen[ROD.faces].all(axis=1)])
-    fit = Fit(surface, ground, np.arange(n), goal, np.isin(np.arange(n), ground.faces))
+    target = make_target(goal, ROD.faces[seen[ROD.faces].all(axis=1)])
+    fit = Fit(surface, target, np.arange(n), goal, np.isin(np.arange(n), target.faces))
     fit.run(None)
     return fit
 
@@ -42,5 +42,6 @@ def test_the_nearest_partner_spreads_along_the_edges() -> None:
     places = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0], [4, 0, 0], [9, 9, 9]])
     path = sp.diags([1.0, 1, 1, 0], 1, shape=(5, 5))
     matched = np.array([True, False, False, True, False])
-    spread = _spread(np.array([7, -1, -1, 8, -1]), matched, places, sp.csr_matrix(path + path.T))
-    assert spread.tolist() == [7, 7, 8, 8, 7]  # the last is joined to none, and takes any
+    links = sp.csr_matrix(path + path.T)
+    found = _nearest_partners(np.array([7, -1, -1, 8, -1]), matched, places, links)
+    assert found.tolist() == [7, 7, 8, 8, 7]  # the last is joined to none, and takes any

@@ -87,7 +87,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
     every = np.arange(blob.n_vertices)
     for mapping, t, sentence in (
         (every, np.nan, "t must be"),
-        (every[:-1], 0.5, "the map has 641 rows"),
+        (every[:-1], 0.5, "the map has 641 source vertices"),
         (np.full_like(every, -1), 0.5, "fewer than 3"),
         (every + 1, 0.5, "names target vertex 642"),
     ):

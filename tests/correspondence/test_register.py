@@ -210,7 +210,7 @@ def test_what_does_not_fit(moebius_strip: Mesh) -> None:
     for template, scan, mapping, kind, sentence in (
         (body.vertices, body, EVERY, InputError, "this is a point cloud"),
         (body, body.vertices, None, InputError, "this is a point cloud"),
-        (body, body, EVERY[1:], InputError, "the map has 999 rows, but .* has 1000 vertices"),
+        (body, body, EVERY[1:], InputError, "the map has 999 source vertices, but .* has 1000"),
         (body, body, EVERY + 1, InputError, "names target vertex 1000"),
         (body, body, np.full(1000, -1), InputError, "fewer than 4 vertices"),
         (body, moebius_strip, np.zeros(1000, int), MeshError, "only one side"),

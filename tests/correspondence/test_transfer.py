@@ -161,6 +161,7 @@ ONE = _match([0], [0])
     ("values", "mapping", "options", "sentence"),
     [
         ([1.0, 2], _match([0, 1], [2]), {}, "names source vertex 2, but there are 2 values"),
+        ([1.0, 2, 3], [0, 0], {}, "3 rows to carry, but the source has 2 vertices"),
         ([1.0, 2], [0, 0], {}, "maps from source to target: to invert it, give"),
         ([1.0, 2], [0.5], {}, "must be a Match or a list"),
         ([1.0, 2], [-2], {}, "must be a Match or a list"),
@@ -230,7 +231,7 @@ def test_carried_skinning_weights_sum_to_one() -> None:
 
 
 def test_weights_that_do_not_sum_to_one_are_refused() -> None:
-    """Else places would be drawn towards the origin, and morphs and registrations with them."""
+    """They would pull places, and with them morphs and registrations, towards the origin."""
     mesh = make_quadruped("walking", n_vertices=600).mesh
     found = _identity(mesh)
     for wrong in (0.5, np.nan):

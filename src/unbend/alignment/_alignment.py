@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of
+from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of, unit_of
 from unbend._display import Brief
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
@@ -16,13 +17,9 @@ from unbend.alignment._nearest import nearest_pairs
 from unbend.errors import InputError, warn
 from unbend.linalg.signs import fix_signs
 
-# More axes than this would make more than 256 starts; the later axes then keep their sign.
-_SIGNED_AXES = 8
-_START_POINTS = 500
-_START_STEPS = 10
-_REFINED_STARTS = 4
-# Of all choices of signs, this many are followed.
-_FOLLOWED_STARTS = 16
+_SIGNED_AXES = 8  # makes 256 starts; later axes keep their sign
+_START_POINTS, _START_STEPS = 500, 10  # of the subset that starts are tried on
+_FOLLOWED_STARTS, _REFINED_STARTS = 16, 4  # starts refined on the subset, and on all points
 # Misfits, as shares of the shape's size, that agree to this many digits are equal.
 _DIGITS = 8
 # The source in sizes of the target: squares of more overflow, and their products.
@@ -117,32 +114,16 @@ def procrustes(
     source, target, mass = source[counted], target[counted], mass[counted] / mass.sum()
     source_center, target_center = mass @ source, mass @ target
     left, right = source - source_center, target - target_center
-    cross = (left / _unit(left) * mass[:, None]).T @ (right / _unit(right))
+    cross = (left / unit_of(left) * mass[:, None]).T @ (right / unit_of(right))
     rotation = nearest_rotation(cross.T, reflect=reflect)
     return rotation, target_center - rotation @ source_center
 
 
 def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArray:
-    """Rotation nearest to a matrix, in the sum of squares.
+    """Rotations nearest to matrices (..., d, d), in the sum of squares.
 
-    Parameters
-    ----------
-    matrices : (..., d, d) ndarray of float64
-        ``target.T @ source``, say: its nearest rotation turns the source onto the target.
-    reflect : bool, default=False
-        Whether the nearest orthogonal matrix will do, its determinant -1 perhaps.
-
-    Returns
-    -------
-    (..., d, d) ndarray of float64
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.alignment import nearest_rotation
-    >>> nearest_rotation(np.array([[0.0, -5.0], [3.0, 0.0]])).round(6) + 0.0
-    array([[ 0., -1.],
-           [ 1.,  0.]])
+    The rotation nearest to ``target.T @ source`` rotates the source onto the target. With
+    `reflect`, it may be any orthogonal matrix.
     """
     left, _, right = np.linalg.svd(matrices)
     rotations: FloatArray = left @ right
@@ -163,11 +144,11 @@ def align(
 ) -> Alignment:
     """Align two point sets by iterative closest points, from every choice of axis signs.
 
-    Canonical forms are unique up to an orthogonal matrix. Both sets are first turned to their
-    principal axes; each choice of signs (the first 8 axes) is
-    tried on a subset of the points, the closest are followed for a few iterations there, and the
-    closest of those iterated on all points to convergence. Of motions that fit equally well, as
-    a symmetry makes them, the first choice of signs is taken, whatever rounding says.
+    Canonical forms are unique up to an orthogonal matrix. The principal axes of both sets are
+    aligned with every choice of signs of the first 8 axes. Each choice is tried on a subset of
+    the points; the best are refined there by a few iterations, and the best of those on all
+    points until convergence. If several motions fit equally well, because the shape is
+    symmetric, the first choice of signs is taken.
 
     Parameters
     ----------
@@ -222,7 +203,7 @@ def align(
         )
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
-    unit = _unit(right)
+    unit = unit_of(right)
     left, right = left / unit, right / unit
     if np.abs(left).max() > _LARGEST:
         raise InputError(
@@ -232,8 +213,9 @@ def align(
     few = _subset(left), _subset(right)
     choices = np.array(_axis_choices(left, right, reflect))
     tried = nearest_pairs(few[0] @ choices.transpose(0, 2, 1), few[1]).residual
+    refine = functools.partial(icp, reflect=reflect, tolerance=tolerance)
     starts = [
-        icp(*few, choices[i], reflect=reflect, max_iterations=_START_STEPS, tolerance=tolerance)
+        refine(*few, choices[i], max_iterations=_START_STEPS)
         for i in np.sort(np.argsort(tried, kind="stable")[:_FOLLOWED_STARTS])
     ]
     size = float(np.linalg.norm(right, axis=1).max()) or 1.0
@@ -243,15 +225,7 @@ def align(
 
     starts.sort(key=misfit)
     found = [
-        icp(
-            left,
-            right,
-            rotation,
-            translation,
-            reflect=reflect,
-            max_iterations=max_iterations,
-            tolerance=tolerance,
-        )
+        refine(left, right, rotation, translation, max_iterations=max_iterations)
         for rotation, translation, _ in starts[:_REFINED_STARTS]
     ]
     rotation, translation, residuals = min(found, key=misfit)
@@ -262,7 +236,7 @@ def align(
             f"the alignment still gets closer, by {fall:.1e} of its residual in the last of "
             f"{max_iterations} iterations; allow more with max_iterations"
         )
-    forward, backward, _ = closest_points(left @ rotation.T + translation, right)
+    forward, backward, _ = _closest_points(left @ rotation.T + translation, right)
     return Alignment(
         rotation=rotation,
         translation=translation * unit + centers[1] - rotation @ centers[0],
@@ -289,19 +263,13 @@ def _points(points: Any, name: str, weights: FloatArray | None = None) -> FloatA
     return array
 
 
-def _unit(points: FloatArray) -> float:
-    """Power of two near the size of centred points: dividing by it rounds nothing."""
-    size = float(np.abs(points).max())
-    return float(2.0 ** np.floor(np.log2(size))) if size > 0 else 1.0
-
-
 def _subset(points: FloatArray) -> FloatArray:
     rows = np.unique(np.linspace(0, len(points) - 1, min(_START_POINTS, len(points))).astype(int))
     return np.asarray(points[rows])
 
 
 def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list[FloatArray]:
-    """Turn principal axes onto principal axes, with every choice of signs."""
+    """Rotations of principal axes onto principal axes, one for every choice of signs."""
     ours, theirs = _principal_axes(source), _principal_axes(target)
     d = len(ours)
     signed = min(d, _SIGNED_AXES)
@@ -315,7 +283,7 @@ def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list
 
 
 def _principal_axes(points: FloatArray) -> FloatArray:
-    """Columns, the longest first; their signs follow the points and not the eigensolver."""
+    """Principal axes as columns, the longest first; the points alone determine their signs."""
     axes = np.linalg.eigh(points.T @ points)[1][:, ::-1]
     along = points @ axes
     signs = np.sign((along * fix_signs(along, np.ones(len(points)))).sum(axis=0))
@@ -332,37 +300,13 @@ def icp(
     max_iterations: int = 100,
     tolerance: float = 1e-6,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Iterate closest points from one given start; :func:`align` tries many.
+    """Run ICP from one start, an orthogonal matrix and a translation; :func:`align` tries many.
 
-    Parameters
-    ----------
-    source : (n_source, d) ndarray of float64
-    target : (n_target, d) ndarray of float64
-    rotation : (d, d) ndarray of float64
-        Orthogonal: where to start.
-    translation : (d,) ndarray of float64, optional
-        Default: none.
-    reflect, max_iterations, tolerance
-        See :func:`align`.
-
-    Returns
-    -------
-    rotation : (d, d) ndarray of float64
-    translation : (d,) ndarray of float64
-    residuals : (n_iterations + 1,) ndarray of float64
-        As in :class:`Alignment`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend.alignment import icp
-    >>> line = np.array([[0.0, 0], [1, 0], [3, 0]])
-    >>> bool(icp(line, line + [0.2, 0], np.eye(2))[2][-1] < 1e-9)
-    True
+    Returns the rotation, the translation and the residuals, as in :class:`Alignment`.
     """
     if translation is None:
         translation = np.zeros(source.shape[1])
-    forward, backward, residual = closest_points(source @ rotation.T + translation, target)
+    forward, backward, residual = _closest_points(source @ rotation.T + translation, target)
     residuals = [residual]
     weights = np.repeat([0.5 / len(source), 0.5 / len(target)], [len(source), len(target)])
     for _ in range(max_iterations):
@@ -371,28 +315,15 @@ def icp(
             np.concatenate([target[forward], target]),
         )
         rotation, translation = procrustes(*pairs, weights=weights, reflect=reflect)
-        forward, backward, residual = closest_points(source @ rotation.T + translation, target)
+        forward, backward, residual = _closest_points(source @ rotation.T + translation, target)
         residuals.append(residual)
         if residuals[-2] - residual <= tolerance * residuals[-2]:
             break
     return rotation, translation, np.array(residuals)
 
 
-def closest_points(source: FloatArray, target: FloatArray) -> tuple[IntArray, IntArray, float]:
-    """Nearest neighbours both ways, and their symmetric root mean square distance.
-
-    Parameters
-    ----------
-    source : (n_source, d) ndarray of float64
-    target : (n_target, d) ndarray of float64
-
-    Returns
-    -------
-    forward : (n_source,) ndarray of int64
-    backward : (n_target,) ndarray of int64
-    residual : float
-        Both directions count alike, whatever the numbers of points.
-    """
+def _closest_points(source: FloatArray, target: FloatArray) -> tuple[IntArray, IntArray, float]:
+    """Nearest neighbours in both directions, and their symmetric root mean square distance."""
     forward, backward = nearest_rows(source, target), nearest_rows(target, source)
     ahead = ((source - target[forward]) ** 2).sum(axis=1)
     back = ((target - source[backward]) ** 2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Nearest neighbours both ways, for many placements of a point set at once."""
+"""Nearest neighbours in both directions, for many placements of a point set at once."""
 
 from __future__ import annotations
 
@@ -6,28 +6,23 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from unbend._compiled import compiled
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray
 
-_Floats32 = npt.NDArray[np.float32]
-
 # Bytes of inner products held at once.
 _BLOCK_BYTES = 64_000_000
-_TASK = 500_000  # inner products that a thread looks through at a time
+_TASK = 500_000  # inner products that a thread searches at a time
 
 
 class Pairs(NamedTuple):
-    """Nearest neighbours in both directions, for h maps between m and n points.
+    """Nearest neighbours in both directions, for h placements of m points among n points.
 
     Attributes
     ----------
-    forward : (h, m) ndarray of int64
-        For each source point, its target point.
-    backward : (h, n) ndarray of int64
-        For each target point, its source point.
+    forward, backward : (h, m), (h, n) ndarray of int64
+        The target point nearest to each source point, and the reverse.
     residual : (h,) ndarray of float64
         Root mean square distance over both directions.
     """
@@ -38,72 +33,37 @@ class Pairs(NamedTuple):
 
 
 def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
-    """Nearest neighbours both ways, for several placements of the source at once.
+    """Find nearest neighbours of placements (h, m, d) of the source and a target (n, d).
 
-    Parameters
-    ----------
-    source : (h, m, d) ndarray of float64
-        The source points under each of h maps.
-    target : (n, d) ndarray of float64
-
-    Returns
-    -------
-    Pairs
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> nearest_pairs(np.array([[[0.0], [2.0]]]), np.array([[2.1], [0.1]])).forward
-    array([[1, 0]])
+    Distances are computed in single precision; of equally near points, the first is taken.
     """
     left = np.ascontiguousarray(source, dtype=np.float32)
     right = np.ascontiguousarray(target, dtype=np.float32)
-    right_norms = (right**2).sum(axis=1)
+    right_squares = (right**2).sum(axis=1)
     h, m, d = left.shape
-    step = max(1, _BLOCK_BYTES // (4 * m * len(right)))
-    forward = np.empty((h, m), dtype=np.int64)
-    backward = np.empty((h, len(right)), dtype=np.int64)
-    residual = np.empty(h)
-    for i in range(0, h, step):
-        part = slice(i, i + step)
-        block = left[part]
-        products = (block.reshape(-1, d) @ right.T).reshape(len(block), m, len(right))
-        forward[part], ahead, backward[part], back = _both_ways(
-            products, (block**2).sum(axis=2), right_norms
+    n = len(right)
+    forward, ahead = np.empty((h, m), np.int64), np.empty((h, m), np.float32)
+    backward, back = np.zeros((h, n), np.int64), np.full((h, n), np.inf, np.float32)
+    block_size, task_size = (max(1, most // (m * n)) for most in (_BLOCK_BYTES // 4, _TASK))
+    for start in range(0, h, block_size):
+        block = slice(start, start + block_size)
+        placed = left[block]
+        products = (placed.reshape(-1, d) @ right.T).reshape(-1, m, n)
+        found = forward[block], ahead[block], backward[block], back[block]
+        arrays = products, (placed**2).sum(axis=2), right_squares, *found
+        run_all(
+            functools.partial(_find_nearest, *arrays, i, min(i + task_size, len(placed)))
+            for i in range(0, len(placed), task_size)
         )
-        squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
-        residual[part] = np.sqrt(squares / 2)
-    return Pairs(forward, backward, residual)
-
-
-def _both_ways(
-    products: _Floats32, left: _Floats32, right: _Floats32
-) -> tuple[IntArray, _Floats32, IntArray, _Floats32]:
-    """Nearest pairs both ways from inner products; ``products`` (h, m, n) is overwritten.
-
-    The squared distance of rows i and j under hypothesis h is
-    ``left[h, i] + right[j] - 2 products[h, i, j]``.
-    """
-    hypotheses, m, n = products.shape
-    forward = np.empty((hypotheses, m), np.int64)
-    forward_distance = np.empty((hypotheses, m), np.float32)
-    backward = np.zeros((hypotheses, n), np.int64)
-    backward_distance = np.full((hypotheses, n), np.float32(np.inf))
-    found = forward, forward_distance, backward, backward_distance
-    step = max(1, _TASK // (m * n))
-    run_all(
-        functools.partial(
-            _nearest_both_ways, products, left, right, *found, i, min(i + step, hypotheses)
-        )
-        for i in range(0, hypotheses, step)
-    )
-    return found
+    squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
+    return Pairs(forward, backward, np.sqrt(squares / 2).astype(np.float64))
 
 
 @compiled
-def _nearest_both_ways(  # type: ignore[no-untyped-def]
+def _find_nearest(  # type: ignore[no-untyped-def]
     products, left, right, forward, ahead, backward, back, first, last
 ):
+    """Search placements from first to last; their inner products are overwritten by distances."""
     _, m, n = products.shape
     for h in range(first, last):
         for i in range(m):

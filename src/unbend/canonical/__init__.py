@@ -7,9 +7,9 @@ from unbend.canonical._canonical_form import (
     canonical_form,
     sampled_canonical_form,
 )
-from unbend.canonical._detail import check_form, lay_into_pose
 from unbend.canonical._interpolation import distance_coefficients, interpolate
 from unbend.canonical._mds import sampled_scaling
+from unbend.canonical._pose import check_form, lay_into_pose
 from unbend.canonical._sampling import farthest_point_sampling, shape_end, spread_samples
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import scikit-learn, which takes long, only for who asks for the estimator."""
+    """Import scikit-learn, which is slow, on first use of the estimator."""
     if name == "SpectralMDS":
         from unbend.canonical.estimator import SpectralMDS
 

@@ -1,4 +1,4 @@
-"""Canonical forms: a shape unbent, so that its poses look alike."""
+"""Canonical forms: pose-invariant versions of a shape."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ import numpy as np
 from unbend._arrays import is_whole
 from unbend._display import Brief, table
 from unbend._types import FloatArray, Progress
-from unbend.canonical._routes import Options, Scaled, Steps, exact, sampled
+from unbend.canonical._methods import Options, Scaled, Steps, exact, sampled
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
 from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
 from unbend.errors import InputError, SolverError, warn
 from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
 
-# Stress is taken over all pairs of this many random vertices.
-_STRESS_VERTICES = 32
-# By how much columns may miss their lengths, right angles and the middle, as a share of the largest
-# eigenvalue.
+_STRESS_VERTICES = 32  # the stress is over all pairs of so many random vertices
+# Tolerance for columns' lengths, right angles and centres, as a share of the largest eigenvalue.
 _SKEW = 1e-6
-# Eigenvalues that differ by at most this share count as equal. Input in single precision splits a
-# double eigenvalue by less than the first, samples mostly by less than the second.
+# Eigenvalues that differ by at most this share count as equal. Input in single precision splits
+# double eigenvalues by less than the first; samples split most by less than the second.
 _EQUAL = {"exact": 1e-6, "sampled": 5e-4}
 
 
@@ -36,20 +34,19 @@ class CanonicalForm(Brief):
     ----------
     points : (n, d) ndarray of float64
         One row per vertex of the input, in its order; NaN where a vertex is not part of the
-        surface. In units of the square root of the area, unless the scale was kept.
+        surface. In units of the square root of the area, unless `keep_scale` was given.
     eigenvalues : (d,) ndarray of float64
-        Of the Gram matrix, descending: the squared norm of each column of `points`, uniform
-        or by area as the weighting says. A negative one (the distances are not Euclidean)
-        belongs to a column of zeros.
+        Of the Gram matrix, descending: the squared norm of each column of `points`, by the
+        weighting. A negative one has a column of zeros: the distances are not Euclidean.
     stress : float
-        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices, d
-        being the exact distance: 0 for a perfect embedding.
+        ``sqrt(sum (d_ij - |x_i - x_j|)^2 / sum d_ij^2)`` over all pairs of 32 random vertices with
+        exact distances d: 0 for a perfect embedding.
     distance, method, weighting, laplacian : str
-        What was used; `method` is ``"exact"`` or ``"sampled"``, and none is ``"auto"``.
+        What was used, never ``"auto"``; `method` is ``"exact"`` or ``"sampled"``.
     area : float
-        Area of the input, in its own squared units of length.
+        Of the input, in its own squared units of length.
     notes : tuple of str
-        What was done to the input, a sentence each.
+        Changes to the input and warnings about the form, a sentence each.
     seconds : dict of str to float
         Wall time of each step.
     """
@@ -72,7 +69,7 @@ class CanonicalForm(Brief):
             ("distance", f"{self.distance}, {self.method}, {self.weighting} weights"),
             ("eigenvalues", ", ".join(f"{value:.4g}" for value in self.eigenvalues[:8])),
             ("stress", f"{self.stress:.3f}"),
-            ("done to the input", "; ".join(self.notes) or "nothing"),
+            ("notes", "; ".join(self.notes) or "none"),
         ]
         return table(rows)
 
@@ -90,11 +87,11 @@ def canonical_form(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> CanonicalForm:
-    """Embed a surface in Euclidean space so that straight distances are its intrinsic ones.
+    """Embed a surface in Euclidean space so that straight distances approximate intrinsic ones.
 
     Poses of one shape have nearly the same intrinsic distances, hence nearly the same
-    canonical form, up to a rotation or reflection. This form is exact: classical scaling of all
-    n^2 distances, through an operator.
+    canonical form, up to a rotation or reflection. This form is exact: it scales all n^2
+    distances, through an operator.
 
     Parameters
     ----------
@@ -106,20 +103,20 @@ def canonical_form(
         See :func:`unbend.distance`. For geodesic distances use
         :func:`unbend.sampled_canonical_form`.
     weighting : {"uniform", "area"}, default="uniform"
-        Whether each vertex counts the same (the paper's), or by its area, which makes the form
-        independent of how densely a region is meshed.
+        Whether each vertex counts equally (as in the paper), or by its area; then the form does not
+        depend on how densely a region is meshed.
     time : float, optional
         Diffusion time of the diffusion distance, in units of the area; 0.1 by default.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
         See :func:`unbend.laplacian`.
     component : "largest" or int, optional
-        Which component of a mesh that has several, 0 being the largest.
+        Which of several components, counted from 0, the largest.
     keep_scale : bool, default=False
-        Return the form in the unit that the distance has on the input, not at unit area.
+        Return the form in the distance's unit on the input, not at unit area.
     random_state : int, default=0
-        Seed of the vertices that the stress is taken over, and of the solver's first vectors.
+        Random seed of the vertices for the stress, and of the solver's first vectors.
     progress : callable, optional
-        Called with a step's name and the share of it that is done, 0 to 1.
+        Called with a step's name and its share done, 0 to 1.
 
     Returns
     -------
@@ -130,21 +127,20 @@ def canonical_form(
     InputError
         If a name or number is out of range, or the distance has no exact form or no diffusion time.
     MeshError
-        If the mesh cannot be used; the message names the vertex or face. If its computation does
-        not fit into the memory that is free.
+        If the mesh cannot be used (the message names the vertex or face), or the form does not fit
+        into free memory.
     SolverError
         If an eigenpair does not reach its accuracy, or the form is not centred on its axes.
 
     Warns
     -----
     UnbendWarning
-        If something was done to the input that the result shows, or the last eigenvalue nearly
-        equals the next, which the form leaves out: then it depends on the order of the vertices.
-        Symmetric shapes have such multiple eigenvalues.
+        If a change to the input affects the result; or if the last eigenvalue nearly equals the
+        first one left out, as on symmetric shapes: then the form depends on the vertices' order.
 
     See Also
     --------
-    unbend.lay_into_pose : The surface itself in the pose of its form.
+    unbend.lay_into_pose : The surface itself, deformed into the pose of its form.
 
     References
     ----------
@@ -194,23 +190,17 @@ def sampled_canonical_form(
 
     Parameters
     ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts. It is scaled to unit area inside.
-    n_components : int, default=3
-        Dimension d of the form.
     distance : str, default="biharmonic"
         ``"biharmonic"``, ``"commute-time"``, ``"diffusion"``, ``"geodesic"`` or
         ``"geodesic-exact"``; see :func:`unbend.distance`.
     n_samples, n_eigenpairs : int, default=200, 100
-        Number of sampled vertices and of eigenfunctions; no more than there are vertices are used.
+        Number of sampled vertices and of eigenfunctions, limited by the number of vertices.
     mu : float, default=1e4
         Weight of the samples against smoothness.
     interpolation : {"projection", "least-squares"}, default="projection"
         Eq. 15 or Eq. 14 of the paper.
-    weighting, time, laplacian, component, keep_scale, progress
+    mesh, n_components, weighting, time, laplacian, component, keep_scale, random_state, progress
         See :func:`canonical_form`.
-    random_state : int, default=0
-        Seed of the vertices that the stress is taken over.
 
     Returns
     -------
@@ -226,8 +216,8 @@ def sampled_canonical_form(
     Warns
     -----
     UnbendWarning
-        See :func:`canonical_form`; and if an eigenvalue is negative, as those of geodesic distances
-        may be.
+        See :func:`canonical_form`; and if an eigenvalue is negative, which geodesic distances may
+        have.
 
     References
     ----------
@@ -246,41 +236,42 @@ def sampled_canonical_form(
     for name, number in (("n_samples", n_samples), ("n_eigenpairs", n_eigenpairs)):
         if not is_whole(number) or number < 2:
             raise InputError(f"{name} must be a whole number of at least 2, not {number}")
-    route = partial(
-        sampled,
-        n_samples=n_samples,
-        n_eigenpairs=n_eigenpairs,
-        mu=mu,
-        interpolation=interpolation,
+    scale = partial(
+        sampled, n_samples=n_samples, n_eigenpairs=n_eigenpairs, mu=mu, interpolation=interpolation
     )
     options = Options(distance, n_components, weighting, time, keep_scale, random_state)
-    # So many samples span a dimension less, and the first eigenfunction is constant.
+    # p samples span p - 1 dimensions, and the first eigenfunction is constant.
     most = min(n_samples, n_eigenpairs) - 1
-    return _form(mesh, route, "sampled", options, laplacian, component, progress, most)
+    return _form(mesh, scale, "sampled", options, laplacian, component, progress, most)
 
 
 def _form(
     mesh: MeshLike,
-    route: Callable[[Surface, Options, Steps], Scaled],
+    scale: Callable[[Surface, Options, Steps], Scaled],
     method: str,
     options: Options,
     laplacian: LaplacianKind,
     component: str | int | None,
     progress: Progress | None,
-    most: int | None = None,
+    most: float = np.inf,
 ) -> CanonicalForm:
-    """Scale a mesh's distances along a route; `most` is the largest dimension it can give."""
+    """Scale a mesh's distances by a method that gives at most so many dimensions."""
     d = options.n_components
-    _check_seed(options.random_state)
+    try:
+        np.random.default_rng(options.random_state)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"random_state must be a whole number, not negative, and not {options.random_state!r}"
+        ) from None
     if options.weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {options.weighting!r}')
     steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
-    most = surface.n_vertices - 1 if most is None else min(most, surface.n_vertices - 1)
+    most = min(most, surface.n_vertices - 1)
     if not is_whole(d) or not 1 <= d <= most:
         raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
-    points, values, metric = route(surface, options, steps)
+    points, values, metric = scale(surface, options, steps)
     points = points[:, :d].copy()
     by_area = options.weighting == "area"
     weights = surface.operator.areas if by_area else np.ones(len(points))
@@ -290,8 +281,8 @@ def _form(
     if options.keep_scale:
         unit = surface.area ** (length_power(options.distance) / 2)
         points, values = points * unit, values * unit**2
-    found = _eigenvalue_notes(values, d, _EQUAL[method])
-    for note in found:
+    notes = _eigenvalue_notes(values, d, _EQUAL[method])
+    for note in notes:
         warn(f"{surface.mesh.name}: {note}")
     return CanonicalForm(
         points=surface.prepared.expand(points),
@@ -302,28 +293,18 @@ def _form(
         weighting=options.weighting,
         laplacian=surface.operator.kind,
         area=surface.area,
-        notes=surface.prepared.notes + found,
+        notes=surface.prepared.notes + notes,
         seconds=steps.seconds,
     )
-
-
-def _check_seed(random_state: int) -> None:
-    try:
-        np.random.default_rng(random_state)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"random_state must be a whole number, not negative, and not {random_state!r}"
-        ) from None
 
 
 def _check_axes(
     points: FloatArray, eigenvalues: FloatArray, weights: FloatArray, name: str
 ) -> None:
-    """Refuse a form that is not what classical scaling gives: centred, its columns its axes."""
+    """Check that the form is centred and its columns are its principal axes."""
     if eigenvalues.max() <= 0:
         raise SolverError(
-            f"{name}: all points of the form coincide: the distances it should keep are lost in "
-            "rounding"
+            f"{name}: all points of the form coincide, because its distances are lost in rounding"
         )
     weighted = points * weights[:, None]
     apart = points.T @ weighted - np.diag(np.maximum(eigenvalues, 0))
@@ -338,15 +319,15 @@ def _check_axes(
 
 
 def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
-    chance = np.random.default_rng(random_state)
-    some = np.sort(chance.permutation(len(points))[:_STRESS_VERTICES])
-    wanted = metric.between(some)
-    reached = np.linalg.norm(points[some][:, None] - points[some][None, :], axis=2)
-    return float(np.sqrt(((wanted - reached) ** 2).sum() / (wanted**2).sum()))
+    rng = np.random.default_rng(random_state)
+    some = np.sort(rng.permutation(len(points))[:_STRESS_VERTICES])
+    distances = metric.between(some)
+    straight = np.linalg.norm(points[some][:, None] - points[some], axis=2)
+    return float(np.sqrt(((distances - straight) ** 2).sum() / (distances**2).sum()))
 
 
 def _eigenvalue_notes(values: FloatArray, d: int, equal: float) -> tuple[str, ...]:
-    """Say what is wrong with the first d eigenvalues; the next one may be there, too."""
+    """Describe problems of the first d eigenvalues, by the next one if it is known."""
     notes = []
     negative = int((values[:d] < 0).sum())
     if negative:

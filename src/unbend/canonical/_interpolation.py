@@ -27,10 +27,8 @@ from unbend.spectral import Spectrum
 
 # Eq. 14 is solved until its residual is this small, relative to its right-hand side.
 _TOLERANCE = 1e-12
-# A constant is as smooth as can be and fits itself: it comes back but for so much.
-_CONSTANT = 1e-6
-# A pivot below this share of its diagonal entry is what rounding left of it, or nearly.
-_SINGULAR = 1e-12
+_CONSTANT = 1e-6  # a constant must be reproduced up to this error
+_SINGULAR = 1e-12  # a pivot below this share of its diagonal entry is lost in rounding
 _UNDETERMINED = (
     "the samples do not determine the interpolation; "
     "use more samples than eigenpairs, or a smaller mu"
@@ -38,20 +36,9 @@ _UNDETERMINED = (
 
 
 def interpolation_operator(spectrum: Spectrum, samples: IntArray, mu: float) -> FloatArray:
-    """M of Eq. 11: turns values at samples into coefficients of eigenfunctions.
+    """M (k, p) of Eq. 11, from values at samples to coefficients of eigenfunctions.
 
     ``M = mu (Lambda + mu S)^-1 Phi_P^T`` minimises ``a^T Lambda a + mu |Phi_P a - f|^2``.
-
-    Returns
-    -------
-    (k, p) ndarray of float64
-
-    Raises
-    ------
-    InputError
-        If `mu` is not positive.
-    SolverError
-        If the samples do not determine it, or a constant is not reproduced.
     """
     at_samples, gram = _at_samples(spectrum, samples, mu)
     system = mu * gram + np.diag(spectrum.eigenvalues)
@@ -76,7 +63,7 @@ def interpolate(
     values : (p,) or (p, c) array_like of float
         One column per function.
     samples : (p,) array_like of int
-        Vertex ids the values belong to.
+        Vertex ids of the values.
     spectrum : Spectrum
         Eigenpairs of the surface.
     mu : float, default=1e4
@@ -135,32 +122,12 @@ def distance_coefficients(
     mu: float = 1e4,
     interpolation: Interpolation = "projection",
 ) -> FloatArray:
-    """Coefficients alpha of all squared distances, ``D = Phi alpha Phi^T``, from sampled ones.
+    """Interpolate squared distances (p, p): alpha (k, k) of ``D = Phi alpha Phi^T``.
 
-    Parameters
-    ----------
-    squared : (p, p) ndarray of float64
-        Squared distances between the samples.
-    samples : (p,) ndarray of int64
-    spectrum : Spectrum
-        At unit area.
-    mu : float, default=1e4
-    interpolation : {"projection", "least-squares"}, default="projection"
-        ``"projection"``: Eq. 15, rows and columns interpolated one after the other.
-        ``"least-squares"``: Eq. 14, both at once: stationarity of the whole energy,
-        ``Lambda alpha + alpha Lambda + mu S alpha S = mu Phi_P^T D Phi_P``.
-
-    Returns
-    -------
-    (k, k) ndarray of float64
-        Symmetric.
-
-    Raises
-    ------
-    InputError
-        If `mu` is not positive or `interpolation` is not one of the names.
-    SolverError
-        If the conjugate gradients of Eq. 14 do not converge.
+    ``"projection"`` is Eq. 15, rows and columns interpolated one after the other.
+    ``"least-squares"`` is Eq. 14, both at once, where the whole energy is stationary:
+    ``Lambda alpha + alpha Lambda + mu S alpha S = mu Phi_P^T D Phi_P``. The spectrum is at unit
+    area.
     """
     if interpolation == "projection":
         operator = interpolation_operator(spectrum, samples, mu)

@@ -16,8 +16,7 @@ from unbend.choices import Weighting
 from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
 
-# Eigenvalues that differ by no more than this share of the largest are equal; what is not more than
-# the second is what rounding leaves of 0.
+# As shares of the largest eigenvalue: differences that count as none, and values that count as 0.
 _EQUAL, _NOTHING = 1e-9, 1e-14
 
 
@@ -28,26 +27,10 @@ def exact_scaling(
     *,
     random_state: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Classical scaling of all n^2 distances with uniform weights, through products alone.
+    """Scale all n^2 distances with uniform weights to points (n, d) and eigenvalues (d,).
 
-    Where ``d_ij^2 = g_ii + g_jj - 2 g_ij``, the Gram matrix ``-1/2 J D J`` is ``J g J``: its
-    leading eigenpairs follow from products with g, and no distance is ever computed.
-
-    Parameters
-    ----------
-    gram : callable
-        Product with g, (n, r) to (n, r).
-    n, n_components : int
-        Number of vertices; dimension d.
-    random_state : int, default=0
-        Seed of the first Lanczos vectors.
-
-    Returns
-    -------
-    points : (n, d) ndarray of float64
-        Centred; column i has squared norm ``eigenvalues[i]``.
-    eigenvalues : (d,) ndarray of float64
-        Descending.
+    If ``d_ij^2 = g_ii + g_jj - 2 g_ij``, the Gram matrix ``-1/2 J D J`` is ``J g J``. Its leading
+    eigenpairs follow from products with g, which `gram` computes, and no distance is needed.
     """
 
     def centred(block: FloatArray) -> FloatArray:
@@ -69,21 +52,10 @@ def exact_scaling(
 def area_scaling(
     filtered: FloatArray, eigenfunctions: FloatArray, areas: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Classical scaling with area weights, which is closed form: ``phi_i sqrt(h(lambda_i))``.
+    """Scale all distances with area weights, in closed form: ``phi_i sqrt(h(lambda_i))``.
 
-    Parameters
-    ----------
-    filtered : (d + 1,) ndarray of float64
-        h(lambda) of the distance; the constant eigenfunction's comes first and is left out.
-    eigenfunctions : (n, d + 1) ndarray of float64
-    areas : (n,) ndarray of float64
-
-    Returns
-    -------
-    points : (n, d) ndarray of float64
-        Centred by area; column i has squared norm ``eigenvalues[i]`` by area.
-    eigenvalues : (d,) ndarray of float64
-        Descending.
+    `filtered` (d + 1,) holds h(lambda). The first is the constant eigenfunction's, which is left
+    out.
     """
     return _points(eigenfunctions[:, 1:], filtered[1:], areas), filtered[1:]
 
@@ -95,28 +67,12 @@ def sampled_scaling(
     n_components: int,
     weighting: Weighting,
 ) -> tuple[FloatArray, FloatArray]:
-    """Classical scaling of distances given as ``D = Phi alpha Phi^T`` (the paper's steps 5 to 8).
+    """Scale distances given as ``D = Phi alpha Phi^T`` (the paper's steps 5 to 8).
 
     ``J Phi = Q R`` with orthonormal columns in Q, ``R (-1/2 alpha) R^T = W psi W^T``, and the
     points are ``Q W psi^(1/2)``. The paper takes a thin SVD instead, of which only the span
-    matters; where singular values are all but equal, as by area, it need not converge.
-
-    Parameters
-    ----------
-    coefficients : (k, k) ndarray of float64
-        alpha, for squared distances.
-    eigenfunctions : (n, k) ndarray of float64
-    areas : (n,) ndarray of float64
-        Sum to one.
-    n_components : int
-    weighting : {"uniform", "area"}
-
-    Returns
-    -------
-    points : (n, d) ndarray of float64
-        A column whose eigenvalue is negative is zero.
-    eigenvalues : (d,) ndarray of float64
-        The d largest psi, descending; negative where the distances are not Euclidean.
+    matters; where singular values are nearly equal, as by area, it need not converge.
+    `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
     """
     weights = areas if weighting == "area" else np.full(len(areas), 1.0)
     root = np.sqrt(weights)[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,19 +26,19 @@ def farthest_point_sampling(
     laplacian: LaplacianKind = "auto",
     component: str | int | None = None,
 ) -> IntArray:
-    """Vertices spread evenly: each next one is the farthest from those before it.
+    """Spread vertices evenly: each one is the farthest from those before it.
 
     Parameters
     ----------
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
     n_samples : int
-        How many, at most the number of vertices in use.
+        At most the number of vertices in use.
     distance : str, default="geodesic"
-        In which distance; see :func:`unbend.distance`.
+        See :func:`unbend.distance`.
     start : int, optional
-        First sample; default: an end of the shape, where the first non-constant eigenfunction
-        is largest, so that neither pose nor vertex order matters.
+        First sample; by default, where the first non-constant eigenfunction is largest, at an
+        end of the shape, whatever its pose and the order of vertices.
     time, component
         See :func:`unbend.distance`.
     laplacian : {"auto", "cotangent", "robust"}, default="auto"
@@ -47,8 +47,8 @@ def farthest_point_sampling(
     Returns
     -------
     (n_samples,) ndarray of int64
-        Vertex ids in the order they were chosen; ties, within a millionth, go to the
-        lowest id.
+        Vertex ids in the order of their choice. Of those equally far, within a millionth, the
+        lowest is taken.
 
     Raises
     ------
@@ -86,16 +86,8 @@ def farthest_point_sampling(
     return chosen
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Samples and the distances between them, a by-product of choosing them.
-
-    Attributes
-    ----------
-    indices : (p,) ndarray of int64
-    distances : (p, p) ndarray of float64
-        Symmetric.
-    """
+class Samples(NamedTuple):
+    """Sampled vertices (p,) and the distances between them (p, p)."""
 
     indices: IntArray
     distances: FloatArray
@@ -107,13 +99,7 @@ def spread_samples(
     n_samples: int,
     start: int,
 ) -> Samples:
-    """Farthest-point sampling with a distance given as a function of the source.
-
-    Raises
-    ------
-    InputError
-        If `n_samples` is out of range.
-    """
+    """Sample farthest points by a function that gives the distances from a source."""
     if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
         raise InputError(
             f"asked for {n_samples!r} samples, but the surface has {n_vertices} vertices"

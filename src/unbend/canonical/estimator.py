@@ -1,14 +1,12 @@
-"""Canonical forms as a scikit-learn estimator, for people who compose."""
+"""Canonical forms as a scikit-learn estimator."""
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import Any, Literal
 
 from unbend._types import FloatArray, Progress
-from unbend.canonical._canonical_form import (
-    canonical_form,
-    sampled_canonical_form,
-)
+from unbend.canonical._canonical_form import canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
 from unbend.errors import InputError, MissingExtraError
 
@@ -17,14 +15,11 @@ try:
 except ImportError:
 
     class BaseEstimator:  # type: ignore[no-redef]
-        """Stands in where scikit-learn is missing: the name can be had, an estimator cannot."""
+        """Stand-in without scikit-learn, which raises an error when it is called."""
 
         def __new__(cls, *args: Any, **kwargs: Any) -> Any:
-            """Say what is missing."""
+            """Raise an error that names scikit-learn."""
             raise MissingExtraError("scikit-learn")
-
-
-_OF_SAMPLES = ("n_samples", "n_eigenpairs", "mu", "interpolation")
 
 
 class SpectralMDS(BaseEstimator):  # type: ignore[misc]
@@ -35,8 +30,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     method : {"exact", "sampled"}, default="exact"
         Which function is behind it.
     n_samples, n_eigenpairs, mu, interpolation
-        Of the sampled method; the exact one has no use for them.
-        See :func:`unbend.sampled_canonical_form`.
+        Of the sampled method only; see :func:`unbend.sampled_canonical_form`.
     n_components, distance, weighting, time, laplacian, component, keep_scale, random_state, \
     progress
         As for :func:`unbend.canonical_form`.
@@ -120,13 +114,10 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         """
         if self.method not in ("exact", "sampled"):
             raise InputError(f'method must be "exact" or "sampled", not {self.method!r}')
-        options = self.get_params(deep=False)
-        del options["method"]
-        if self.method == "exact":
-            for name in _OF_SAMPLES:
-                del options[name]
         make = canonical_form if self.method == "exact" else sampled_canonical_form
-        self.form_ = make(X, **options)
+        known = signature(make).parameters
+        options = self.get_params(deep=False).items()
+        self.form_ = make(X, **{name: value for name, value in options if name in known})
         self.embedding_ = self.form_.points
         self.eigenvalues_ = self.form_.eigenvalues
         self.stress_ = self.form_.stress

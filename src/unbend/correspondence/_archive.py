@@ -33,12 +33,19 @@ _REQUIRED = (
     "residual",
     "confidence",
 )
-_OPTIONAL = ("faces", "weights", "mirrored")
-_SHARES = ("overlap_source", "overlap_target", "confidence_bound")
+_RANGES = {
+    "orientation": (-1, 1),
+    "residual": (0, np.inf),
+    "confidence": (0, 1),
+    "overlap_source": (0, 1),
+    "overlap_target": (0, 1),
+    "confidence_bound": (0, 1),
+}
+_OPTIONAL = ("faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound")
 _LISTS = ("hypotheses", "missed_landmarks")
 _ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
-# Packing makes a match some ten times smaller. What claims to grow more than a hundredfold, and
-# to more than 64 MiB, is not unpacked.
+# Compression makes a match about ten times smaller. An archive that would grow more than a
+# hundredfold, and to more than 64 MiB, is not unpacked.
 _MOST_GROWTH, _ALWAYS_ALLOWED = 100, 2**26
 _ROUNDING = 1e-6
 
@@ -98,9 +105,8 @@ def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
     --------
     write_functional_map, write_match : The reverse.
     """
-    arrays = _load(path, ("functional_map",))
-    with _naming(path):
-        return _numbers(arrays, "functional_map", (None, None))
+    with _reading(path) as data:
+        return _numbers(_load(data, ("functional_map",)), "functional_map", (None, None))
 
 
 def write_match(path: str | os.PathLike[str], match: Match) -> None:
@@ -135,7 +141,7 @@ def _arrays_of(match: Match) -> _Arrays:
     )
     if match.missed_landmarks:
         arrays["missed_landmarks"] = np.array(match.missed_landmarks)
-    for name in (*_OPTIONAL, *_SHARES):
+    for name in _OPTIONAL:
         if getattr(match, name) is not None:
             arrays[name] = np.asarray(getattr(match, name))
     for i, alternative in enumerate(match.alternatives):
@@ -173,19 +179,16 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     >>> len(read_match(path).source_to_target)
     162
     """
-    arrays = _load(path, _REQUIRED, (*_OPTIONAL, *_SHARES, *_LISTS))
-    with _naming(path):
-        alternatives: dict[str, _Arrays] = {}
-        for name in [name for name in arrays if _ALTERNATIVE.match(name)]:
+    with _reading(path) as data:
+        folders: dict[str, _Arrays] = {"": {}}
+        for name, array in _load(data, _REQUIRED, (*_OPTIONAL, *_LISTS)).items():
             folder, _, own_name = name.rpartition("/")
-            alternatives.setdefault(folder, {})[own_name] = arrays.pop(name)
-        for folder, own in alternatives.items():
-            if missing := set(_REQUIRED) - set(own):
+            folders.setdefault(folder, {})[own_name] = array
+        for folder, arrays in folders.items():
+            if missing := set(_REQUIRED) - set(arrays):
                 raise FileError(f"holds no {folder}/{min(missing)}")
-        return replace(
-            _checked_match(arrays),
-            alternatives=tuple(_checked_match(own) for own in alternatives.values()),
-        )
+        match, *alternatives = (_checked_match(arrays) for arrays in folders.values())
+        return replace(match, alternatives=tuple(alternatives))
 
 
 def _checked_match(arrays: _Arrays) -> Match:
@@ -194,21 +197,18 @@ def _checked_match(arrays: _Arrays) -> Match:
         "source_to_target": _vertices(arrays, "source_to_target", n, m),
         "target_to_source": _vertices(arrays, "target_to_source", m, n),
         "functional_map": _numbers(arrays, "functional_map", (None, None)),
-        "orientation": float(_numbers(arrays, "orientation", (), -1, 1)),
-        "residual": float(_numbers(arrays, "residual", (), 0)),
     }
     rows, columns = fields["functional_map"].shape
     if rows > n or columns > m:
         raise FileError(
             f"its functional_map of {rows} x {columns} is more than {n} and {m} vertices can have"
         )
-    unknown = arrays["confidence"].dtype.kind == "f" and np.isnan(arrays["confidence"]).all()
-    fields["confidence"] = np.nan
-    if not unknown or arrays["confidence"].shape != ():
-        fields["confidence"] = float(_numbers(arrays, "confidence", (), 0, 1))
-    for name in _SHARES:
-        if name in arrays:
-            fields[name] = float(_numbers(arrays, name, (), 0, 1))
+    for name in filter(arrays.__contains__, _RANGES):
+        is_float = arrays[name].dtype.kind == "f"
+        if name == "confidence" and is_float and np.array_equal(arrays[name], np.nan, True):
+            fields[name] = np.nan
+        else:
+            fields[name] = float(_numbers(arrays, name, (), *_RANGES[name]))
     if "mirrored" in arrays:
         fields["mirrored"] = _vertices(arrays, "mirrored", n, m)
     for name, other in (("faces", "weights"), ("weights", "faces")):
@@ -229,10 +229,8 @@ def _checked_match(arrays: _Arrays) -> Match:
 
 def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> IntArray:
     """Check a list of vertices or faces, -1 for none; of any length if n is None."""
-    try:
+    with _prefixed(f"its {name}"):
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
-    except FileError as error:
-        raise FileError(f"its {name}: {error}") from None
     if n is not None and len(found) != n:
         raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
     return found
@@ -266,14 +264,12 @@ def _check_range(name: str, array: npt.NDArray[Any], least: float, most: float) 
 
 def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
     """Check barycentric coordinates: NaN where there is no face, else of sum one."""
-    there = faces >= 0
+    on_face = faces >= 0
     if array.shape != (len(faces), 3) or array.dtype.kind != "f":
         raise FileError(f"its weights are not {len(faces)} rows of 3 numbers")
-    wrong = np.isnan(array).all(axis=1) == there
-    wrong[there] |= ~(
-        (array[there] >= -_ROUNDING).all(axis=1)
-        & (np.abs(array[there].sum(axis=1) - 1) <= _ROUNDING)
-    )
+    wrong = np.isnan(array).all(axis=1) == on_face
+    positive = (array[on_face] >= -_ROUNDING).all(axis=1)
+    wrong[on_face] |= ~(positive & (np.abs(array[on_face].sum(axis=1) - 1) <= _ROUNDING))
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise FileError(f"its weights in row {row} do not go with face {faces[row]}")
@@ -281,12 +277,20 @@ def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
 
 
 @contextmanager
-def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Put a file's name before what is wrong with it."""
+def _prefixed(prefix: str) -> Iterator[None]:
+    """Put a prefix before the message of a FileError."""
     try:
         yield
     except FileError as error:
-        raise FileError(f"{Path(path).name}: {error}") from error.__cause__
+        raise FileError(f"{prefix}: {error}") from error.__cause__
+
+
+@contextmanager
+def _reading(path: str | os.PathLike[str]) -> Iterator[bytes]:
+    """Read a .npz file, and name it in the errors of its contents."""
+    data = read_bytes(Path(path), (".npz",))
+    with _prefixed(Path(path).name):
+        yield data
 
 
 def _save(path: str | os.PathLike[str], arrays: dict[str, npt.NDArray[Any]]) -> None:
@@ -295,46 +299,39 @@ def _save(path: str | os.PathLike[str], arrays: dict[str, npt.NDArray[Any]]) -> 
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def _load(
-    path: str | os.PathLike[str], required: tuple[str, ...], optional: tuple[str, ...] = ()
-) -> _Arrays:
-    """Unpack the arrays of these names alone, none of them larger than its header says."""
-    data = read_bytes(Path(path), (".npz",))
-    with _naming(path):
-        try:
-            with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                members = archive.infolist()
-                there = {info.filename.removesuffix(".npy"): info for info in members}
-                for name in required:
-                    if name not in there:
-                        raise FileError(f"holds no {name}; it was not written by unbend match")
-                if len(there) < len(members):
-                    raise FileError("holds two arrays of one name; it was not written by unbend")
-                known = (*required, *optional)
-                wanted = {
-                    name: info
-                    for name, info in there.items()
-                    if name in known or (optional and _ALTERNATIVE.sub("", name, 1) in known)
-                }
-                _check_sizes(archive, wanted, len(data))
-                return {name: read_array(archive.read(info)) for name, info in wanted.items()}
-        except FileError:
-            raise
-        except Exception as error:  # zipfile raises many kinds on damaged archives
-            raise FileError("not a .npz file, or a damaged one") from error
+def _load(data: bytes, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> _Arrays:
+    """Unpack only the arrays of these names, and none larger than its header says."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            found = {info.filename.removesuffix(".npy"): info for info in members}
+            for name in required:
+                if name not in found:
+                    raise FileError(f"holds no {name}; it was not written by unbend match")
+            if len(found) < len(members):
+                raise FileError("holds two arrays of one name; it was not written by unbend")
+            known = (*required, *optional)
+            wanted = {
+                name: info
+                for name, info in found.items()
+                if name in known or (optional and _ALTERNATIVE.sub("", name, 1) in known)
+            }
+            _check_sizes(archive, wanted, len(data))
+            return {name: read_array(archive.read(info)) for name, info in wanted.items()}
+    except FileError:
+        raise
+    except Exception as error:  # zipfile raises many kinds on damaged archives
+        raise FileError("not a .npz file, or a damaged one") from error
 
 
 def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], packed: int) -> None:
-    """Refuse, before anything is unpacked, what is not as large as its shape, or far too large."""
+    """Check, before anything is unpacked, that sizes go with shapes and are not far too large."""
     for name, info in wanted.items():
-        # Others are unpacked whole, whatever size the archive says, before a byte is seen.
+        # Other compressions are unpacked whole, whatever size the archive says.
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise FileError(f"its {name} is packed in a way that NumPy does not use")
-        with archive.open(info) as stream:
-            try:
-                shape, _, dtype = read_header(stream)
-            except FileError as error:
-                raise FileError(f"its {name}: {error}") from error.__cause__
+        with archive.open(info) as stream, _prefixed(f"its {name}"):
+            shape, _, dtype = read_header(stream)
             size = stream.tell() + math.prod(shape) * dtype.itemsize
         if size != info.file_size:
             raise FileError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from unbend._arrays import array_of
 from unbend._display import Brief, table
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
-from unbend.correspondence._transfer import as_point_map, check_target
+from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
@@ -23,7 +24,7 @@ THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
 _SHOWN = (4, 8)  # thresholds that a table shows
 
-# Distances are kept for the meshes last used, up to this size; of the last one, whatever it takes.
+# Distances are kept for the meshes used last, up to this size; for the last one always.
 _KEPT_BYTES = 2**30
 _kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
 
@@ -51,24 +52,23 @@ class Overlap:
 class Evaluation(Brief):
     """Geodesic errors of a point map, by three protocols.
 
-    Errors are geodesic distances on the target, divided by the square root of its area; infinite
-    where no path leads from the true image to the one that was found. `direct`
-    counts them against the ground truth as given. `map_min` takes the better of the direct and
-    the mirrored ground truth, once for the whole map; `vertex_min` takes it for every row on its
-    own, which is the loosest. Without a mirrored ground truth the last two are None.
+    Errors are geodesic distances on the target from the true image to the image found, divided by
+    the square root of the target's area; infinite where no path joins them. `direct` compares with
+    the ground truth as given, `map_min` with the better of the direct and the mirrored ground
+    truth for the whole map, and `vertex_min` with the better for every row, which is the loosest.
 
     Attributes
     ----------
     direct : (r,) ndarray of float64
         One error for each row of the ground truth that has an image.
     map_min, vertex_min : (q,) ndarray of float64, or None
-        One error for each of these rows that has a mirrored image, too.
+        One error for each of these rows that also has a mirrored image; None without any.
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
     continuity : float or None
-        Total length in space of the images of the source's edges over that of the edges, both
-        at unit area; 1 for a rigid map, more the more a map tears. None without a source, or where
-        no edge with a length has both ends mapped onto the target's faces.
+        Total length of the images of the source's edges over that of the edges, both at unit area:
+        1 for a rigid map, more for a map that tears. None without a source, or where no edge with
+        a length has both ends mapped onto the target's faces.
     overlap : Overlap
         Of parts: rows of the ground truth with a negative target vertex have no true image.
     """
@@ -150,8 +150,8 @@ def evaluate(
         Anything :func:`unbend.as_mesh` accepts.
     source_points, target_points : (r,) array_like of int
         Ground truth: source vertex ``source_points[i]`` is target vertex ``target_points[i]``.
-        Rows whose target vertex is negative have no true image; those, and rows whose source
-        vertex was given none, count for `overlap` only.
+        A row with a negative target vertex has no true image. Rows without a true image, or
+        without an image in the map, count for `overlap` only.
     mirrored_target_points : (r,) array_like of int, optional
         The ground truth composed with the target's left-right symmetry; negative where a row has no
         mirrored image.
@@ -177,8 +177,8 @@ def evaluate(
 
     Notes
     -----
-    Distances are computed from the target vertices that the ground truth names only, and kept in
-    memory for the next map onto the same mesh.
+    Distances are computed only from the target vertices in the ground truth. They are kept in
+    memory for the next map to the same mesh.
 
     References
     ----------
@@ -199,26 +199,19 @@ def evaluate(
     if distance not in GEODESIC:
         raise InputError(f"distance must be one of {', '.join(GEODESIC)}, not {distance!r}")
     target = _with_faces(target)
-    check_target(match, target)
-    images = _indices(as_point_map(match), target.n_vertices, "match", least=-1)
+    source = None if source is None else _with_faces(source)
+    images = as_point_map(match, source, target)
     sources = _indices(source_points, len(images), "source_points")
-    truths = [_indices(target_points, target.n_vertices, "target_points", least=-1)]
-    if mirrored_target_points is not None:
-        truths.append(
-            _indices(mirrored_target_points, target.n_vertices, "mirrored_target_points", least=-1)
-        )
-    for truth in truths:
-        if len(truth) != len(sources):
-            raise InputError(
-                f"the ground truth has {len(sources)} source and {len(truth)} target vertices"
-            )
+    truth = _ground_truth(target_points, len(sources), target, "target_points")
     found = images[sources]
-    rows = np.flatnonzero((found >= 0) & (truths[0] >= 0))
-    direct = _errors(target, truths[0], found, rows, "target_points", distance)
+    rows = np.flatnonzero((found >= 0) & (truth >= 0))
+    direct = _errors(target, truth, found, rows, "target_points", distance)
     map_min = vertex_min = None
-    if len(truths) == 2:
-        both = truths[1][rows] >= 0
-        mirrored = _errors(target, truths[1], found, rows[both], "mirrored_target_points", distance)
+    if mirrored_target_points is not None:
+        name = "mirrored_target_points"
+        mirrored_truth = _ground_truth(mirrored_target_points, len(sources), target, name)
+        both = mirrored_truth[rows] >= 0
+        mirrored = _errors(target, mirrored_truth, found, rows[both], name, distance)
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
     return Evaluation(
@@ -226,8 +219,8 @@ def evaluate(
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=_coverage(images, target),
-        continuity=None if source is None else _continuity(images, _with_faces(source), target),
-        overlap=_overlap(found >= 0, truths[0] >= 0),
+        continuity=None if source is None else _continuity(images, source, target),
+        overlap=_overlap(found >= 0, truth >= 0),
     )
 
 
@@ -240,6 +233,13 @@ def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
         row = int(np.flatnonzero(outside)[0])
         raise InputError(f"{name}: row {row} is {array[row]}, but vertices are 0 to {n - 1}")
     return array.astype(np.int64)
+
+
+def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray:
+    truth = _indices(values, target.n_vertices, name, least=-1)
+    if len(truth) != n_rows:
+        raise InputError(f"the ground truth has {n_rows} source and {len(truth)} target vertices")
+    return truth
 
 
 def _with_faces(shape: MeshLike) -> Mesh:
@@ -279,7 +279,7 @@ def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> F
 
 
 def _forget() -> None:
-    """Forget the oldest; other threads may add and forget meanwhile."""
+    """Drop the oldest meshes' distances; other threads may add and drop some meanwhile."""
 
     def size() -> int:
         return sum(row.nbytes for rows in list(_kept.values()) for row in list(rows.values()))
@@ -289,8 +289,6 @@ def _forget() -> None:
 
 
 def _fingerprint(mesh: Mesh) -> bytes:
-    from hashlib import blake2b
-
     digest = blake2b(np.ascontiguousarray(mesh.vertices).tobytes())
     digest.update(np.ascontiguousarray(mesh.faces).tobytes())
     return digest.digest()
@@ -298,9 +296,7 @@ def _fingerprint(mesh: Mesh) -> bytes:
 
 def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
     both = int((given & true).sum())
-    return Overlap(
-        both / int(given.sum()), both / int(true.sum()), both / int((given | true).sum())
-    )
+    return Overlap(*(both / int(one.sum()) for one in (given, true, given | true)))
 
 
 def _coverage(images: IntArray, target: Mesh) -> float:
@@ -309,10 +305,6 @@ def _coverage(images: IntArray, target: Mesh) -> float:
 
 
 def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float | None:
-    if source.n_vertices != len(images):
-        raise InputError(
-            f"the map has {len(images)} rows, but the source has {source.n_vertices} vertices"
-        )
     edges = edge_ends(source.faces, source.n_vertices)
     edges = edges[np.isin(images, target.faces)[edges].all(axis=1)]
     before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)

@@ -1,10 +1,8 @@
-"""A surface drawn onto another, rigidly at first and ever softer.
+"""Nonrigid registration of a surface to a target, rigid at first, then ever softer.
 
-Every neighbourhood keeps its shape up to a rotation and a size (Sorkine & Alexa, "As-rigid-as-
-possible surface modeling", SGP 2007); sizes vary slowly, as proportions do. Vertices are drawn to
-closest points on faces, in the manner of Amberg, Romdhani & Vetter, "Optimal step nonrigid ICP
-algorithms for surface registration", CVPR 2007. Closest points are found by walking over the
-surface from where the match leads, so a leg is never caught by the leg beside it.
+Neighbourhoods keep their shapes up to a rotation and a size, which varies slowly. Vertices are
+pulled to closest points on faces. These are found by walking over the surface from the vertices
+that the match gives, so a leg is never registered to the leg beside it.
 """
 
 from __future__ import annotations
@@ -16,78 +14,64 @@ from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
 from unbend.alignment import procrustes
-from unbend.correspondence._landing import Ground, Landing, land, make_ground
+from unbend.correspondence._projection import Projection, Target, make_target, project
 from unbend.deformation import ElasticSurface, scatter
 from unbend.linalg.factorization import Factorization
 from unbend.mesh import Mesh, edge_ends, find_components, vertex_areas, vertex_normals
 
-# Stiffness and pull balance over a length. The match is followed from the first of these to the
-# second, in sqrt(area); closest points from there to a share of an edge, in so many steps.
+# Stiffness and pull balance over a length. The match is followed while it shrinks from _RIGID to
+# _FIRM, in sqrt(area); then closest points, down to _SOFT edges; in so many steps each.
 _RIGID, _FIRM, _SOFT = 0.06, 0.03, 0.02
+_MATCH_STEPS, _CLOSEST_STEPS = 12, 30
 _PATCH = 0.15  # length in sqrt(area) over which sizes are averaged
-_FOLLOWING, _SINKING = 12, 30
-_BOTH_WAYS = 0.3  # edges of balance down to which the ground pulls too, which fills tips of limbs
-_JOINT = 1.0  # weight of an edge that joins a part without a partner, an eyeball, to the next part
-# Closest points are sought from where the last step leads to, which speeds up a slow slide.
-_MOMENTUM = 0.7
+_BOTH_WAYS = 0.3  # edges of balance down to which the target pulls too, which fills extremities
+_JOINT = 1.0  # weight of an edge that joins a component without a partner, such as an eyeball
+_MOMENTUM = 0.7  # closest points are sought ahead of a step, which speeds up a slow slide
 _HOLD = 1.0  # pull of every vertex to where it is, in 1 / area: no system is singular then
 _NORMAL_WEIGHT = 2.0  # lengths of balance that a difference of normals of one counts as
-_PRIOR = 0.01  # share in a patch's size that the whole's has, which parts without a partner take
-_OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is none
-_SLACK = 0.1  # edges beyond a rim that still count as on the surface
+_PRIOR = 0.01  # weight of the mean size in that of a patch; patches without a partner take it
+_OUTLIER = 4.0  # median distances, and an edge on top, beyond which a pair is ignored
+_SLACK = 0.1  # edges beyond a boundary that still count as on the surface
 
 
 class Fit:
-    """A surface on its way onto a ground.
+    """A surface (n vertices) that is being registered to a target.
 
-    Parameters
-    ----------
-    surface : ElasticSurface
-    ground : Ground
-    partners : (n,) ndarray of int64
-        Vertices of the ground that the match leads to; anything where there is none.
-    goal : (n, 3) ndarray of float64
-        Places on the ground that the match leads to.
-    matched : (n,) ndarray of bool
-        Which vertices the match leads anywhere.
-
-    Attributes
-    ----------
-    places : (n, 3) ndarray of float64
-    edge : float
-        Mean length of an edge.
+    The match gives `partners` (n,), vertices of the target, and `goal` (n, 3), places on it, both
+    valid where `matched` (n,). The surface's vertices are now at `places` (n, 3).
     """
 
     def __init__(
         self,
         surface: ElasticSurface,
-        ground: Ground,
+        target: Target,
         partners: IntArray,
         goal: FloatArray,
         matched: BoolArray,
     ) -> None:
         parts = find_components(surface.faces, len(goal)).of_vertex
-        self.carried = ~np.isin(parts, parts[matched])
-        surface = self.surface = _joined(surface, self.carried)
+        self.unmatched = ~np.isin(parts, parts[matched])
+        surface = self.surface = _joined(surface, self.unmatched)
         self.matched = matched
         self.goal = np.where(matched[:, None], goal, 0.0)
-        self.own = make_ground(surface.vertices, surface.faces)
+        self.own = make_target(surface.vertices, surface.faces)
         self.ends = edge_ends(surface.faces, len(goal)).T
-        self.partners = _spread(partners, matched, surface.vertices, surface.edge_weights)
-        back = np.full(len(ground.vertices), -1)
+        self.partners = _nearest_partners(partners, matched, surface.vertices, surface.edge_weights)
+        back = np.full(len(target.vertices), -1)
         back[partners[matched]] = np.flatnonzero(matched)
-        self.partners_back = _spread(back, back >= 0, ground.vertices, ground.neighbors)
-        self.weights = vertex_areas(Mesh(ground.vertices, ground.faces))
+        self.partners_back = _nearest_partners(back, back >= 0, target.vertices, target.neighbors)
+        self.weights = vertex_areas(Mesh(target.vertices, target.faces))
         self.sizes = np.ones(len(goal))
-        # Displacements as smooth as can be say how neighbourhoods are turned.
-        turn, shift = procrustes(surface.vertices[matched], goal[matched], reflect=False)
-        places = surface.vertices @ turn.T + shift
+        # The smoothest displacements give the first rotations of neighbourhoods.
+        rotation, shift = procrustes(surface.vertices[matched], goal[matched], reflect=False)
+        places = surface.vertices @ rotation.T + shift
         pull = surface.areas * matched
         system, force = self._held(_RIGID, pull[:, None] * self.goal, pull, places)
         self.places = self.ahead = system.solve(surface.stiffness @ places + force)
         self.rotations = surface.fit_rotations(self.places)
-        facing = (self._normals(self.places) * ground.normals[self.partners]).sum(axis=1)
-        self.ground = ground if pull @ facing >= 0 else ground.turned()
+        facing = (self._normals(self.places) * target.normals[self.partners]).sum(axis=1)
+        side = 1.0 if pull @ facing >= 0 else -1.0
+        self.target = target._replace(normals=side * target.normals)
 
     @property
     def edge(self) -> float:
@@ -96,28 +80,28 @@ class Fit:
         return float(np.linalg.norm(self.places[i] - self.places[j], axis=1).mean())
 
     def run(self, progress: Progress | None) -> None:
-        """Follow the match, then sink into the ground."""
+        """Follow the match, then closest points."""
         pull = self.surface.areas * self.matched
-        for length in np.geomspace(_RIGID, _FIRM, _FOLLOWING):
+        for length in np.geomspace(_RIGID, _FIRM, _MATCH_STEPS):
             self._step(length, pull[:, None] * self.goal, pull)
-        for i, length in enumerate(np.geomspace(_FIRM, _SOFT * self.edge, _SINKING)):
-            found = self.land(length)
+        for i, length in enumerate(np.geomspace(_FIRM, _SOFT * self.edge, _CLOSEST_STEPS)):
+            found = self.project(length)
             self.partners = found.partners
-            free = self.carried | self._turned_over(found)
+            free = self.unmatched | self._flipped(found)
             pull = self.surface.areas * (self._trusted(found) & ~free)
             force = pull[:, None] * found.places
             if length > _BOTH_WAYS * self.edge:
-                more, back = self._pulled_back(length)
-                force, pull = force + more, pull + back
+                more_force, more_pull = self._target_pull(length)
+                force, pull = force + more_force, pull + more_pull
             self._step(length, force, pull)
             if progress is not None:
-                progress("register", (i + 1) / _SINKING)
+                progress("register", (i + 1) / _CLOSEST_STEPS)
         self.ahead = self.places
 
-    def land(self, length: float) -> Landing:
-        """Closest points on the ground to where the last step leads to."""
-        return land(
-            self.ground,
+    def project(self, length: float) -> Projection:
+        """Closest points on the target, sought ahead of the last step."""
+        return project(
+            self.target,
             self.ahead,
             self._normals(self.ahead),
             self.surface.edge_weights,
@@ -127,40 +111,38 @@ class Fit:
         )
 
     def distances(self) -> tuple[FloatArray, BoolArray]:
-        """Distance of each vertex to the ground, and whether the ground is there."""
-        found = self.land(0.0)
-        # Where the walk ended at a rim, or in a hollow of the distance, another part is closer.
-        used = np.unique(self.ground.faces)
-        self.partners = used[cKDTree(self.ground.vertices[used]).query(self.places)[1]]
-        nearest = self.land(0.0)
-        return np.minimum(found.distances, nearest.distances), found.there
+        """Distance of each vertex to the target, and whether its projection is valid."""
+        found = self.project(0.0)
+        # If a walk ended at a boundary or in a local minimum, another part may be closer.
+        used = np.unique(self.target.faces)
+        self.partners = used[cKDTree(self.target.vertices[used]).query(self.places)[1]]
+        return np.minimum(found.distances, self.project(0.0).distances), found.valid
 
-    def _turned_over(self, found: Landing) -> BoolArray:
-        """Vertices of faces that are turned over: let go of, their stiffness turns them back."""
+    def _flipped(self, found: Projection) -> BoolArray:
+        """Vertices of flipped faces: if nothing pulls them, their stiffness flips them back."""
         faces = self.surface.faces
         a, b, c = self.ahead[faces].transpose(1, 0, 2)
-        facing = found.facing[faces].sum(axis=1)
-        over = np.zeros(len(self.ahead), dtype=bool)
-        over[faces[(np.cross(b - a, c - a) * facing).sum(axis=1) < 0]] = True
-        return over
+        facing = found.normals[faces].sum(axis=1)
+        flipped = np.zeros(len(self.ahead), dtype=bool)
+        flipped[faces[(np.cross(b - a, c - a) * facing).sum(axis=1) < 0]] = True
+        return flipped
 
-    def _pulled_back(self, length: float) -> tuple[FloatArray, FloatArray]:
-        """Pull of the ground's vertices on those nearest to where they fall on the shape."""
-        ground = self.ground
-        found = land(
+    def _target_pull(self, length: float) -> tuple[FloatArray, FloatArray]:
+        """Force and pull of the target's vertices on those nearest to their projections."""
+        target = self.target
+        found = project(
             self.own._replace(vertices=self.ahead, normals=self._normals(self.ahead)),
-            ground.vertices,
-            ground.normals,
-            ground.neighbors,
+            target.vertices,
+            target.normals,
+            target.neighbors,
             self.partners_back,
             normal_weight=_NORMAL_WEIGHT * length,
             slack=_SLACK * self.edge,
         )
         self.partners_back = found.partners
-        goal = self.ahead[found.partners] + ground.vertices - found.places
+        goal = self.ahead[found.partners] + target.vertices - found.places
         pull = self.weights * self._trusted(found)
-        force, total = scatter(found.partners, pull, goal, len(self.places))
-        return force, total
+        return scatter(found.partners, pull, goal, len(self.places))
 
     def _step(self, length: float, force: FloatArray, pull: FloatArray) -> None:
         before = self.places
@@ -178,7 +160,7 @@ class Fit:
         return system, force / length**2 + hold[:, None] * places
 
     def _resize(self, covariances: FloatArray, pulled: BoolArray) -> None:
-        """Fit the sizes of patches to what is pulled; the rest takes after it."""
+        """Fit the sizes of patches to the pulled vertices; the rest takes the mean size."""
         stretched = np.einsum("iba,iab->i", self.rotations, covariances)
         squares = self.surface.edge_squares
         both = np.stack([stretched, squares], axis=1)
@@ -190,29 +172,29 @@ class Fit:
         above, below = self.surface.averaged(both, _PATCH).T
         self.sizes = above / below
 
-    def _trusted(self, found: Landing) -> BoolArray:
-        """Which pairs are neither across a rim nor far longer than others."""
-        if not found.there.any():
-            return found.there
-        usual = float(np.median(found.distances[found.there]))
-        return np.asarray(found.there & (found.distances <= _OUTLIER * usual + self.edge))
+    def _trusted(self, found: Projection) -> BoolArray:
+        """Select the valid pairs that are not much longer than others."""
+        if not found.valid.any():
+            return found.valid
+        median = float(np.median(found.distances[found.valid]))
+        return np.asarray(found.valid & (found.distances <= _OUTLIER * median + self.edge))
 
     def _normals(self, places: FloatArray) -> FloatArray:
         return vertex_normals(places, self.surface.faces)
 
 
-def _joined(surface: ElasticSurface, carried: BoolArray) -> ElasticSurface:
-    """Join parts that the match says nothing of to the nearest of the others, to go along."""
-    if not carried.any():
+def _joined(surface: ElasticSurface, unmatched: BoolArray) -> ElasticSurface:
+    """Join components without a match to the nearest of the others, which they then follow."""
+    if not unmatched.any():
         return surface
-    loose, others = np.flatnonzero(carried), np.flatnonzero(~carried)
+    loose, others = np.flatnonzero(unmatched), np.flatnonzero(~unmatched)
     nearest = others[cKDTree(surface.vertices[others]).query(surface.vertices[loose])[1]]
     weights = surface.edge_weights
     links = sp.csr_matrix((np.full(len(loose), _JOINT), (loose, nearest)), shape=weights.shape)
     return surface.with_edge_weights(sp.csr_matrix(weights + links + links.T))
 
 
-def _spread(
+def _nearest_partners(
     partners: IntArray, matched: BoolArray, vertices: FloatArray, neighbors: SparseMatrix
 ) -> IntArray:
     """Give vertices without a partner that of the nearest vertex that has one."""
@@ -221,5 +203,5 @@ def _spread(
     lengths.data = np.linalg.norm(vertices[i] - vertices[j], axis=1)
     have = np.flatnonzero(matched)
     nearest = dijkstra(lengths, indices=have, min_only=True, return_predecessors=True)[2]
-    # Parts of a scan that no way leads to have no partner anywhere; they start from any.
+    # Components without any partner start from an arbitrary one.
     return np.asarray(partners[np.where(nearest < 0, have[0], nearest)], dtype=np.int64)

@@ -19,18 +19,17 @@ from unbend.mesh import Mesh, edge_ends
 
 # Rotations are averaged over so many rings of neighbours, which hides the rounding to vertices.
 _AVERAGED_RINGS = 4
-# Ties every vertex to where a rigid motion alone would take it: the equations determine vertices
-# only up to a translation, and those that no face uses not at all.
+# Weight of every vertex's position after a rigid motion, without which no system has one solution.
 _TIE = 1e-5
-_FAINT = 1e-6  # how little the whole's rotation counts beside that of a neighbourhood
-_HELD = 1e3  # holds what has an image while what has none goes along
+_RIGID_WEIGHT = 1e-6  # of the rigid motion's rotation, against that of a neighbourhood
+_IMAGE_WEIGHT = 1e3  # of the images while vertices without one follow
 
 
 def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: float) -> Mesh:
     """Shape between the source and the target, along a match.
 
-    The source turns and moves as a whole while its neighbourhoods turn on the shortest way and
-    stretch evenly, so that limbs swing round their joints instead of shrinking on straight lines.
+    The source moves rigidly while its neighbourhoods rotate and stretch evenly. Limbs therefore
+    rotate about their joints, and do not shrink on straight lines.
 
     Parameters
     ----------
@@ -41,14 +40,14 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
         A match with barycentric coordinates (``match(..., barycentric=True)``) gives smoother
         shapes.
     t : float
-        0 is the source, exactly; 1 the source laid onto the target. Values outside go on beyond.
+        0 is exactly the source; 1 is the source on the target. Other values extrapolate.
 
     Returns
     -------
     Mesh
         With the source's vertices, in their order, and its faces. Parts without an image keep
-        their shape and go along with what is next to them; vertices that no face uses move rigidly
-        with the whole, and so do components without any image, which grow as the rest does.
+        their shape and follow their neighbours. Vertices that no face uses, and components without
+        any image, follow the rigid motion; these components are scaled like the rest.
 
     Raises
     ------
@@ -57,9 +56,9 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
 
     Notes
     -----
-    The edges of the in-between shape are prescribed, each the mean of what its two ends ask for:
-    the edge stretched by `t` of its way and turned by `t` of the neighbourhood's rotation. The
-    vertices then fit them in least squares, which a single sparse solve does.
+    Each end of an edge prescribes it: stretched by the share `t`, and rotated by the share `t` of
+    the rotation of the end's neighbourhood. The vertices fit the means of both in least squares,
+    by one sparse solve.
 
     References
     ----------
@@ -79,11 +78,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     source, target = as_mesh(source), as_mesh(target)
     if not is_number(t) or not np.isfinite(t):
         raise InputError(f"t must be a finite number, not {t!r}")
-    goal = positions_on_target(match, target)
-    if len(goal) != source.n_vertices:
-        raise InputError(
-            f"the map has {len(goal)} rows, but {source.name} has {source.n_vertices} vertices"
-        )
+    goal = positions_on_target(match, target, source)
     name = f"{source.name} to {target.name} at {t:g}"
     if t == 0:
         return Mesh(source.vertices, source.faces, name=name)
@@ -94,10 +89,10 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
     goal[~moving] = start[~moving] @ rotation.T + translation
     if not moving.all() and source.n_faces:
-        goal = _carried_along(start, goal, moving, source.faces, rotation)
+        goal = _extended(start, goal, moving, source.faces, rotation)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
-    # In the source's own frame, where only the change of shape is left, then turned as a whole.
+    # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
     between = _bend(start, goal, source.faces, t)
     center = start[moving].mean(axis=0)
@@ -106,19 +101,19 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     return Mesh((between - center) @ turn.T + center + t * travel, source.faces, name=name)
 
 
-def _carried_along(
+def _extended(
     start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray, rotation: FloatArray
 ) -> FloatArray:
-    """Move parts without an image as what is next to them turns, or the whole, their shape kept."""
+    """Move parts without an image like their neighbours, or rigidly, and keep their shape."""
     surface, used = _evenly_weighted(start, faces)
     before, after = surface.vertices, np.where(used[:, None], goal, 0)
     i, j = surface.edge_weights.nonzero()
     edges, images = before[j] - before[i], after[j] - after[i]
-    # How neighbourhoods turn is known where they have images, and spreads from there. Where too few
-    # have any, the whole's rotation decides.
+    # Rotations of neighbourhoods with images spread to the others. With too few images, the rigid
+    # motion's rotation decides.
     known, mask = moving[i] & moving[j], sp.diags(moving.astype(np.float64))
     both_known = surface.with_edge_weights(sp.csr_matrix(mask @ surface.edge_weights @ mask))
-    cross = both_known.covariances(after) + _FAINT * (edges**2).mean() * rotation.T
+    cross = both_known.covariances(after) + _RIGID_WEIGHT * (edges**2).mean() * rotation.T
     ties = np.where(moving, 1.0, _TIE) / 2
     spread = surface.system_of(ties).solve(ties[:, None] * cross.reshape(-1, 9))
     turns = nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1))
@@ -127,7 +122,7 @@ def _carried_along(
         spans = [points[moving] - points[moving].mean(axis=0) for points in (start, goal)]
     lengths = [np.linalg.norm(one, axis=1).sum() for one in spans]
     size = lengths[1] / lengths[0] if lengths[0] > 0 else 1.0
-    ties = np.where(moving, _HELD, _TIE) / 2
+    ties = np.where(moving, _IMAGE_WEIGHT, _TIE) / 2
     moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
     return np.where((used & ~moving)[:, None], moved, goal)
 
@@ -141,7 +136,7 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     i, j = surface.edge_weights.nonzero()
     turns = _rotation_vectors(surface, after)[i]
     edges, images = before[j] - before[i], after[j] - after[i]
-    # Turned back by its end's rotation, an edge's image differs from the edge by stretch alone.
+    # Without its end's rotation, an edge's image differs from the edge by stretch alone.
     still = Rotation.from_rotvec(turns).apply(images, inverse=True)
     wanted = Rotation.from_rotvec(t * turns).apply(edges + t * (still - edges))
     pull = _summed(j, wanted, len(start)) - _summed(i, wanted, len(start))
@@ -152,11 +147,11 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
 
 
 def _evenly_weighted(points: FloatArray, faces: IntArray) -> tuple[ElasticSurface, BoolArray]:
-    """Surface all of whose edges count the same, and the vertices in use; the others are at 0."""
+    """Surface with equal edge weights, and which vertices are in use; the others are put at 0."""
     n = len(points)
     used = np.zeros(n, dtype=bool)
     used[faces] = True
-    # What unreferenced vertices hold, perhaps NaN, must not enter the equations.
+    # Unreferenced vertices, which may be NaN, must not enter the equations.
     surface = ElasticSurface(np.where(used[:, None], points, 0), faces, used / used.sum())
     i, j = edge_ends(faces, n).T
     links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
@@ -164,7 +159,7 @@ def _evenly_weighted(points: FloatArray, faces: IntArray) -> tuple[ElasticSurfac
 
 
 def _summed(at: IntArray, rows: FloatArray, n: int) -> FloatArray:
-    """Add up the rows that go to the same place, (n, d)."""
+    """Sum rows by their index, (n, d)."""
     return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
 
 

@@ -1,11 +1,4 @@
-"""A template laid onto a scan: its own vertices and faces, on the other surface.
-
-The template is deformed as rigidly as possible (Sorkine & Alexa, "As-rigid-as-possible surface
-modeling", SGP 2007), every neighbourhood turned, and scaled as the bodies differ, towards the
-closest points on the scan's faces, ever softer, as in Amberg, Romdhani & Vetter, "Optimal step
-nonrigid ICP algorithms for surface registration", CVPR 2007. Closest points are found by walking
-over the scan from where the match leads, so a leg is never caught by the leg beside it.
-"""
+"""Registration of a template to a scan: see `_fitting.py` for the method."""
 
 from __future__ import annotations
 
@@ -17,7 +10,7 @@ import numpy.typing as npt
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.alignment import procrustes
 from unbend.correspondence._fitting import Fit
-from unbend.correspondence._landing import make_ground
+from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, MeshError
@@ -31,7 +24,7 @@ _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """A template that lies on a scan.
+    """A template registered to a scan.
 
     Attributes
     ----------
@@ -70,11 +63,11 @@ def register(
     *,
     progress: Progress | None = None,
 ) -> Registration:
-    """Lay a template onto a scan: the template's vertices and faces on the scan's surface.
+    """Register a template to a scan: deform it so that it lies on the scan's surface.
 
-    What is known of the template, its skeleton, its landmarks, its statistics, is then known of
-    the scan. Where the scan has nothing, as behind holes or on the side that no camera saw, the
-    template goes on smoothly in its own shape.
+    Whatever is known of the template's vertices, such as a skeleton or landmarks, is then known of
+    the scan. Where the scan has no surface, such as in holes or on the side that no camera saw,
+    the template continues smoothly in its own shape.
 
     Parameters
     ----------
@@ -131,11 +124,7 @@ def register(
         match = find_match(template, scan, barycentric=True, progress=progress)
     elif isinstance(match, Match):
         warn_of_disorder(match)
-    goal = positions_on_target(match, scan)
-    if len(goal) != template.n_vertices:
-        raise InputError(
-            f"the map has {len(goal)} rows, but {template.name} has {template.n_vertices} vertices"
-        )
+    goal = positions_on_target(match, scan, template)
     images = as_point_map(match)
     on_surface = np.zeros(scan.n_vertices, dtype=bool)
     on_surface[scan.faces] = True
@@ -143,32 +132,33 @@ def register(
     matched = (images[used] >= 0) & on_surface[images[used]]
     if matched.sum() < 4:
         raise InputError(
-            f"fewer than 4 vertices of {template.name} have a partner on {scan.name}: "
-            "nothing to go by"
+            f"fewer than 4 vertices of {template.name} have a partner on {scan.name}, "
+            "too few to register it"
         )
     goal = goal[used]
-    rest, faces = template.vertices[used], np.searchsorted(used, _wound(template))
+    rest, faces = template.vertices[used], np.searchsorted(used, _oriented(template))
     areas = vertex_areas(template)[used]
     area = float(areas.sum())
     if not 0 < area < np.inf:
         raise MeshError(f"{template.name}: its area is {area:g}; give coordinates in another unit")
-    # Both at the unit in which the template has unit area, as large as it is on the scan.
-    size = np.sqrt(area) * _stretch(rest, goal, matched, faces)
+    # In units in which the template, scaled to the scan, has unit area.
+    size = np.sqrt(area) * _scale(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
     surface = ElasticSurface((rest - rest.mean(axis=0)) / np.sqrt(area), faces, areas / area)
     seen = np.where(on_surface[:, None], scan.vertices - middle, 0) / size
-    ground = make_ground(seen, _wound(scan))
-    fit = Fit(surface, ground, images[used], (goal - middle) / size, matched)
+    target = make_target(seen, _oriented(scan))
+    fit = Fit(surface, target, images[used], (goal - middle) / size, matched)
     fit.run(progress)
 
-    vertices = _carried_along(template.vertices, rest, fit.places * size + middle)
-    vertices[used] = fit.places * size + middle
-    off, there = fit.distances()
+    places = fit.places * size + middle
+    vertices = _moved_along(template.vertices, rest, places)
+    vertices[used] = places
+    off, valid = fit.distances()
     tolerance = _COVERED * fit.edge
     distances = np.full(len(vertices), np.nan)
     distances[used] = off * size
     covered = np.zeros(len(vertices), dtype=bool)
-    covered[used] = there & (off <= tolerance)
+    covered[used] = valid & (off <= tolerance)
     mesh = Mesh(vertices, template.faces, name=f"{template.name} on {scan.name}")
     shares = vertex_areas(mesh)
     return Registration(
@@ -181,7 +171,7 @@ def register(
     )
 
 
-def _wound(mesh: Mesh) -> IntArray:
+def _oriented(mesh: Mesh) -> IntArray:
     faces = wind_alike(mesh.vertices, mesh.faces)
     if faces is None:
         raise MeshError(
@@ -191,23 +181,23 @@ def _wound(mesh: Mesh) -> IntArray:
     return faces
 
 
-def _stretch(rest: FloatArray, goal: FloatArray, matched: BoolArray, faces: IntArray) -> float:
-    """How much longer things are on the scan than on the template."""
+def _scale(rest: FloatArray, goal: FloatArray, matched: BoolArray, faces: IntArray) -> float:
+    """Ratio of lengths on the scan to lengths on the template."""
     known = faces[matched[faces].all(axis=1)]
     if len(known):
         areas = (vertex_areas(Mesh(points, known)) for points in (rest, np.nan_to_num(goal)))
         before, after = (float(np.sqrt(one.sum())) for one in areas)
     else:  # partners are scattered
-        before, after = _spread(rest[matched]), _spread(goal[matched])
+        before, after = _extent(rest[matched]), _extent(goal[matched])
     return after / before if before > 0 and after > 0 else 1.0
 
 
-def _spread(points: FloatArray) -> float:
+def _extent(points: FloatArray) -> float:
     return float(np.linalg.norm(points - points.mean(axis=0)))
 
 
-def _carried_along(vertices: FloatArray, rest: FloatArray, places: FloatArray) -> FloatArray:
-    """Move vertices that no face uses as the whole moves, by a similarity."""
-    scale = _spread(places) / _spread(rest)
-    turn, shift = procrustes(scale * rest, places, reflect=False)
-    return np.asarray(scale * vertices @ turn.T + shift)
+def _moved_along(vertices: FloatArray, rest: FloatArray, places: FloatArray) -> FloatArray:
+    """Move all vertices by the similarity nearest to the motion of those at rest to places."""
+    scale = _extent(places) / _extent(rest)
+    rotation, shift = procrustes(scale * rest, places, reflect=False)
+    return np.asarray(scale * vertices @ rotation.T + shift)

@@ -1,4 +1,4 @@
-"""How alike two shapes are, whatever their poses: the cosine of their canonical forms."""
+"""Similarity of shapes in any pose: the cosine of their canonical forms."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ def similarity(
     weighting: Literal["auto", "uniform", "area"] = "auto",
     areas: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> float:
-    """Tell how alike two shapes are, whatever their poses: the cosine of their canonical forms.
+    """Similarity of two shapes in any pose: the cosine of their canonical forms.
 
-    Both forms are centred and one is rotated, reflected if need be, onto the other. Poses of one
-    shape come close to 1.
+    Both forms are centred, and one is rotated or reflected onto the other. Poses of one shape have
+    a similarity close to 1.
 
     Parameters
     ----------
     model, probe : CanonicalForm or mesh-like
-        Forms that were computed before, which spares doing it again when many shapes are
-        compared; or anything :func:`unbend.as_mesh` accepts.
+        Anything :func:`unbend.as_mesh` accepts; or its form, which saves time when many shapes are
+        compared.
     match : Match or (n_model,) array_like of int, optional
-        From model to probe. Default: vertex `i` of the one is vertex `i` of the other.
+        From model to probe. By default, vertices with the same number correspond.
     n_components : int, default=3
-        Dimension that is compared; further columns of a form are left out.
+        Dimension that is compared; further columns of a form are ignored.
     distance : str, default="biharmonic"
-        Of the canonical forms of meshes: exact ones, see :func:`unbend.canonical_form`, or for
-        geodesic distances :func:`unbend.sampled_canonical_form`.
+        Distance of the canonical forms of meshes. They are exact, except for geodesic distances:
+        see :func:`unbend.canonical_form` and :func:`unbend.sampled_canonical_form`.
     weighting : {"auto", "uniform", "area"}, default="auto"
-        Whether vertices count alike or by their area, both in the canonical forms of meshes and
-        in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed in
-        different ways; else alike, as in the paper.
+        Whether vertices count equally or by their area, both in the canonical forms of meshes and
+        in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed differently;
+        otherwise equally, as in the paper.
     areas : ((n_model,), (n_probe,)) arrays_like of float, optional
         Vertex areas, needed only where vertices count by area and a form is given.
 
@@ -67,10 +67,10 @@ def similarity(
     Notes
     -----
     For centred S and T with one row for each pair of corresponding vertices, the aligned cosine
-    is the sum of the singular values of S^T T over norm(S) norm(T). A Match counts the pairs of
-    both its directions, so that swapping model and probe changes nothing. Where the eigenvalue
-    after the last one kept is nearly as large, two poses may keep different ones: compare in
-    another dimension if a pose looks unlike itself.
+    is the sum of the singular values of S^T T over norm(S) norm(T). The pairs of both directions
+    of a Match count, so swapping model and probe changes nothing. If the first eigenvalue left
+    out is nearly as large as the last one kept, two poses may keep different ones, and their
+    similarity is low; compare in another dimension.
 
     References
     ----------
@@ -105,36 +105,16 @@ def similarity(
 def aligned_cosine(
     source_points: npt.ArrayLike, target_points: npt.ArrayLike, weights: npt.ArrayLike
 ) -> float:
-    """Cosine of corresponding points after centring and the best rotation or reflection.
+    """Cosine (0 to 1) of corresponding points (r, d) after the best rotation or reflection.
 
-    Parameters
-    ----------
-    source_points, target_points : (r, d) array_like of float
-        Row i corresponds to row i; rows that are not finite in both do not count.
-    weights : (r,) array_like of float
-        Non-negative weight of each row.
-
-    Returns
-    -------
-    float
-        0 to 1.
-
-    Raises
-    ------
-    InputError
-        If no rows count, or all points of one side coincide.
-
-    Examples
-    --------
-    >>> from unbend.correspondence import aligned_cosine
-    >>> round(aligned_cosine([[0, 0], [1, 0], [0, 2]], [[5, 5], [5, 3], [1, 5]], [1, 1, 1]), 6)
-    1.0
+    Points are centred; rows that are not finite in both, or have no positive weight (r,), do not
+    count. Raises InputError if no rows count, or all points of one side coincide.
     """
     left, right = np.asarray(source_points, dtype=float), np.asarray(target_points, dtype=float)
     mass = np.asarray(weights, dtype=float)
     counted = np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1) & (mass > 0)
     if not counted.any():
-        raise InputError("no vertex of the one shape corresponds to one of the other")
+        raise InputError("no vertex of one shape corresponds to a vertex of the other")
     left, right, mass = left[counted], right[counted], mass[counted] / mass[counted].sum()
     left, right = left - mass @ left, right - mass @ right
     norms = [float(np.sqrt(mass @ (one**2).sum(axis=1))) for one in (left, right)]
@@ -181,7 +161,7 @@ def _areas(shape: CanonicalForm | Mesh, given: npt.ArrayLike | None) -> FloatArr
 def _pairs(
     match: Any, ours: FloatArray, theirs: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Corresponding vertices of model and probe, and how much each pair counts."""
+    """Corresponding vertices of model and probe, and the weight of each pair."""
     every, others = np.arange(len(ours)), np.arange(len(theirs))
     if match is None:
         if len(ours) != len(theirs):
@@ -190,23 +170,20 @@ def _pairs(
                 "model with the probe"
             )
         return every, every, ours + theirs
-    forward = _images(
-        match.source_to_target if isinstance(match, Match) else match, len(ours), len(theirs)
-    )
-    rows, columns, weights = every, forward, ours
     if isinstance(match, Match):
-        backward = _images(match.target_to_source, len(theirs), len(ours))
-        rows, columns = np.concatenate([rows, backward]), np.concatenate([columns, others])
-        weights = np.concatenate([weights, theirs])
-    there = (rows >= 0) & (columns >= 0)
-    return rows[there], columns[there], weights[there]
+        rows = np.concatenate([every, _images(match.target_to_source, len(theirs), len(ours))])
+        forward = _images(match.source_to_target, len(ours), len(theirs))
+        columns, weights = np.concatenate([forward, others]), np.concatenate([ours, theirs])
+    else:
+        rows, columns, weights = every, _images(match, len(ours), len(theirs)), ours
+    matched = (rows >= 0) & (columns >= 0)
+    return rows[matched], columns[matched], weights[matched]
 
 
 def _images(values: Any, n: int, m: int) -> IntArray:
-    given = array_of(values, "the match")
-    if given.shape != (n,) or given.dtype.kind not in "iu":
+    array = array_of(values, "the match")
+    if array.shape != (n,) or array.dtype.kind not in "iu":
         raise InputError(f"the match must have one vertex number for each of {n} vertices")
-    array = given.astype(np.int64)
     if array.min() < -1 or array.max() >= m:
         raise InputError(f"the match names a vertex that is not among the {m} of the other shape")
-    return array
+    return array.astype(np.int64)

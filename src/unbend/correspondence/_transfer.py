@@ -30,9 +30,9 @@ def transfer(
 ) -> npt.NDArray[Any]:
     """Carry values from the vertices of the source to those of the target.
 
-    Each target vertex takes the value of the place on the source that it corresponds to. That is
-    a vertex; or, if both meshes and a match with barycentric coordinates are given, a point of a
-    face, whose corners are averaged (numbers) or vote (labels).
+    Each target vertex takes the value of the vertex that it corresponds to. If both meshes and a
+    match with barycentric coordinates are given, it corresponds to a point in a face instead: its
+    corners' numbers are averaged, and their labels vote.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def transfer(
         Numbers, labels (whole numbers or text) or truth values per source vertex.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none,
-        which is turned round by :func:`unbend.io.invert_map` and needs `target`.
+        which is inverted by :func:`unbend.io.invert_map` along the edges of `target`.
     kind : str, default="auto"
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
@@ -48,9 +48,8 @@ def transfer(
         texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
         or four columns, label for everything else.
     source, target : mesh-like, optional
-        Anything :func:`unbend.as_mesh` accepts. Needed, both of them, to average within faces of
-        a match; else their numbers of vertices check it. A map given as an array is turned round
-        along the target's edges, and needs `target`.
+        Anything :func:`unbend.as_mesh` accepts. Averaging within faces needs both; a map given as
+        an array needs `target`.
 
     Returns
     -------
@@ -74,8 +73,8 @@ def transfer(
 
     Notes
     -----
-    The inverse of a match's barycentric coordinates is found on the source as it lies on the
-    target: the point closest to a target vertex among the faces around its partner.
+    To invert barycentric coordinates, the source's vertices are moved to their images on the
+    target. A target vertex then corresponds to the closest point of the faces around its partner.
 
     Examples
     --------
@@ -93,13 +92,11 @@ def transfer(
     if isinstance(match, Match):
         warn_of_disorder(match)
     array = array_of(values, "values")
-    corners, shares = _preimages(match, source, target)
-    n_source = _source_size(match, source)
-    if array.ndim == 0 or (n_source is not None and len(array) != n_source):
+    images = as_point_map(match, source, target)
+    if array.ndim == 0 or len(array) != len(images):
         rows = "is one value" if array.ndim == 0 else f"are {len(array)} rows"
-        raise InputError(
-            f"there {rows} to carry, but the source has {n_source or 'several'} vertices"
-        )
+        raise InputError(f"there {rows} to carry, but the source has {len(images)} vertices")
+    corners, shares = _preimages(match, images, source, target)
     if corners.max(initial=-1) >= len(array):
         raise InputError(
             f"the map names source vertex {corners.max()}, but there are {len(array)} values"
@@ -118,33 +115,15 @@ def transfer(
     return carried
 
 
-def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArray:
-    """Where each source vertex lies on the target.
+def positions_on_target(
+    match: Match | npt.ArrayLike, target: Mesh, source: Mesh | None = None
+) -> FloatArray:
+    """Where each source vertex lies on the target, (n_source, 3), NaN where there is no image.
 
-    Parameters
-    ----------
-    match : Match or (n_source,) ndarray of int64
-        With or without barycentric coordinates; or the target vertex of each source vertex.
-    target : Mesh
-
-    Returns
-    -------
-    (n_source, 3) ndarray of float64
-        NaN where there is no image.
-
-    Raises
-    ------
-    InputError
-        If the map names a vertex or face that the target lacks, or its barycentric coordinates do
-        not sum to one.
+    Barycentric coordinates are used where the match has them. Raises InputError if the match does
+    not fit the meshes, or its barycentric coordinates do not sum to one.
     """
-    images = as_point_map(match)
-    check_target(match, target)
-    if images.max(initial=-1) >= target.n_vertices:
-        raise InputError(
-            f"the map names target vertex {images.max()}, but {target.name} has "
-            f"{target.n_vertices} vertices"
-        )
+    images = as_point_map(match, source, target)
     positions = np.full((len(images), 3), np.nan)
     there = images >= 0
     positions[there] = target.vertices[images[there]]
@@ -165,66 +144,63 @@ def positions_on_target(match: Match | npt.ArrayLike, target: Mesh) -> FloatArra
     return positions
 
 
-def check_target(match: Match | npt.ArrayLike, target: Mesh) -> None:
-    """Refuse the match of another target: it has a row for each of that target's vertices."""
-    if isinstance(match, Match):
-        _check_size("target", len(match.target_to_source), target)
-
-
-def _check_size(side: str, n: int, mesh: Mesh | None) -> None:
-    if mesh is not None and mesh.n_vertices != n:
-        raise InputError(f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}")
-
-
 def _preimages(
-    match: Match | npt.ArrayLike, source: Mesh | None, target: Mesh | None
+    match: Match | npt.ArrayLike, images: IntArray, source: Mesh | None, target: Mesh | None
 ) -> tuple[IntArray, FloatArray]:
     """Source vertices (n_target, 1 or 3) of each target vertex, -1 for none, and their shares."""
     if not isinstance(match, Match):
-        point_map = as_point_map(match)
-        _check_size("source", len(point_map), source)
         if target is None:
             raise InputError(
                 "a map given as an array maps from source to target: to invert it, give the "
                 "target's mesh too, or give a Match"
             )
-        vertices = invert_map(point_map, target)
+        vertices = invert_map(images, target)
         return vertices[:, None], np.ones((len(vertices), 1))
     vertices = match.target_to_source
-    _check_size("target", len(vertices), target)
-    _check_size("source", len(match.source_to_target), source)
     if match.faces is not None and (source is None) != (target is None):
         raise InputError("to average within faces, give both the source and the target, or neither")
     if match.faces is None or source is None or target is None:
         return vertices[:, None], np.ones((len(vertices), 1))
-    laid = positions_on_target(match, target)
+    places = positions_on_target(match, target)
     there = np.flatnonzero(vertices >= 0)
     fans = faces_around(source.faces, source.n_vertices)
     faces, weights = closest_faces(
-        target.vertices[there], laid, source.faces, fans, vertices[there]
+        target.vertices[there], places, source.faces, fans, vertices[there]
     )
     corners = np.full((len(vertices), 3), -1, dtype=np.int64)
     shares = np.zeros((len(vertices), 3))
     corners[there], shares[there] = source.faces[faces], weights
-    # Where no face could be projected onto, the partner itself stands in.
+    # Partners without faces are used as they are.
     alone = there[weights.sum(axis=1) == 0]
     corners[alone] = vertices[alone, None]
     shares[alone] = (1, 0, 0)
     return corners, shares
 
 
-def as_point_map(match: Match | npt.ArrayLike) -> IntArray:
-    """Target vertex of each source vertex, -1 for none, of a match or as it was given."""
+def as_point_map(
+    match: Match | npt.ArrayLike, source: Mesh | None = None, target: Mesh | None = None
+) -> IntArray:
+    """Target vertex of each source vertex, -1 for none.
+
+    Raises InputError unless it is a map between these meshes, where they are given.
+    """
     images = point_map_of(match.source_to_target if isinstance(match, Match) else match, "a map")
     if images is None:
         raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
-    return images
-
-
-def _source_size(match: Match | npt.ArrayLike, source: Mesh | None) -> int | None:
+    sizes = [("source", len(images), source)]
     if isinstance(match, Match):
-        return len(match.source_to_target)
-    return None if source is None else source.n_vertices
+        sizes.append(("target", len(match.target_to_source), target))
+    for side, n, mesh in sizes:
+        if mesh is not None and mesh.n_vertices != n:
+            raise InputError(
+                f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}"
+            )
+    if target is not None and images.max(initial=-1) >= target.n_vertices:
+        raise InputError(
+            f"the map names target vertex {images.max()}, but {target.name} has "
+            f"{target.n_vertices} vertices"
+        )
+    return images
 
 
 def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
@@ -246,7 +222,15 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
         raise InputError(f'text cannot be averaged as {kind}; use kind="label"')
     numbers = array.astype(np.float64)
     if kind == "weights":
-        _check_weights(numbers)
+        if numbers.ndim != 2:
+            raise InputError(f"weights must be rows, one for each vertex, not {numbers.shape}")
+        wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
+        if wrong.any():
+            row = wrong.argmax()
+            raise InputError(
+                f"weights must be non-negative and sum to one in each row; row {row} sums to "
+                f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
+            )
     if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
         raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
     if kind == "color" and (
@@ -260,23 +244,11 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
     return numbers
 
 
-def _check_weights(numbers: FloatArray) -> None:
-    if numbers.ndim != 2:
-        raise InputError(f"weights must be rows, one for each vertex, not {numbers.shape}")
-    wrong = ~((numbers >= 0).all(axis=1) & (np.abs(numbers.sum(axis=1) - 1) < 1e-3))
-    if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise InputError(
-            f"weights must be non-negative and sum to one in each row; row {row} sums to "
-            f"{numbers[row].sum():g}, its least is {numbers[row].min():g}"
-        )
-
-
 def _average(numbers: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
     carried = np.zeros((len(corners), *numbers.shape[1:]))
     for corner, share in zip(corners.T, shares.T, strict=True):
         weight = share.reshape(-1, *[1] * (numbers.ndim - 1))
-        # A corner without a share must not spoil the mean by a NaN.
+        # The NaN of a corner without a share must not enter the mean.
         carried += np.where(weight > 0, weight * numbers[corner], 0)
     return carried
 

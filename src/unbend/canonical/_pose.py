@@ -1,11 +1,4 @@
-"""The surface itself in its form's pose: what a form loses of a shape, given back.
-
-In a canonical form limbs are threads and hands have no fingers. Laid into the form's pose as
-rigidly as possible, the surface keeps them (after Lian, Godil & Xiao, "Feature-preserved 3D
-canonical form", IJCV 102, 2013). Patches are drawn to where the form has them, each as a whole,
-while every neighbourhood is turned but hardly stretched (Sorkine & Alexa, "As-rigid-as-possible
-surface modeling", SGP 2007).
-"""
+"""The surface itself, deformed into the pose of its canonical form."""
 
 from __future__ import annotations
 
@@ -20,11 +13,11 @@ from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh, wind_alike
 from unbend.spectral import make_surface
 
-# Pull towards the form, in units of 1 / area, first so strong that every joint gives way; steps
+# Pulls towards the form, in units of 1 / area, the first strong enough to bend every joint; steps
 # for each.
 _PULLS, _STEPS = (300.0, 100.0, 30.0, 10.0), 8
-# Lengths in sqrt(area): what a patch is that is drawn as a whole, about as long as a limb is round,
-# so that a limb keeps its girth; and what neighbourhood has one rotation, short enough for joints.
+# Lengths in sqrt(area): of a patch pulled as a whole, about the girth of a limb, which it
+# keeps; and of a neighbourhood with one rotation, short enough for joints.
 _PATCH, _TURNING = 0.3, 0.015
 
 
@@ -33,7 +26,8 @@ def lay_into_pose(
 ) -> FloatArray:
     """Lay a surface, as rigidly as possible, into the pose of its canonical form.
 
-    The form loses detail; here limbs stay as thick, and edges about as long, as they are.
+    The form loses detail: limbs become threads. Here limbs keep their thickness, and edges nearly
+    keep their lengths.
 
     Parameters
     ----------
@@ -47,8 +41,8 @@ def lay_into_pose(
     Returns
     -------
     (n, 3) ndarray of float64
-        Places of the vertices, in the mesh's own unit; NaN where the form is. Its orientation is
-        the mesh's: a form that is a mirror image is reflected.
+        Places of the vertices, in the mesh's own unit; NaN where the form is. A form that is a
+        mirror image of the mesh is reflected.
 
     Raises
     ------
@@ -77,15 +71,15 @@ def lay_into_pose(
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnbendWarning)  # the form has said it already
+        warnings.simplefilter("ignore", UnbendWarning)  # the form has warned already
         surface = make_surface(part, laplacian=form.laplacian)  # type: ignore[arg-type]
     unit, areas = np.sqrt(surface.area), surface.operator.areas
     vertices, faces = surface.mesh.vertices / unit, surface.mesh.faces
     form_points = form.points[surface.prepared.kept, :3]
-    wound = wind_alike(vertices, faces)
+    oriented = wind_alike(vertices, faces)
     rest = vertices - areas @ vertices
     goal = form_points - areas @ form_points
-    if wound is not None and _volume(rest, wound) * _volume(goal, wound) < 0:
+    if oriented is not None and _volume(rest, oriented) * _volume(goal, oriented) < 0:
         goal = goal * np.array([-1.0, 1.0, 1.0])
     elastic, mass = ElasticSurface(rest, faces, areas), areas[:, None]
     rotations = elastic.fit_rotations(goal, length=_PATCH)
@@ -102,7 +96,7 @@ def lay_into_pose(
 
 
 def check_form(mesh: Mesh, form: CanonicalForm) -> None:
-    """Refuse a mesh without faces, and a form of another mesh."""
+    """Raise InputError for a mesh without faces, or the form of another mesh."""
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces, and this needs a surface")
     if len(form.points) != mesh.n_vertices:

@@ -1,0 +1,109 @@
+"""Closest points on the faces of a surface, and whether the surface is there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
+from unbend.deformation import closest_faces, walk
+from unbend.mesh import faces_around, find_edges, vertex_normals
+
+_OPPOSITE = 0.3  # cosine between normals below which two points are on different sides
+_FANS = 3  # faces around the closest vertex, then around the heaviest corner of the closest one
+
+
+class Target(NamedTuple):
+    """A surface to project onto: n vertices and m faces.
+
+    `fans` are the faces around each vertex, and `neighbors` is the graph (n, n) of the edges, both
+    in compressed rows. `boundary_sides` (m, 3) tells whether the side opposite each corner of a
+    face is on the boundary, and `on_boundary` (n,) whether a vertex is.
+    """
+
+    vertices: FloatArray
+    normals: FloatArray
+    faces: IntArray
+    fans: tuple[IntArray, IntArray]
+    neighbors: SparseMatrix
+    boundary_sides: BoolArray
+    on_boundary: BoolArray
+
+
+class Projection(NamedTuple):
+    """Projections of n points onto a target.
+
+    Attributes
+    ----------
+    partners : (n,) ndarray of int64
+        The target vertex nearest to each projection.
+    places, normals : (n, 3) ndarray of float64
+        The projections, and the surface's unit normals there.
+    distances : (n,) ndarray of float64
+    valid : (n,) ndarray of bool
+        False beyond the boundary, and where the point's normal is opposite to the surface's.
+    """
+
+    partners: IntArray
+    places: FloatArray
+    normals: FloatArray
+    distances: FloatArray
+    valid: BoolArray
+
+
+def make_target(vertices: FloatArray, faces: IntArray) -> Target:
+    """Compute what projections onto a surface need."""
+    n = len(vertices)
+    edges = find_edges(faces, n)
+    # Side k in a list of edges starts at corner k; the side opposite corner k is the next one.
+    boundary_sides = (edges.n_faces == 1)[edges.of_side].reshape(-1, 3)[:, [1, 2, 0]]
+    on_boundary = np.zeros(n, dtype=bool)
+    on_boundary[edges.ends[edges.n_faces == 1]] = True
+    links = sp.csr_matrix((np.ones(len(edges.ends)), tuple(edges.ends.T)), shape=(n, n))
+    return Target(
+        vertices,
+        vertex_normals(vertices, faces),
+        faces,
+        faces_around(faces, n),
+        sp.csr_matrix(links + links.T),
+        boundary_sides,
+        on_boundary,
+    )
+
+
+def project(
+    target: Target,
+    points: FloatArray,
+    normals: FloatArray,
+    edges: SparseMatrix,
+    partners: IntArray,
+    *,
+    normal_weight: float,
+    slack: float,
+) -> Projection:
+    """Walk from each point's partner, a used vertex, to the closest point on the faces around.
+
+    The partners of a point's neighbours in the graph `edges` are tried too. A difference of
+    normals of one counts as the distance `normal_weight`. Points within `slack` beyond the
+    boundary are still valid.
+    """
+    left = np.hstack([points, normal_weight * normals])
+    right = np.hstack([target.vertices, normal_weight * target.normals])
+    partners = walk(left, right, partners, edges, target.neighbors)
+    every = np.arange(len(points))
+    for _ in range(_FANS):
+        faces, weights = closest_faces(left, right, target.faces, target.fans, partners)
+        corners = target.faces[faces]
+        partners = corners[every, weights.argmax(axis=1)]
+    places = np.einsum("ij,ijk->ik", weights, target.vertices[corners])
+    facing = np.einsum("ij,ijk->ik", weights, target.normals[corners])
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
+    offsets = points - places
+    beyond = offsets - (offsets * facing).sum(axis=1, keepdims=True) * facing
+    on_boundary = ((weights == 0) & target.boundary_sides[faces]).any(axis=1)
+    on_boundary |= ((weights == 1) & target.on_boundary[corners]).any(axis=1)
+    valid = ~(on_boundary & (np.linalg.norm(beyond, axis=1) > slack))
+    valid &= (facing * normals).sum(axis=1) > _OPPOSITE
+    return Projection(partners, places, facing, np.linalg.norm(offsets, axis=1), valid)
