@@ -1,10 +1,12 @@
 """Parts, hints and alternatives, on bodies whose exact truth is known."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sheets import make_sheet
 from testshapes.damage import Damaged, cut, cut_discs, damaged_truth, keep
 from testshapes.scanning import add_components
 from unbend import evaluate, match
@@ -16,6 +18,9 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
     Pose,
     Registered,
+    _closest,
+    _Moving,
+    limited,
     register,
 )
 from unbend.mesh import vertex_areas
@@ -55,6 +60,79 @@ def test_the_registration_keeps_what_is_beyond_the_rim_out() -> None:
     both = found.source.overlap & truth
     off = np.linalg.norm(part.vertices[found.forward] - part.vertices[there], axis=1)
     assert off[both].mean() < 0.01
+
+
+def test_what_lands_on_a_rim_does_not_pull() -> None:
+    ours, theirs = (prepare_shape(make_sheet(side), 20, partial=True).shape for side in (9, 12))
+    apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
+    maps = apart.argmin(axis=1), apart.argmin(axis=0)
+    moving = [
+        _Moving(one, other, [Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)])
+        for one, other, n in ((ours, theirs, 81), (theirs, ours, 144))
+    ]
+    _closest(*moving, *(one[:, None] for one in maps))
+    for one, goal, way in zip(moving, (theirs, ours), maps, strict=True):
+        np.testing.assert_array_equal(one.overlap[:, 0], ~goal.on_boundary[way])
+
+
+def test_a_pull_is_over_no_less_than_an_edge_if_either_is_a_part() -> None:
+    fine, coarse = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 7))
+    data_weights = (1.0, 10.0, 3000.0, 9000.0)
+    most = 1 / coarse.edge**2
+    assert data_weights[1] < most < data_weights[2]
+    whole = replace(fine, partial=False), replace(coarse, partial=False)
+    for pair in ((fine, coarse), (coarse, fine), (whole[0], coarse), (fine, whole[1])):
+        found = limited(*pair, data_weights)
+        assert found[:2] == data_weights[:2]
+        assert found[2:] == pytest.approx([most])
+        assert limited(*pair, data_weights, 2)[-1] == pytest.approx(most / 4)
+    assert limited(*whole, data_weights) == data_weights
+
+
+@pytest.mark.parametrize("size", [1.0, 1.3])
+def test_how_far_something_is_beyond_a_rim(size: float) -> None:
+    """Of a square, and one that is drawn larger around it; in the smaller one's unit."""
+    ours, theirs = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 6))
+    wide, still = 1.5 * ours.vertices, np.tile(np.eye(3), (169, 1, 1))
+    ours = replace(ours, vertices=size * wide)
+    moving = _Moving(ours, theirs, [Pose(wide, still, np.ones(169, dtype=bool), 1 / size)])
+    other = _Moving(
+        theirs,
+        ours,
+        [Pose(size * theirs.vertices, still[:36], np.ones(36, dtype=bool), size)],
+    )
+    nearest = np.linalg.norm(wide[:, None] - theirs.vertices, axis=2).argmin(axis=1)
+    half = theirs.vertices[:, 0].max()
+    over = np.abs(wide) - half  # along either axis, negative inside
+    on_side = np.isclose(np.abs(theirs.vertices[nearest]), half)[:, :2]
+    expected = (over[:, :2] * on_side).sum(axis=1) / np.sqrt(np.maximum(on_side.sum(axis=1), 1))
+    assert expected.max() > 0.3
+    found = moving.beyond(other, nearest[:, None])
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("part_first", [False, True])
+@pytest.mark.parametrize("both", [False, True])
+def test_what_is_beyond_the_rim_in_the_end_has_no_partner(part_first: bool, both: bool) -> None:
+    """Of a square within a wider one, which leads back even from its sides."""
+    part, wide = (
+        prepare_shape(make_sheet(side), 10, partial=one).shape
+        for side, one in ((6, True), (13, both))
+    )
+    wide = replace(wide, vertices=1.5 * wide.vertices)
+    apart = np.linalg.norm(wide.vertices[:, None] - part.vertices, axis=2)
+    every = [
+        Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.ones(n, dtype=bool))
+        for one, n in ((part, 36), (wide, 169))
+    ]
+    shapes, maps = [part, wide], [apart.argmin(axis=0), apart.argmin(axis=1)]
+    if not part_first:
+        shapes, maps, every = shapes[::-1], maps[::-1], every[::-1]
+    (found,) = register(*shapes, [Registered(*maps, *every)], constants.DATA_WEIGHTS[4:5], 1)
+    small, large = found[2:] if part_first else found[:1:-1]
+    assert small.overlap.all()
+    assert large.overlap[np.abs(wide.vertices).max(axis=1) < part.vertices.max() + 1e-9].all()
+    assert not large.overlap[np.abs(wide.vertices).max(axis=1) > wide.vertices.max() - 1e-9].any()
 
 
 @pytest.mark.parametrize(("make", "seed"), [(make_biped, 1), (make_quadruped, 0)])
