@@ -87,8 +87,8 @@ def _machine(proc: Path = Path("/proc")) -> int | None:
         pass
     if sys.platform == "win32":
         status = _WindowsMemory(ctypes.sizeof(_WindowsMemory))
-        told = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
-        return int(status.available) if told else None
+        known = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
+        return int(status.available) if known else None
     try:  # other systems say at least how much there is in all
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):

@@ -6,7 +6,7 @@ import pytest
 from sheets import make_sheet, make_twisted_ball
 from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.mesh import _winding, find_edges, wind_alike
+from unbend.mesh import _winding, find_edges, orient_consistently
 
 
 def test_faces_are_wound_alike_and_the_fewer_turned():
@@ -19,12 +19,12 @@ def test_faces_are_wound_alike_and_the_fewer_turned():
         flip = draw.random(len(right)) < 0.3
         flip[-7:] = [0, 1, 0, 1, 0, 0, 0]
         mixed = np.where(flip[:, None], right[:, ::-1], right)
-        np.testing.assert_array_equal(wind_alike(points, mixed), right)
-        np.testing.assert_array_equal(wind_alike(points, mixed[::-1]), right[::-1])
-    tie = wind_alike(points, right[-7:-5])
+        np.testing.assert_array_equal(orient_consistently(points, mixed), right)
+        np.testing.assert_array_equal(orient_consistently(points, mixed[::-1]), right[::-1])
+    tie = orient_consistently(points, right[-7:-5])
     np.testing.assert_array_equal(tie, right[-7:-5])
     halves = np.vstack([right[-7:-6], right[-6:-5, ::-1]])
-    turned = wind_alike(points, halves)
+    turned = orient_consistently(points, halves)
     assert (turned == halves).all(axis=1).sum() == 1
     edges = find_edges(turned, 173)
     assert (edges.n_upward[edges.n_faces == 2] == 1).all()
@@ -32,16 +32,16 @@ def test_faces_are_wound_alike_and_the_fewer_turned():
 
 def test_a_face_that_names_a_vertex_twice_turns_nothing():
     faces = np.array([[0, 1, 2], [2, 1, 3], [3, 3, 1], [4, 4, 4]])
-    np.testing.assert_array_equal(wind_alike(np.zeros((5, 3)), faces), faces)
+    np.testing.assert_array_equal(orient_consistently(np.zeros((5, 3)), faces), faces)
 
 
 def test_a_surface_of_one_side_cannot_be_wound(moebius_strip: Mesh) -> None:
-    assert wind_alike(moebius_strip.vertices, moebius_strip.faces) is None
+    assert orient_consistently(moebius_strip.vertices, moebius_strip.faces) is None
     sphere = make_sphere(1)
     both = np.vstack([sphere.faces, moebius_strip.faces + 42])
-    assert wind_alike(np.vstack([sphere.vertices, moebius_strip.vertices]), both) is None
+    assert orient_consistently(np.vstack([sphere.vertices, moebius_strip.vertices]), both) is None
     for size in (1e-200, 1e200):
-        assert wind_alike(size * moebius_strip.vertices, moebius_strip.faces) is None
+        assert orient_consistently(size * moebius_strip.vertices, moebius_strip.faces) is None
 
 
 @pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
@@ -55,7 +55,7 @@ def test_faces_disagree_along_the_short_seam_of_a_small_twist_alone(size: float)
     for seed in range(6):
         flip = np.random.default_rng(seed).random(ball.n_faces) < 0.4
         mixed = np.where(flip[:, None], ball.faces[:, ::-1], ball.faces)
-        wound = wind_alike(size * ball.vertices, mixed)
+        wound = orient_consistently(size * ball.vertices, mixed)
         assert wound is not None
         edges = find_edges(wound, ball.n_vertices)
         assert (edges.n_upward != 1).sum() <= 3
@@ -72,7 +72,7 @@ def test_beside_a_twist_all_else_is_wound_as_if_there_were_none() -> None:
     flip = np.random.default_rng(0).random(other.n_faces) < 0.4
     mixed = np.where(flip[:, None], other.faces[:, ::-1], other.faces)
     points = np.vstack([other.vertices, ball.vertices])
-    wound = wind_alike(points, np.vstack([mixed, ball.faces + other.n_vertices]))
+    wound = orient_consistently(points, np.vstack([mixed, ball.faces + other.n_vertices]))
     assert wound is not None
     np.testing.assert_array_equal(wound[: other.n_faces], other.faces)
 
@@ -80,7 +80,7 @@ def test_beside_a_twist_all_else_is_wound_as_if_there_were_none() -> None:
 @pytest.mark.parametrize("level", [2, 3])
 def test_a_twist_as_wide_as_a_limb_is_the_nature_of_a_surface(level: int) -> None:
     ball, _ = make_twisted_ball(level)
-    assert wind_alike(ball.vertices, ball.faces) is None
+    assert orient_consistently(ball.vertices, ball.faces) is None
 
 
 def test_a_seam_is_as_long_as_its_edges_in_roots_of_the_area() -> None:

@@ -10,7 +10,7 @@ from unbend._types import FloatArray, IntArray, Progress
 from unbend.canonical._canonical_form import CanonicalForm
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, as_mesh
-from unbend.mesh import Mesh, wind_alike
+from unbend.mesh import Mesh, orient_consistently
 from unbend.spectral import make_surface
 
 # Pulls towards the form, in units of 1 / area, the first strong enough to bend every joint; steps
@@ -76,7 +76,7 @@ def lay_into_pose(
     unit, areas = np.sqrt(surface.area), surface.operator.areas
     vertices, faces = surface.mesh.vertices / unit, surface.mesh.faces
     form_points = form.points[surface.prepared.kept, :3]
-    oriented = wind_alike(vertices, faces)
+    oriented = orient_consistently(vertices, faces)
     rest = vertices - areas @ vertices
     goal = form_points - areas @ form_points
     if oriented is not None and _volume(rest, oriented) * _volume(goal, oriented) < 0:

@@ -137,12 +137,12 @@ def match(
         )
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)
-        ways = (found, *found.alternatives)
-        maps = [] if out is None or unsure else [_numbered(out, i) for i in range(len(ways))]
+        matches = (found, *found.alternatives)
+        maps = [] if out is None or unsure else [_numbered(out, i) for i in range(len(matches))]
         written = [] if unsure else [*maps, figure, *(colored or ()), report]
         if not unsure:
             progress("writing", 0)
-            for path, one in zip(maps, ways, strict=bool(maps)):
+            for path, one in zip(maps, matches, strict=bool(maps)):
                 write_result(path, one)
             if colored is not None:
                 _write_colored(shapes, found, colored)

@@ -1,4 +1,4 @@
-"""``unbend register``: a template laid onto a scan."""
+"""``unbend register``: fit a template to a scan."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def register(
       unbend register template.ply scan.ply --landmarks hints.csv -o fitted.glb
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
-    from unbend.correspondence import register as lay
+    from unbend.correspondence import register as fit_template
     from unbend.io import COLOR_SUFFIXES, check_writable, value_colors, write_mesh
 
     check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
@@ -67,7 +67,7 @@ def register(
             min_confidence=min_confidence,
             progress=progress,
         )
-        found = lay(shapes[0], shapes[1], match, progress=progress)
+        found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
         suffix = Path(out).suffix.lower()
         scalars = {"distance": found.distances} if suffix == ".ply" else None

@@ -99,12 +99,12 @@ def similarity(
         if report is not None:
             from unbend.report.pages import search_page, similarity_page
 
-            told: Any = {"up": up, "command": output.command_line(), "progress": progress}
+            options: Any = {"up": up, "command": output.command_line(), "progress": progress}
             if square is not None:
-                similarity_page(shapes, square, report, **told)
+                similarity_page(shapes, square, report, **options)
             else:
                 alike, values = [shapes[one.probe] for one in ranked], [one[2] for one in ranked]
-                search_page(shapes[0], alike, values, report, measure="similarity", **told)
+                search_page(shapes[0], alike, values, report, measure="similarity", **options)
     output.tell(
         {"pairs": named},
         _lines(paths, ranked) if square is None else output.matrix(paths, square),

@@ -17,7 +17,7 @@ from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
-from unbend.mesh import Mesh, vertex_areas, wind_alike
+from unbend.mesh import Mesh, orient_consistently, vertex_areas
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
 
@@ -172,7 +172,7 @@ def register(
 
 
 def _oriented(mesh: Mesh) -> IntArray:
-    faces = wind_alike(mesh.vertices, mesh.faces)
+    faces = orient_consistently(mesh.vertices, mesh.faces)
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so inside and "

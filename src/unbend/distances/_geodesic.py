@@ -118,10 +118,10 @@ def _heat(mesh: Mesh) -> _FromVertex:
         return lambda source: on_surface(int(of_point[source]))[of_point]
     solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces, use_robust=True)
     some = np.linspace(0, mesh.n_vertices - 1, min(_SHOWING, mesh.n_vertices)).astype(int)
-    told = False
+    warned = False
 
     def one(source: int) -> FloatArray:
-        nonlocal told
+        nonlocal warned
         distances = np.array(solver.compute_distance(source), dtype=np.float64)
         # The method fixes distances up to a constant, and leaves it slightly off at the source.
         distances -= distances[source]
@@ -131,8 +131,8 @@ def _heat(mesh: Mesh) -> _FromVertex:
         straight = np.linalg.norm(mesh.vertices[some] - mesh.vertices[source], axis=1)
         largest = max(straight.max(), distances.max(), np.finfo(float).tiny)
         short = float((straight - distances[some]).max() / largest)
-        if short > _SHORT and not told:
-            told = True
+        if short > _SHORT and not warned:
+            warned = True
             warn(
                 f"{mesh.name}: geodesic distances are shorter than the straight line, by up to "
                 f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
@@ -167,10 +167,10 @@ def _exact(mesh: Mesh) -> _FromVertex:
     solver = PyGeodesicAlgorithmExact(vertices, mesh.faces)
     tails, heads = edges.ends.T
     lengths = np.linalg.norm(vertices[tails] - vertices[heads], axis=1)
-    told = False
+    warned = False
 
     def one(source: int) -> FloatArray:
-        nonlocal told
+        nonlocal warned
         distances = np.array(solver.geodesicDistances(np.array([source]), None)[0], dtype=float)
         unreached = ~(distances < lengths.sum())
         if unreached.any():
@@ -181,8 +181,8 @@ def _exact(mesh: Mesh) -> _FromVertex:
             )
         steps = np.abs(distances[tails] - distances[heads]) - lengths
         steep = float(steps.max() / distances.max())
-        if steep > _STEEP and not told:
-            told = True
+        if steep > _STEEP and not warned:
+            warned = True
             warn(
                 f"{mesh.name}: exact geodesics change by more than the length of an edge along it, "
                 f"by up to {steep:.1g} of the largest: needle triangles make them inaccurate; "

@@ -16,7 +16,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import Mesh, find_components, vertex_ids, wind_alike
+from unbend.mesh import Mesh, find_components, orient_consistently, vertex_ids
 from unbend.preparation import restrict
 from unbend.spectral import Surface, eigenpairs, make_surface
 
@@ -102,7 +102,7 @@ def _check(mesh: Mesh) -> _Checked:
         raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
     largest, kept, own_faces = _largest(mesh)
     surface = make_surface(largest)
-    faces = wind_alike(surface.mesh.vertices, surface.mesh.faces)
+    faces = orient_consistently(surface.mesh.vertices, surface.mesh.faces)
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "

@@ -47,7 +47,7 @@ def match(
     """Match two deformable shapes, without landmarks or training.
 
     Many hypotheses, from alignments of spectral canonical forms in growing dimension and, where
-    the bodies differ, from tips of limbs, are registered on coarse copies of the shapes; among
+    the bodies differ, from extremities, are registered on coarse copies of the shapes; among
     those that keep the surface right side out, the one whose patches, turned and scaled, explain
     the most of the other shape is taken, and polished on the shapes themselves.
 
@@ -60,7 +60,7 @@ def match(
         partner of the nearest vertex of the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may be a part of what it shows, torn, cut off or seen from one side: what the
-        other one has beyond its rim gets no partner, -1. A surface without a rim is whole.
+        other one has beyond its boundary gets no partner, -1. A closed surface is whole.
         ``"auto"`` is ``"both"``, but less than a fiftieth of the area is not left without
         partner: small holes are no parts.
     landmarks : (l, 2) array_like of int, optional
@@ -68,7 +68,7 @@ def match(
         what is ambiguous; they need not be exact. Those that what fits best leads elsewhere are
         named in `missed_landmarks`.
     n_matches : int, default=1
-        How many ways to match to give, at most: the best as the result, the others as its
+        How many maps to give at most: the best as the result, the others as its
         `alternatives`.
     n_eigenpairs : int, default=150
         Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.

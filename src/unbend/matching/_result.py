@@ -68,7 +68,7 @@ class Match:
         Share of either shape's area that has a partner on the other one, 0 to 1.
     alternatives : tuple of Match
         When asked for: the runners-up as full matches, the likeliest first, each with its own
-        confidence. A symmetric body has several ways to match that are as good as each other, and
+        confidence. A symmetric body has several maps that are as good as each other, and they
         share the probability.
     missed_landmarks : tuple of int
         Rows of the landmarks that the map leads elsewhere: wrong ones are outvoted.

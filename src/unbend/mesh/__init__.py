@@ -17,7 +17,7 @@ from unbend.mesh._topology import (
     measure_faces,
     proper_faces,
 )
-from unbend.mesh._winding import wind_alike
+from unbend.mesh._winding import orient_consistently
 
 __all__ = [
     "FACES_AT_ONCE",
@@ -34,10 +34,10 @@ __all__ = [
     "has_repeated_index",
     "measure_corners",
     "measure_faces",
+    "orient_consistently",
     "proper_faces",
     "used_vertices",
     "vertex_areas",
     "vertex_ids",
     "vertex_normals",
-    "wind_alike",
 ]

@@ -17,7 +17,7 @@ _SHIFT = 1e-6  # keeps a matrix definite whose least eigenvalue may be less
 _STEPS = 20  # of inverse iteration
 
 
-def wind_alike(vertices: FloatArray, faces: IntArray) -> IntArray | None:
+def orient_consistently(vertices: FloatArray, faces: IntArray) -> IntArray | None:
     """Orient faces consistently: faces that share an edge walk along it in opposite directions.
 
     Of each connected part, the fewer faces are turned. Edges of more than two faces connect none.

@@ -92,10 +92,10 @@ def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray
     own = np.column_stack([_squares(normal, corners[:, 0]), np.ones(len(faces))])
     rows, values = [faces.ravel()], [np.repeat(own * twice[:, None] / 6, 3, axis=0)]
     for i in range(3):
-        rim = np.flatnonzero(edges.n_faces[edges.of_side[i::3]] == 1)
-        ends = faces[rim, i], faces[rim, (i + 1) % 3]
-        wall = np.cross(normal[rim], vertices[ends[1]] - vertices[ends[0]])
-        squares = np.column_stack([_squares(wall, vertices[ends[0]]), np.zeros(len(rim))])
+        open_edges = np.flatnonzero(edges.n_faces[edges.of_side[i::3]] == 1)
+        ends = faces[open_edges, i], faces[open_edges, (i + 1) % 3]
+        wall = np.cross(normal[open_edges], vertices[ends[1]] - vertices[ends[0]])
+        squares = np.column_stack([_squares(wall, vertices[ends[0]]), np.zeros(len(open_edges))])
         rows += ends
         values += [squares, squares]
     place, added = np.concatenate(rows), np.concatenate(values)

@@ -18,8 +18,8 @@ from unbend.mesh import (
     find_edges,
     group_rows,
     measure_faces,
+    orient_consistently,
     proper_faces,
-    wind_alike,
 )
 from unbend.preparation._prepare import prepare
 
@@ -167,7 +167,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_edges=non_manifold_edges,
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
-        one_sided=inconsistent > 0 and wind_alike(vertices, proper) is None,
+        one_sided=inconsistent > 0 and orient_consistently(vertices, proper) is None,
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),

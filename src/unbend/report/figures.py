@@ -247,8 +247,8 @@ def draw_canonical_forms(
         first_colors = colors if first_colors is None else first_colors
         drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, FORM_THICKER)]
         if surface is not None:
-            laid = _places(surface, mesh, f"the surface of {caption!r}")
-            drawn.append((laid, view, 0.0))
+            fitted = _places(surface, mesh, f"the surface of {caption!r}")
+            drawn.append((fitted, view, 0.0))
         width, height = 0.96 / len(filled), 0.94 / count
         for row, (vertices, seen_from, thicker) in enumerate(drawn):
             below = 0.05 + (count - 1 - row) * height

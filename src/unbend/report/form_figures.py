@@ -79,8 +79,8 @@ def draw_form(
         ("its canonical form", places, FORM_THICKER),
     ]
     if posed is not None:
-        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
-        columns.append(("the surface in its form's pose", laid, 0.0))
+        fitted = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
+        columns.append(("the surface in its form's pose", fitted, 0.0))
     colors = position_colors(np.where(inside[:, None], mesh.vertices, np.nan))
     figure = new_figure(4.0 * len(columns), 3.9)
     width = 1 / len(columns)

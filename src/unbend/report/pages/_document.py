@@ -187,12 +187,12 @@ def curve_svg(
         spots = "L".join(plot.spot(a, b) for a, b in zip(x, values, strict=True))
         kind = "curve other" if i else "curve"
         plot.parts.append(f'<path class="{kind}" d="M{spots}"><title>{escape(name)}</title></path>')
-    told = "; ".join(
+    facts = "; ".join(
         f"{name}: {values[len(x) // 4]:.1f} % within {x[len(x) // 4]:g}, "
         f"{values[-1]:.1f} % within {x.max():g}"
         for name, values in curves
     )
-    return plot.svg(told)
+    return plot.svg(facts)
 
 
 def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
@@ -243,10 +243,10 @@ class _Plot:
         right, up = x / self.high[0], y / self.high[1]
         return f"{self.left + self.width * right:.1f},{self.top + self.height * (1 - up):.1f}"
 
-    def svg(self, told: str) -> str:
+    def svg(self, facts: str) -> str:
         """Return the plot as SVG, with alternative text."""
         tall = self.top + self.height + 46
         return (
-            f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(told)}">'
+            f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(facts)}">'
             f"{''.join(self.parts)}</svg>"
         )

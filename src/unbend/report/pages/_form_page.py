@@ -118,9 +118,9 @@ def form_page(
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
     places = turned_to_fit(form.points, mesh.vertices, inside)
-    laid = None
+    fitted = None
     if posed is not None:
-        laid = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
+        fitted = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside)
     rows = shown.ids
@@ -131,7 +131,7 @@ def form_page(
             "known": pack_whole(inside[rows].astype(np.int64)),
         },
         "form": _packed(places[rows], shown.faces),
-        "surface": None if laid is None else _packed(laid[rows], shown.faces),
+        "surface": None if fitted is None else _packed(fitted[rows], shown.faces),
         "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
         "unit": _unit(form, keep_scale),
         "cells": cells_of(mesh.vertices[rows]),
@@ -143,12 +143,12 @@ def form_page(
         f"stress {form.stress:.3f}.",
         body="\n".join(
             [
-                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), laid is not None),
+                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), fitted is not None),
                 '<div class="columns">',
                 _spectrum(values),
                 _form_facts(form),
                 "</div>",
-                _facts(mesh, form, shown.told(mesh), command),
+                _facts(mesh, form, shown.facts(mesh), command),
             ]
         ),
         data=data,
@@ -230,10 +230,10 @@ def _form_facts(form: CanonicalForm) -> str:
     )
 
 
-def _facts(mesh: Mesh, form: CanonicalForm, told: tuple[str, ...], command: str) -> str:
+def _facts(mesh: Mesh, form: CanonicalForm, facts: tuple[str, ...], command: str) -> str:
     rows = [
         ("shape", "; ".join([mesh.name, f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"])),
-        ("done to it", "; ".join([*mesh.notes, *form.notes, *told]) or "nothing"),
+        ("done to it", "; ".join([*mesh.notes, *form.notes, *facts]) or "nothing"),
         (
             "form",
             f"{form.method} {form.distance}, {form.weighting} weights, {form.laplacian} Laplacian",

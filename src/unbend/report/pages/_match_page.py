@@ -191,7 +191,7 @@ def _lead(match: Match | IntArray, target: Mesh) -> str:
     forward = as_point_map(match)
     matched = int((forward >= 0).sum())
     part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
-    told = f"{part} vertices matched to a shape of {target.n_vertices:,}"
+    facts = f"{part} vertices matched to a shape of {target.n_vertices:,}"
     if isinstance(match, Match) and not math.isnan(match.confidence):
-        told += f"; confidence {match.confidence:.2f}"
-    return told + "."
+        facts += f"; confidence {match.confidence:.2f}"
+    return facts + "."

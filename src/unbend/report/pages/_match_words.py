@@ -135,8 +135,8 @@ def facts(
     """Section on what was matched, what was done to it, and by which command."""
     rows = []
     for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
-        told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
-        rows.append((side, "; ".join([mesh.name, *told, *mesh.notes, *part.told(mesh)])))
+        facts = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
+        rows.append((side, "; ".join([mesh.name, *facts, *mesh.notes, *part.facts(mesh)])))
     rows.append(
         ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )

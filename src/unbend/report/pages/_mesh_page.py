@@ -47,11 +47,15 @@ def mesh_page(mesh: MeshLike) -> Page:
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces to draw")
     shown = show(mesh, _MOST_VERTICES)
-    told = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces", *mesh.notes, *shown.told(mesh)]
+    facts = [
+        f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces",
+        *mesh.notes,
+        *shown.facts(mesh),
+    ]
     return make_page(
         title=mesh.name,
         heading=escape(mesh.name),
-        lead="; ".join(told),
+        lead="; ".join(facts),
         body=f"""{controls("", "y", several=False)}
 <div class="pair">{canvas("shape", mesh.name, f"The mesh {mesh.name}.", "vertex")}</div>
 {readout(_HINT)}""",

@@ -55,7 +55,7 @@ def pack_shapes(meshes: Sequence[Mesh], progress: Progress | None) -> tuple[list
     packed, thinned = [], 0
     for i, mesh in enumerate(meshes):
         step("page, shapes", i / len(meshes))
-        told = "; ".join([f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces", *mesh.notes])
+        facts = "; ".join([f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces", *mesh.notes])
         drawn = None
         if mesh.n_faces:
             shown = show(mesh, most)
@@ -64,7 +64,7 @@ def pack_shapes(meshes: Sequence[Mesh], progress: Progress | None) -> tuple[list
                 "places": pack_places(mesh.vertices[shown.ids]),
                 "faces": pack_whole(shown.faces),
             }
-        packed.append({"name": mesh.name, "told": told, "drawn": drawn})
+        packed.append({"name": mesh.name, "told": facts, "drawn": drawn})
     said = "all shapes are drawn as they are"
     if thinned:
         said = (

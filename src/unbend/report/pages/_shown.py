@@ -24,17 +24,19 @@ class Shown(NamedTuple):
     faces: IntArray  # (f, 3) of the shown vertices
     stand_ins: IntArray  # (n,) shown vertex that stands for each of the mesh's; -1 for unused ones
 
-    def told(self, mesh: Mesh) -> tuple[str, ...]:
+    def facts(self, mesh: Mesh) -> tuple[str, ...]:
         """Sentences on what is not shown."""
-        told, n_used = [], int((self.stand_ins >= 0).sum())
+        facts, n_used = [], int((self.stand_ins >= 0).sum())
         if n_used < mesh.n_vertices:
-            told.append(f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown")
+            facts.append(
+                f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown"
+            )
         if len(self.ids) < n_used:
-            told.append(
+            facts.append(
                 f"{len(self.ids):,} of {n_used:,} vertices are drawn; results were computed on all "
                 "of them"
             )
-        return tuple(told)
+        return tuple(facts)
 
     def packed(self, places: FloatArray) -> dict[str, Any]:
         """Pack places of all vertices, (n, 3), with the faces and, where needed, the numbers."""

@@ -106,13 +106,13 @@ def similarity_page(
     title = f"How alike {len(names)} shapes are"
     if numbers is not None:
         title = f"{len(names)} shapes in {plural(len(np.unique(numbers)), 'group')}"
-    told = ""
+    facts = ""
     if len(names) <= _MOST_TOLD:
         heads = (measure, *(names[j] for j in tree.order))
         rows = [
             (names[i], *(parts.number_told(array[i, j]) for j in tree.order)) for i in tree.order
         ]
-        told = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
+        facts = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
     return make_page(
         title=title,
         heading=title,
@@ -120,7 +120,7 @@ def similarity_page(
         body="\n".join(
             [
                 parts.choices(names, up),
-                parts.beside([_heat_map(measure), told, *_pictures(names, tree.order, numbers)]),
+                parts.beside([_heat_map(measure), facts, *_pictures(names, tree.order, numbers)]),
                 parts.facts(
                     meshes,
                     [
