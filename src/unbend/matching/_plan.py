@@ -86,9 +86,10 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
     sides = Sides(levels[0], levels[-1], thorough=thorough)
-    for level in (COARSE, MEDIUM):
+    medium_weights = constants.DATA_WEIGHTS if sides.partial else MEDIUM_WEIGHTS
+    for level, weights in (COARSE, COARSE_WEIGHTS), (MEDIUM, medium_weights):
         pair = sides.at(level)
-        data_weights = limited(*pair, constants.DATA_WEIGHTS[0 if sides.partial else 2 :])
+        data_weights = limited(*pair, weights)
         run_all(functools.partial(precompute, one, data_weights) for one in pair)
     for one in sides.at(COARSE):  # once, before several threads do
         _ = one.averaging(2 * constants.PATCH), one.distances, one.landmark_distances
