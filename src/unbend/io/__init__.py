@@ -11,7 +11,14 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, read_mesh, write_mesh
+from unbend.io._meshes import (
+    COLOR_SUFFIXES,
+    MeshLike,
+    as_mesh,
+    file_extras,
+    read_mesh,
+    write_mesh,
+)
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
@@ -29,6 +36,7 @@ __all__ = [
     "check_storable",
     "check_writable",
     "counted_from_zero",
+    "file_extras",
     "invert_map",
     "read_bytes",
     "read_landmarks",

@@ -101,6 +101,7 @@ def write_mesh(
     scalars: Mapping[str, npt.ArrayLike] | None = None,
     colors: npt.ArrayLike | None = None,
     uvs: npt.ArrayLike | None = None,
+    like: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write a triangle mesh or a point cloud.
 
@@ -122,6 +123,11 @@ def write_mesh(
     uvs : (n, 2) array_like of float, optional
         Texture coordinates per vertex. PLY (as the properties s and t), OBJ and GLB
         only.
+    like : path, optional
+        An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
+        materials, groups, polygons); only positions are replaced, and normals recomputed from the
+        faces that share them. Names of material files are given relative to the new file; no file
+        is copied. OBJ only, without `uvs`.
 
     Raises
     ------
@@ -165,8 +171,40 @@ def write_mesh(
         extras["colors"] = _colors(colors, mesh.n_vertices)
     if uvs is not None:
         extras["uvs"] = _uvs(uvs, mesh.n_vertices)
+    if like is not None:
+        if uvs is not None or suffix != ".obj":
+            raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
+        data = _rewritten(Path(like), path, mesh, extras.get("colors"))
     with atomic_write(path) as file:
-        _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
+        if like is not None:
+            file.write(data)
+        else:
+            _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
+
+
+def file_extras(path: str | os.PathLike[str]) -> list[str]:
+    """Name what a mesh file holds besides its shape: colours, normals, materials ..."""
+    path = Path(path)
+    find = {".obj": obj.extras}.get(path.suffix.lower())
+    return [] if find is None else find(read_bytes(path, ()))
+
+
+def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
+    """Give the lines of the OBJ file `like` with the positions of a mesh that came from it."""
+    data = read_bytes(like, (".obj",))
+    source, folder = os.path.realpath(like.parent), os.path.realpath(path.parent)
+    try:
+        prefix = os.path.relpath(source, folder)
+    except ValueError:  # another drive of Windows
+        prefix = source
+    with named(like):
+        contents = obj.read(data)
+        if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
+            contents.faces, mesh.faces
+        ):
+            raise FileError("has other vertices or faces than the mesh; its lines cannot be kept")
+        prefix = "" if prefix == "." else prefix.replace(os.sep, "/")
+        return obj.rewrite(data, mesh.vertices, colors, os.fsencode(prefix))
 
 
 def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
