@@ -11,20 +11,15 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._meshes import (
-    COLOR_SUFFIXES,
-    MeshLike,
-    as_mesh,
-    file_extras,
-    read_mesh,
-    write_mesh,
-)
+from unbend.io._meshes import as_mesh, file_extras, read_mesh
+from unbend.io._objects import MeshLike
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
     read_values,
     write_values,
 )
+from unbend.io._writing import COLOR_SUFFIXES, write_mesh
 
 __all__ = [
     "COLOR_SUFFIXES",

@@ -65,7 +65,15 @@ def read(data: bytes) -> Contents:
     faces, notes = triangulate(np.array(sizes, dtype=np.int64), indices, len(rows))
     if strange:
         notes.append(f"{plural(strange, 'line')} that OBJ does not know left out")
-    return Contents(vertices, faces, tuple(notes))
+    return Contents(vertices, faces, tuple(notes), lambda: _colors(rows))
+
+
+def _colors(rows: list[list[str]]) -> dict[str, FloatArray]:
+    """Red, green and blue that follow every position, or nothing."""
+    if min(map(len, rows)) < 6:
+        return {}
+    values = positions([row[3:6] for row in rows])
+    return dict(zip(("red", "green", "blue"), values.T, strict=True))
 
 
 def _logical_lines(data: bytes) -> list[str]:
