@@ -134,11 +134,12 @@ Partial = Annotated[
     ),
 ]
 Landmarks = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--landmarks",
-        metavar="CSV",
-        help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
+        metavar="FILE",
+        help="Landmarks: a .csv file, on each line a source vertex and a target vertex, counted "
+        "from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
     ),
 ]
 MinConfidence = Annotated[

@@ -11,6 +11,12 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
+from unbend.io._markups import (
+    MARKUP_SUFFIXES,
+    read_markup_pairs,
+    read_markups,
+    write_markups,
+)
 from unbend.io._meshes import as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
 from unbend.io._values import (
@@ -19,11 +25,13 @@ from unbend.io._values import (
     read_values,
     write_values,
 )
-from unbend.io._writing import COLOR_SUFFIXES, write_mesh
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 
 __all__ = [
     "COLOR_SUFFIXES",
     "MAP_SUFFIXES",
+    "MARKUP_SUFFIXES",
+    "SCALAR_SUFFIXES",
     "VALUE_SUFFIXES",
     "MeshLike",
     "as_mesh",
@@ -36,11 +44,14 @@ __all__ = [
     "read_bytes",
     "read_landmarks",
     "read_map",
+    "read_markup_pairs",
+    "read_markups",
     "read_mesh",
     "read_values",
     "value_colors",
     "whole_numbers",
     "write_map",
+    "write_markups",
     "write_mesh",
     "write_values",
 ]

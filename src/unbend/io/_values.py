@@ -21,7 +21,7 @@ from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, named, read_bytes
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
 from unbend.io._objects import MeshLike
-from unbend.io._writing import COLOR_SUFFIXES, write_mesh
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 from unbend.io.formats.contents import are_numbers, text_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
@@ -135,14 +135,19 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
 
 
 def write_values(
-    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: MeshLike, *, kind: str = "scalar"
+    path: str | os.PathLike[str],
+    values: npt.ArrayLike,
+    mesh: MeshLike,
+    *,
+    kind: str = "scalar",
+    like: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
 
     Parameters
     ----------
     path : path
-        .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties, and as
+        .npy, .csv or .txt: a table; .ply, .vtp: the mesh with the values as its properties, and as
         colours too where there is one for each vertex (see :func:`unbend.io.value_colors`; colours
         and texture coordinates as such); .obj, .glb: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
@@ -151,6 +156,8 @@ def write_values(
     kind : str, default="scalar"
         What the columns mean to a mesh file: ``"scalar"``, ``"label"``, ``"weights"``, ``"color"``
         or ``"uv"``.
+    like : path, optional
+        An OBJ file whose lines an .obj file keeps, see :func:`unbend.write_mesh`.
 
     Raises
     ------
@@ -180,7 +187,7 @@ def write_values(
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
     if suffix in COLOR_SUFFIXES:
-        _write_mesh(path, array, mesh, kind)
+        _write_mesh(path, array, mesh, kind, like)
         return
     with atomic_write(path) as file:
         if suffix == ".npy":
@@ -197,8 +204,8 @@ def write_values(
 def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
     """Raise InputError if the format cannot hold such values, before anything is computed."""
     suffix = Path(path).suffix.lower()
-    if suffix == ".ply" and values.dtype.kind == "U":
-        raise InputError(".ply files cannot hold text for each vertex; write .csv")
+    if suffix in SCALAR_SUFFIXES and values.dtype.kind == "U":
+        raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
     if suffix in (".obj", ".glb") and kind == "scalar" and values[:1].size > 1:
         raise InputError(
             f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
@@ -236,9 +243,15 @@ def _names(kind: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
 
 
-def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> None:
+def _write_mesh(
+    path: Path,
+    array: npt.NDArray[Any],
+    mesh: Mesh,
+    kind: str,
+    like: str | os.PathLike[str] | None,
+) -> None:
     if kind == "color":
-        write_mesh(path, mesh, colors=array[:, :3])
+        write_mesh(path, mesh, colors=array[:, :3], like=like)
     elif kind == "uv":
         # A vertex without texture coordinates still needs numbers to be drawn at all.
         write_mesh(path, mesh, uvs=np.nan_to_num(array))
@@ -249,8 +262,9 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
         write_mesh(
             path,
             mesh,
-            scalars=scalars if path.suffix.lower() == ".ply" else None,
+            scalars=scalars if path.suffix.lower() in SCALAR_SUFFIXES else None,
             colors=value_colors(array, kind=kind) if shown else None,
+            like=like,
         )
 
 

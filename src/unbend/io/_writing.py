@@ -18,7 +18,7 @@ from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, named, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
-from unbend.io.formats import glb, obj, off, ply, points, stl
+from unbend.io.formats import glb, obj, off, ply, points, stl, vtp
 from unbend.mesh import Mesh
 
 _WRITERS: dict[str, Callable[..., None]] = {
@@ -27,12 +27,14 @@ _WRITERS: dict[str, Callable[..., None]] = {
     ".ply": ply.write,
     ".stl": stl.write,
     ".glb": glb.write,
+    ".vtp": vtp.write,
     ".xyz": points.write_xyz,
 }
 
 WRITE_SUFFIXES = tuple(_WRITERS)
-# Formats whose writers take colours and texture coordinates; .ply takes other values, too.
-COLOR_SUFFIXES = (".ply", ".obj", ".glb")
+# Formats whose writers take colours and texture coordinates, and those that take any values.
+COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
+SCALAR_SUFFIXES = (".ply", ".vtp")
 
 
 def write_mesh(
@@ -46,24 +48,24 @@ def write_mesh(
 ) -> None:
     """Write a triangle mesh or a point cloud.
 
-    OFF, OBJ, PLY and XYZ keep every position to the last bit, in the same order. STL stores
-    bare triangles in single precision: vertex order is lost. GLB, which is glTF in one file, keeps
-    the order, also in single precision; programs take y for its upward axis. It is not read. The
+    OFF, OBJ, PLY, XYZ and VTP (for ParaView) keep every position to the last bit, in the same
+    order. STL stores bare triangles in single precision: vertex order is lost. GLB, which is glTF
+    in one file, keeps the order, also in single precision; programs take y for its upward axis. The
     file appears under its name only once it is complete.
 
     Parameters
     ----------
     path : path
-        Where to write; the suffix (.off, .obj, .ply, .stl, .glb or .xyz) says the format.
+        Where to write; the suffix (.off, .obj, .ply, .stl, .glb, .vtp or .xyz) says the format.
     mesh : Mesh or anything that :func:`as_mesh` accepts
         What to write, for instance a ``(vertices, faces)`` pair.
     scalars : mapping of str to (n,) array_like of float, optional
-        Values per vertex by name, stored as extra vertex properties. PLY only.
+        Values per vertex by name, stored as extra vertex properties. PLY and VTP only.
     colors : (n, 3) array_like of int, optional
-        Red, green and blue per vertex, 0 to 255. PLY, OBJ and GLB only.
+        Red, green and blue per vertex, 0 to 255. PLY, OBJ, GLB and VTP only.
     uvs : (n, 2) array_like of float, optional
-        Texture coordinates per vertex. PLY (as the properties s and t), OBJ and GLB
-        only.
+        Texture coordinates per vertex. PLY (as the properties s and t), OBJ, GLB and
+        VTP only.
     like : path, optional
         An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
         materials, groups, polygons); only positions are replaced, and normals recomputed from the
@@ -95,8 +97,8 @@ def write_mesh(
     path = check_writable(path, WRITE_SUFFIXES)
     suffix = path.suffix.lower()
     mesh = as_mesh(mesh)
-    if scalars and suffix != ".ply":
-        raise InputError(f"{suffix} files cannot hold values per vertex; write .ply")
+    if scalars and suffix not in SCALAR_SUFFIXES:
+        raise InputError(f"{suffix} files cannot hold values per vertex; write .ply or .vtp")
     if suffix not in COLOR_SUFFIXES and (colors is not None or uvs is not None):
         raise InputError(
             f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
