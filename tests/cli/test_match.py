@@ -10,7 +10,7 @@ import trimesh
 from typer.testing import CliRunner
 
 from testshapes.damage import keep
-from unbend import read_mesh, write_mesh
+from unbend import morph, read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
@@ -377,3 +377,26 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
     assert sorted(folder.iterdir()) == before
+
+
+def test_symmetry_writes_the_mirror_partners(folder: Path) -> None:
+    told = json.loads(right("symmetry", folder / "a.ply", "-o", folder / "p.csv", "--json").stdout)
+    assert told["confidence"] > 0.5 > 0 > told["orientation"]
+    off = SOURCE.mesh.vertices[read_map(folder / "p.csv")] - SOURCE.mesh.vertices[SOURCE.mirror]
+    assert np.median(np.linalg.norm(off, axis=1)) < 0.02 * np.ptp(SOURCE.mesh.vertices)
+    unsure = ["--min-confidence", 1, "--no-refine", "-o", folder / "none.csv"]
+    done = run("symmetry", folder / "a.ply", *unsure)
+    assert done.exit_code == 3
+    assert not (folder / "none.csv").exists()
+
+
+def test_morph_writes_the_shapes_between(folder: Path) -> None:
+    given = ["morph", folder / "a.ply", folder / "b.ply", "--map", folder / "ab.npz"]
+    right(*given, "-o", folder / "half.off")
+    right(*given, "--steps", 10, "-o", folder / "frame.off")
+    found = read_match(folder / "ab.npz")
+    for name, t in (("half", 1 / 2), ("frame-01", 1 / 11), ("frame-10", 10 / 11)):
+        between = read_mesh(folder / f"{name}.off")
+        expected = morph(SOURCE.mesh, TARGET.mesh, found, t)
+        np.testing.assert_allclose(between.vertices, expected.vertices, atol=1e-6)
+        np.testing.assert_array_equal(between.faces, SOURCE.mesh.faces)

@@ -58,7 +58,11 @@ def match(
         int, typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape.")
     ] = 150,
     allow_mirror: Annotated[
-        bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
+        bool,
+        typer.Option(
+            "--allow-mirror",
+            help="Let the map turn the surface inside out, as from a left hand to a right one.",
+        ),
     ] = False,
     refine: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")

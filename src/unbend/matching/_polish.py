@@ -60,7 +60,7 @@ def zoomout_start(source: Shape, target: Shape, found: Registered) -> Registered
     sizes = [min(constants.FUNCTIONS[1], most)]
     while sizes[-1] < most:
         sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
+    ours, theirs = source.samples, target.samples
     left = source.basis[np.concatenate([ours, found.backward[theirs]]), : sizes[0]]
     right = target.basis[np.concatenate([found.forward[ours], theirs]), : sizes[0]]
     grown = zoomout(
