@@ -60,33 +60,29 @@ def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str
     there = np.flatnonzero(np.isfinite(used).all(axis=1))
     tree = cKDTree(used[there])
     farthest = _FARTHEST * np.linalg.norm(np.ptp(used[there], axis=0))
-    labels, vertices = [], []
+    vertices = []
     with named(path):
-        points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
+        try:
+            points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as e:
+            raise FileError("not a landmark file of 3D Slicer, or a damaged one") from e
+        if not points:
+            raise FileError("holds no points")
         for label, description, position in points:
+            distance, nearest = tree.query(position) if np.isfinite(position).all() else (np.inf, 0)
             number = re.fullmatch(r"vertex (\d{1,18})", description)
-            if number:
-                vertex = int(number[1])
-                if vertex >= mesh.n_vertices:
-                    raise FileError(
-                        f"point {label!r} is vertex {vertex}, but {mesh.name} has "
-                        f"{plural(mesh.n_vertices, 'vertex')}"
-                    )
-            else:
-                if not np.isfinite(position).all():
-                    raise FileError(f"point {label!r} has no position")
-                distance, nearest = tree.query(position)
-                if distance > farthest:
-                    raise FileError(
-                        f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
-                        "size: is it of another mesh, unit or axes (RAS or LPS)?"
-                    )
-                vertex = int(there[nearest])
-            labels.append(label)
-            vertices.append(vertex)
-    if not labels:
-        raise FileError(f"{path.name}: holds no points")
-    return labels, np.array(vertices, dtype=np.int64)
+            if number and int(number[1]) >= mesh.n_vertices:
+                raise FileError(
+                    f"point {label!r} is {description}, but {mesh.name} has "
+                    f"{plural(mesh.n_vertices, 'vertex')}"
+                )
+            if not number and distance > farthest:
+                raise FileError(
+                    f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
+                    "size: is it of another mesh, unit or axes (RAS or LPS)?"
+                )
+            vertices.append(int(number[1]) if number else int(there[nearest]))
+    return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
 
 
 def read_markup_pairs(
@@ -140,43 +136,24 @@ _Point = tuple[str, str, npt.NDArray[np.float64]]
 
 
 def _mrk_json(data: bytes) -> list[_Point]:
-    try:
-        document = json.loads(data)
-        return [
-            _point(
-                point.get("label", ""),
-                point.get("description", ""),
-                point["position"] if point.get("positionStatus") != "undefined" else [np.nan] * 3,
-                markup.get("coordinateSystem", "LPS"),
-            )
-            for markup in document["markups"]
-            for point in markup["controlPoints"]
-        ]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise FileError("not a .mrk.json file of 3D Slicer, or a damaged one") from error
+    return [
+        _point(
+            point.get("label", ""),
+            point.get("description", ""),
+            point["position"] if point.get("positionStatus") != "undefined" else [np.nan] * 3,
+            markup.get("coordinateSystem", "LPS"),
+        )
+        for markup in json.loads(data)["markups"]
+        for point in markup["controlPoints"]
+    ]
 
 
 def _fcsv(data: bytes) -> list[_Point]:
+    """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description."""
     lines = text_lines(data, "FCSV")
     axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
-    columns = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc"]
-    for line in lines:
-        if line.startswith("# columns"):
-            columns = line.partition("=")[2].strip().split(",")
-    try:
-        return [
-            _point(
-                row["label"] or "",
-                row.get("desc") or "",
-                [row[axis] for axis in "xyz"],
-                axes[0] if axes else "RAS",
-            )
-            for row in csv.DictReader(
-                (line for line in lines if line and not line.startswith("#")), columns
-            )
-        ]
-    except (ValueError, KeyError, TypeError, csv.Error) as error:
-        raise FileError("not an .fcsv file of 3D Slicer, or a damaged one") from error
+    rows = csv.reader((line for line in lines if line and not line.startswith("#")), strict=True)
+    return [_point(row[11], row[12], row[1:4], axes[0] if axes else "RAS") for row in rows]
 
 
 def _point(label: Any, description: Any, position: Any, axes: Any) -> _Point:

@@ -14,28 +14,20 @@ from unbend.io.formats.contents import triangulate
 from unbend.mesh import Mesh
 
 
-class HasFaces(Protocol):
-    """What has vertices and faces, as a mesh of trimesh has."""
+class HasVertices(Protocol):
+    """A mesh of trimesh or Open3D."""
 
     @property
     def vertices(self) -> Any:
         """Positions, (n, 3)."""
 
-    @property
-    def faces(self) -> Any:
-        """Vertex indices, (m, 3)."""
-
 
 class HasPoints(Protocol):
-    """What has points and triangles, as a ``PolyData`` of PyVista has."""
+    """A mesh of PyVista or meshio, or the points of Open3D."""
 
     @property
     def points(self) -> Any:
         """Positions, (n, 3)."""
-
-    @property
-    def regular_faces(self) -> Any:
-        """Vertex indices, (m, 3)."""
 
 
 MeshLike: TypeAlias = (
@@ -44,7 +36,7 @@ MeshLike: TypeAlias = (
     | os.PathLike[str]
     | Sequence[npt.ArrayLike]
     | npt.NDArray[Any]
-    | HasFaces
+    | HasVertices
     | HasPoints
 )
 """Whatever is taken for a mesh: see :func:`as_mesh`."""
