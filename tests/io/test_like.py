@@ -121,7 +121,7 @@ def test_what_does_not_fit_is_refused(tmp_path):
 def test_what_a_file_holds_besides_its_shape_is_named(tmp_path):
     (tmp_path / "in.obj").write_bytes(CUBE)
     assert file_extras(tmp_path / "in.obj") == [
-        "texture coordinates", "normals", "materials", "groups", "object names"
+        "colours", "texture coordinates", "normals", "materials", "groups", "object names"
     ]  # fmt: skip
 
 
@@ -129,6 +129,15 @@ LINES = [
     *(b"v 1 2 3", b"  v\t1 2 3 0.5", b"v 1 2 3#v 1", b"# v 9 9 9", b"v 1 \\\n 2 3", b"g v 1 2 3"),
     *(b"vn 0 0 1", b"s 1", b"", b"f 1//1 1 1//1", b"f 1//1 1//1 1//1 1//1", b"f -1 -1 -1"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("keyword", "extras"),
+    [("OFF", []), ("COFF", ["colours"]), ("STNOFF3 0 0", ["texture coordinates", "normals"])],
+)
+def test_the_keyword_of_off_names_its_columns(tmp_path, keyword, extras):
+    (tmp_path / "a.off").write_text(f"# comment\n{keyword}\n")
+    assert file_extras(tmp_path / "a.off") == extras
 
 
 @settings(deadline=None, max_examples=60)

@@ -56,7 +56,11 @@ def report(help: str) -> Any:
 
 
 Mesh = Annotated[
-    str, typer.Argument(metavar="MESH", help="A .off, .obj, .ply, .stl, .xyz or .npy file.")
+    str,
+    typer.Argument(
+        metavar="MESH",
+        help="A .off, .obj, .ply, .stl, .xyz or .npy file, or what trimesh and meshio read.",
+    ),
 ]
 Source = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map from.")]
 Target = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]

@@ -25,7 +25,7 @@ _READERS: dict[str, Callable[[bytes], Contents]] = {
     ".xyz": points.read_xyz,
     ".npy": points.read_npy,
 }
-_EXTRAS = {".obj": obj.extras, ".ply": ply.extras}
+_EXTRAS = {".obj": obj.extras, ".off": off.extras, ".ply": ply.extras}
 
 READ_SUFFIXES = (*_READERS, *FOREIGN_SUFFIXES)
 

@@ -139,7 +139,9 @@ def write(
 def extras(data: bytes) -> list[str]:
     """Name what a file holds besides positions and faces."""
     found = set(re.findall(rb"(?<![^\r\n])[ \t]*(vt|vn|usemtl|g|o)\s", data))
-    return [name for keyword, name in _EXTRAS.items() if keyword in found]
+    first = _V_LINE.search(data)
+    colored = first is not None and len(first[3].split()) >= 3
+    return ["colours"] * colored + [name for key, name in _EXTRAS.items() if key in found]
 
 
 def rewrite(
