@@ -145,7 +145,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
     for done in (carried, fitted):
         assert done.stderr.count("warning: part of the map is wrong") == 1
         assert "orientation +0.68, confidence at most 0.10" in done.stderr
-        assert "warning: the match is doubtful (confidence 0.59)" in done.stderr
+        assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
     told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
     assert told["orientation"].startswith("+0.68")
     assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"

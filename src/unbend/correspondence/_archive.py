@@ -224,10 +224,7 @@ def read_match(
     with _reading(path) as data:
         folders: dict[str, _Arrays] = {"": {}}
         arrays = _load(data, _REQUIRED, (*_OPTIONAL, *_LISTS, *_MESHES))
-        for key, side, mesh in zip(_MESHES, _REQUIRED[:2], (source, target), strict=True):
-            hashes = arrays.pop(key, None)
-            if mesh is not None:
-                _check_mesh(as_mesh(mesh), arrays[side].size, hashes)
+        hashes = [arrays.pop(name, None) for name in _MESHES]
         for name, array in arrays.items():
             folder, _, own_name = name.rpartition("/")
             folders.setdefault(folder, {})[own_name] = array
@@ -235,6 +232,10 @@ def read_match(
             if missing := set(_REQUIRED) - set(arrays):
                 raise FileError(f"holds no {folder}/{min(missing)}")
         match, *alternatives = (_checked_match(arrays) for arrays in folders.values())
+        sizes = len(match.source_to_target), len(match.target_to_source)
+        for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
+            if mesh is not None:
+                _check_mesh(as_mesh(mesh), size, known)
         return replace(match, alternatives=tuple(alternatives))
 
 
