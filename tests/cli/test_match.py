@@ -147,7 +147,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
         assert "orientation +0.68, confidence at most 0.10" in done.stderr
         assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
     told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
-    assert told["orientation"].startswith("+0.68")
+    assert told["orientation"] == "84% of the surface right side out"
     assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"
     assert told["overlap"] == "100% of the source's area, 100% of the target's"
 
@@ -157,11 +157,20 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
         warn_if_doubtful(confidence)
     assert capsys.readouterr().err == ""
     warn_if_doubtful(0.59)
-    assert capsys.readouterr().err.startswith("warning: the match is doubtful (confidence 0.59)")
+    told = capsys.readouterr().err
+    assert told.startswith("warning: the match is doubtful (confidence 0.59)")
+    assert "unbend match --report" in told
+    warn_if_doubtful(0.1, seen=True)
+    assert "--report" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("orientation", "words"), [(0.6, "right side out"), (-0.6, "inside out"), (0.02, "unclear")]
+    ("orientation", "words"),
+    [
+        (0.6, "80% of the surface right side out"),
+        (-0.6, "80% of the surface inside out, a reflection"),
+        (0.02, "unclear which side is out"),
+    ],
 )
 def test_the_side_is_said(orientation: float, words: str) -> None:
     assert words in describe_side(orientation)
