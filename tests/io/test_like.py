@@ -82,6 +82,11 @@ def test_normals_turn_with_the_surface_and_edges_stay_sharp(tmp_path):
     )
 
 
+def test_a_normal_that_does_not_exist_needs_no_room(tmp_path):
+    data = CUBE.replace(b"f 1/1/1 4", b"f 1/1/999999999999999 4")
+    assert len(written(tmp_path, data)) < 2 * len(data)
+
+
 def test_colours_replace_those_of_the_file(tmp_path):
     colors = np.full((8, 3), 255)
     found = written(tmp_path, CUBE, colors=colors)

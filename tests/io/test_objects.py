@@ -10,6 +10,7 @@ import pytest
 
 from unbend import Mesh, as_mesh, read_mesh, write_mesh
 from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.io import read_values
 
 QUAD = [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 FACES = [[0, 1, 2], [0, 2, 3]]
@@ -94,6 +95,13 @@ def test_a_scene_is_read_where_it_stands_and_its_seams_are_welded(tmp_path: Path
     assert mesh.n_faces == 4
     assert "8 vertices welded into 6" in mesh.notes[1]
     assert mesh.vertices[:, 0].max() == 2
+
+
+def test_colours_of_gltf_are_amounts_of_light(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    given = trimesh.Trimesh(QUAD, FACES, process=False, vertex_colors=[[128, 0, 255, 255]] * 4)
+    given.export(tmp_path / "a.glb")
+    assert read_values(tmp_path / "a.glb").tolist() == [[188, 0, 255]] * 4
 
 
 @pytest.mark.parametrize("data", [b"glTF", b"glTF\2\0\0\0\xff\xff\xff\x7f", b"nothing"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +22,16 @@ FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
 
 def read_foreign(path: Path, data: bytes) -> Contents:
     """Read a file with trimesh or meshio, and say so in the notes."""
-    by_trimesh = path.suffix.lower() in _TRIMESH
+    suffix = path.suffix.lower()
+    program = "trimesh" if suffix in _TRIMESH else "meshio"
+    if find_spec(program) is None:
+        raise MissingExtraError(program)
     try:
-        contents = _by_trimesh(path.suffix.lower(), data) if by_trimesh else _by_meshio(path)
-    except ImportError:
-        raise MissingExtraError("trimesh" if by_trimesh else "meshio") from None
+        return _by_trimesh(suffix, data) if suffix in _TRIMESH else _by_meshio(path)
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
-        program = "trimesh" if by_trimesh else "meshio"
         raise FileError(f"{program} cannot read it: {error}") from error
-    return contents
 
 
 def _by_meshio(path: Path) -> Contents:
@@ -64,7 +64,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     if not parts:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
-    values = [_values(part) for part in parts]
+    values = [_values(part, linear=suffix in (".glb", ".gltf")) for part in parts]
     shared = {
         name: np.concatenate([one[name] for one in values])
         for name in set.intersection(*map(set, values))
@@ -84,8 +84,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     return Contents(places, corners, tuple(notes), lambda: shared)
 
 
-def _values(part: Any) -> dict[str, npt.NDArray[Any]]:
-    """Colours and texture coordinates of a part."""
+def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
+    """Colours of a part, which may be amounts of light, and texture coordinates."""
     found = {}
     visual = part.visual
     light = getattr(visual, "vertex_attributes", {}).get("color")
@@ -94,9 +94,10 @@ def _values(part: Any) -> dict[str, npt.NDArray[Any]]:
     if light is not None:
         scale = np.iinfo(light.dtype).max if light.dtype.kind == "u" else 1
         shares = np.clip(light[:, :3] / scale, 0, 1)
-        # Amounts of light in glTF; as screens take them elsewhere (IEC 61966-2-1).
-        screen = np.where(shares <= 0.0031308, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)
-        found["color"] = np.rint(screen * 255).astype(np.uint8)
+        if linear:  # as screens take them: IEC 61966-2-1
+            dark = shares <= 0.0031308
+            shares = np.where(dark, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)
+        found["color"] = np.rint(shares * 255).astype(np.uint8)
     if getattr(visual, "uv", None) is not None:
         found["uv"] = np.asarray(visual.uv, dtype=np.float64)
     return found

@@ -189,7 +189,7 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
     n_vertices = n_normals = 0
     sizes: list[int] = []
     corners: list[int] = []
-    shared: list[int] = []
+    shared: list[int] = []  # normals of the corners
     for line in _logical_lines(data):
         keyword, *words = line.split() or [""]
         n_vertices += keyword == "v"
@@ -208,10 +208,11 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
     # Newell: the cross products along a polygon's boundary sum to twice its area.
     places = (vertices - np.nanmean(vertices, axis=0))[corners]
     of_faces = _sums(face, np.cross(places, places[following]), len(sizes))
-    sums = _sums(shared, of_faces[face], n_normals)[:n_normals]
+    normal = np.minimum(shared, n_normals)  # those that do not exist share the last row
+    sums = _sums(normal, of_faces[face], n_normals)[:n_normals]
     with np.errstate(invalid="ignore"):
         return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
 
 
-def _sums(owners: npt.ArrayLike, rows: FloatArray, count: int) -> FloatArray:
+def _sums(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
     return np.column_stack([np.bincount(owners, column, count) for column in rows.T])
