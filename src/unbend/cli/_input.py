@@ -55,16 +55,9 @@ def read_any_map(path: str, base: int | None, target: Mesh) -> IntArray:
     from unbend.correspondence import read_match
     from unbend.io import read_map
 
-    n_target = target.n_vertices
-    if not path.lower().endswith(".npz"):
-        return read_map(path, base=base, n_target=n_target)
-    found = read_match(path)
-    if len(found.target_to_source) != n_target:
-        raise InputError(
-            f"{path} maps to {plural(len(found.target_to_source), 'vertex')}, but the target has "
-            f"{n_target}"
-        )
-    return found.source_to_target
+    if path.lower().endswith(".npz"):
+        return read_match(path, target=target).source_to_target
+    return read_map(path, base=base, n_target=target.n_vertices)
 
 
 def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:

@@ -194,8 +194,10 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
         keyword, *words = line.split() or [""]
         n_vertices += keyword == "v"
         n_normals += keyword == "vn"
+        if keyword not in ("f", "fo"):
+            continue
         thirds = [word.split("/")[2] for word in words if word.count("/") == 2]
-        if keyword in ("f", "fo") and 0 < len(thirds) == len(words) and all(thirds):
+        if 0 < len(thirds) == len(words) and all(thirds):
             corners += _corners(words, n_vertices, len(sizes))
             shared += _corners(thirds, n_normals, len(sizes))
             sizes.append(len(words))
