@@ -10,7 +10,6 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import numbers_of
-from unbend._text import plural
 from unbend._types import FloatArray, IntArray
+from unbend.correspondence._belonging import check_mesh, mesh_hashes
 from unbend.errors import FileError, InputError
 from unbend.io import (
     MeshLike,
@@ -32,7 +31,6 @@ from unbend.io import (
 )
 from unbend.io.formats.npy import read_array, read_header
 from unbend.matching import Hypothesis, Match
-from unbend.mesh import Mesh
 
 _Arrays = dict[str, npt.NDArray[Any]]
 
@@ -155,17 +153,8 @@ def write_match(
     arrays = _arrays_of(match)
     for name, mesh in zip(_MESHES, (source, target), strict=True):
         if mesh is not None:
-            arrays[name] = np.array(_hashes(as_mesh(mesh)), dtype=np.uint64)
+            arrays[name] = np.array(mesh_hashes(as_mesh(mesh)), dtype=np.uint64)
     _save(path, arrays)
-
-
-def _hashes(mesh: Mesh) -> list[int]:
-    """Hash positions and faces, apart: of one mesh either may change, by rounding or by a pose."""
-    arrays = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
-    return [
-        int.from_bytes(blake2b(array.tobytes(), digest_size=8).digest(), "little")
-        for array in arrays
-    ]
 
 
 def _arrays_of(match: Match) -> _Arrays:
@@ -235,20 +224,8 @@ def read_match(
         sizes = len(match.source_to_target), len(match.target_to_source)
         for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
             if mesh is not None:
-                _check_mesh(as_mesh(mesh), size, known)
+                check_mesh(as_mesh(mesh), size, known)
         return replace(match, alternatives=tuple(alternatives))
-
-
-def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:
-    if mesh.n_vertices != n_vertices:
-        raise FileError(
-            f"belongs to a mesh of {plural(n_vertices, 'vertex')}, but {mesh.name} has "
-            f"{mesh.n_vertices}"
-        )
-    if hashes is not None and set(_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
-        raise FileError(
-            f"belongs to another mesh than {mesh.name}, of as many vertices; match the shapes again"
-        )
 
 
 def _checked_match(arrays: _Arrays) -> Match:
