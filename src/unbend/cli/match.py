@@ -21,6 +21,7 @@ from unbend.cli._output import (
     EXIT_UNSURE,
     command_line,
     elapsed,
+    lines_to_keep,
     look_at,
     progress_on_stderr,
     quoted,
@@ -57,7 +58,11 @@ def match(
         int, typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape.")
     ] = 150,
     allow_mirror: Annotated[
-        bool, typer.Option("--allow-mirror", help="Let the map turn the surface inside out.")
+        bool,
+        typer.Option(
+            "--allow-mirror",
+            help="Let the map turn the surface inside out, as from a left hand to a right one.",
+        ),
     ] = False,
     refine: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
@@ -71,8 +76,8 @@ def match(
         typer.Option(
             "--colored",
             metavar="OUT OUT",
-            help="Write both shapes (.ply, .obj, .glb), corresponding points in one colour, for "
-            "Blender and MeshLab.",
+            help="Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, "
+            "for Blender, MeshLab and ParaView.",
         ),
     ] = None,
     report: Annotated[
@@ -143,9 +148,9 @@ def match(
         if not unsure:
             progress("writing", 0)
             for path, one in zip(maps, matches, strict=bool(maps)):
-                write_result(path, one)
+                write_result(path, one, shapes)
             if colored is not None:
-                _write_colored(shapes, found, colored)
+                _write_colored((source, target), component is None, shapes, found, colored)
             if figure is not None:
                 from unbend.report.match_figures import draw_match
 
@@ -156,7 +161,7 @@ def match(
 
                 shown: Any = {"up": up, "truth": known, "command": command_line()}
                 match_page(shapes[0], shapes[1], found, report, progress=progress, **shown)
-    warn_if_doubtful(found.confidence)
+    warn_if_doubtful(found.confidence, seen=report is not None)
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {
@@ -210,16 +215,17 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
         "of the target's",
-        "orientation": f"{found.orientation:+.2f}, {describe_side(found.orientation)}",
+        "orientation": describe_side(found.orientation),
         "confidence": trust,
     }
 
 
 def describe_side(orientation: float) -> str:
-    """Say whether a map keeps the surface right side out."""
+    """Say how much of the surface a map keeps right side out."""
     if abs(orientation) < _CLEAR_SIDE:
         return "unclear which side is out"
-    return "right side out" if orientation > 0 else "inside out, a reflection"
+    side = "right side out" if orientation > 0 else "inside out, a reflection"
+    return f"{(1 + abs(orientation)) / 2:.0%} of the surface {side}"
 
 
 def _measures(found: Match) -> dict[str, Any]:
@@ -233,13 +239,19 @@ def _numbered(out: str, i: int) -> str:
     return out if i == 0 else str(path.with_name(f"{path.stem}-{i + 1}{path.suffix}"))
 
 
-def _write_colored(shapes: list[Mesh], found: Match, paths: tuple[str, str]) -> None:
+def _write_colored(
+    originals: tuple[str, str],
+    whole: bool,
+    shapes: list[Mesh],
+    found: Match,
+    paths: tuple[str, str],
+) -> None:
     from unbend.io import write_mesh
     from unbend.report.match_figures import match_colors
 
     colors = match_colors(shapes[0], shapes[1], found)
-    for path, shape, one in zip(paths, shapes, colors, strict=True):
-        write_mesh(path, shape, colors=one)
+    for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
+        write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))
 
 
 def _next_step(source: str, target: str, out: str | None) -> str:
