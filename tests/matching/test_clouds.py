@@ -7,7 +7,7 @@ import pytest
 
 from testshapes.measures import along_edges, area
 from testshapes.scanning import sample_points
-from unbend import Match, Mesh, match
+from unbend import Match, Mesh, match, transfer
 from unbend.datasets import make_quadruped
 from unbend.errors import InputError, UnbendWarning
 
@@ -36,6 +36,13 @@ def test_a_cloud_of_a_mesh_s_own_vertices_matches_it(found: Match) -> None:
     assert found.confidence > 0.9
     assert found.faces is not None
     assert found.faces.shape == (n,)
+
+
+def test_values_are_carried_from_points_to_a_mesh(found: Match) -> None:
+    cloud, mesh = Mesh(BODY.mesh.vertices), BODY.mesh
+    carried = transfer(cloud.vertices, found, kind="scalar", source=cloud, target=mesh)
+    apart = np.linalg.norm(carried - mesh.vertices, axis=1)
+    assert apart.mean() < 0.03 * np.sqrt(area(mesh))
 
 
 def test_two_noisy_clouds_match_each_other() -> None:
