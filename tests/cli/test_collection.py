@@ -205,8 +205,11 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("add stones stones", "the folder stones holds other things"),
         ("info shapes --thumbnail a.png", "--thumbnail is the picture of one shape"),
         ("match shapes -o out", "give --pairs PAIRS.csv or --all, one of them"),
-        ("match shapes --pairs stones/stone00.ply -o out", 'unknown suffix ".ply"; use .csv'),
-        ("match shapes --pairs bad.csv -o out", "bad.csv: needs a first line with source,target"),
+        (
+            "match shapes --pairs stones/stone00.ply -o out",
+            'unknown suffix ".ply"; use .csv or .txt',
+        ),
+        ("match shapes --pairs bad.csv -o out", "bad.csv: there is no column source; the first"),
         ("matrix shapes --csv out.txt", 'unknown suffix ".txt"; use .csv'),
         ("matrix shapes --csv shapes/a.csv", "cannot write shapes/a.csv: the folder shapes is the"),
         ("groups shapes --report shapes/a.html", "shapes is the collection's alone; write else"),

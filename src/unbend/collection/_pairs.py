@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 import os
 import re
@@ -20,7 +18,7 @@ from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.correspondence import read_match, write_match
 from unbend.errors import UnbendWarning
-from unbend.io import atomic_write, read_mesh
+from unbend.io import read_mesh, write_table
 from unbend.matching import match, prepare_spectrum
 from unbend.mesh import Mesh
 from unbend.spectral import use_cache
@@ -78,7 +76,7 @@ def match_pairs(
                     matched += 1
                 else:
                     failures.append(failure)
-    _write_table(folder, pairs())
+    write_table(folder / _TABLE, _table(folder, pairs()))
     return Matched(matched, skipped, tuple(failures), time.monotonic() - start)
 
 
@@ -142,14 +140,10 @@ def _done(folder: Path, pair: Pair) -> bool:
     return (folder / file_name(*pair)).exists()
 
 
-def _write_table(folder: Path, pairs: Iterator[Pair]) -> None:
-    """Write a row for each match there is."""
-    with atomic_write(folder / _TABLE) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["source", "target", "file", "confidence", "orientation", "residual"])
-        for pair in itertools.filterfalse(lambda pair: not _done(folder, pair), pairs):
-            found = read_match(folder / file_name(*pair))
-            values: list[Any] = [found.confidence, found.orientation, found.residual]
-            writer.writerow([*(one.path for one in pair), file_name(*pair), *values])
-        text.detach()
+def _table(folder: Path, pairs: Iterator[Pair]) -> Iterator[Sequence[Any]]:
+    """Rows for each match there is."""
+    yield "source", "target", "file", "confidence", "orientation", "residual"
+    for pair in itertools.filterfalse(lambda pair: not _done(folder, pair), pairs):
+        found = read_match(folder / file_name(*pair))
+        values = found.confidence, found.orientation, found.residual
+        yield *(one.path for one in pair), file_name(*pair), *values

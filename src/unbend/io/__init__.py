@@ -12,6 +12,7 @@ from unbend.io._maps import (
     write_map,
 )
 from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, read_mesh, write_mesh
+from unbend.io._tables import read_table, write_table
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
@@ -34,10 +35,12 @@ __all__ = [
     "read_landmarks",
     "read_map",
     "read_mesh",
+    "read_table",
     "read_values",
     "value_colors",
     "whole_numbers",
     "write_map",
     "write_mesh",
+    "write_table",
     "write_values",
 ]

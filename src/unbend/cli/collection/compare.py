@@ -18,7 +18,6 @@ from unbend.cli._output import (
     say,
     table,
     tell,
-    write_table,
 )
 from unbend.cli._output import matrix as matrix_lines
 from unbend.cli.collection._common import (
@@ -129,6 +128,8 @@ def matrix(
     """
     entries, distances = opened(store, csv, figure, report).distances()
     if csv is not None:
+        from unbend.io import write_table
+
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
         write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
     if figure is not None:
@@ -191,6 +192,8 @@ def groups(
         members[number].append(entry)
     paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
     if csv is not None:
+        from unbend.io import write_table
+
         pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
         write_table(csv, [("path", "group"), *pairs])
     if report is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -57,11 +56,14 @@ def match(
       unbend collection match shapes --pairs pairs.csv -o matches --workers 4
     """
     from unbend.errors import InputError
+    from unbend.io import read_table
 
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
-    chosen = None if pairs is None else _read_pairs(pairs)
+    chosen = None
+    if pairs is not None:
+        chosen = [(source, target) for source, target in read_table(pairs, ("source", "target"))]
     with progress_on_stderr() as progress:
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
@@ -83,25 +85,6 @@ def match(
     )
     if done.failures:
         raise typer.Exit(EXIT_SOME_FAILED)
-
-
-def _read_pairs(path: str) -> list[tuple[str, str]]:
-    import csv
-
-    from unbend.errors import FileError
-    from unbend.io import read_bytes
-
-    try:
-        text = read_bytes(Path(path), (".csv",)).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise FileError(f"{path} is not text in UTF-8") from None
-    rows = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
-    if not rows or not {"source", "target"} <= set(rows[0]):
-        raise FileError(f"{path}: needs a first line with source,target, and a line a pair")
-    for i, row in enumerate(rows):
-        if not row["source"] or not row["target"]:
-            raise FileError(f"{path}, line {i + 2}: needs a source and a target")
-    return [(row["source"], row["target"]) for row in rows]
 
 
 def mean(
