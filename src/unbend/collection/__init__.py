@@ -7,8 +7,18 @@ from unbend.collection._groups import find_groups
 from unbend.collection._labels import read_labels
 from unbend.collection._mean import MeanShape, mean_shape
 from unbend.collection._mean_files import write_mean
+from unbend.collection._registering import Registrations, read_registrations
 from unbend.collection._retrieval import Retrieval, retrieval_measures
-from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
+from unbend.collection._rows import (
+    Added,
+    Entry,
+    Failure,
+    Hit,
+    Info,
+    Matched,
+    Registered,
+    RegisteredShape,
+)
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.collection._store import check_outside
 
@@ -22,6 +32,9 @@ __all__ = [
     "Info",
     "Matched",
     "MeanShape",
+    "Registered",
+    "RegisteredShape",
+    "Registrations",
     "Retrieval",
     "Statistics",
     "check_outside",
@@ -31,6 +44,7 @@ __all__ = [
     "make_folder",
     "mean_shape",
     "read_labels",
+    "read_registrations",
     "retrieval_measures",
     "shape_statistics",
     "write_mean",

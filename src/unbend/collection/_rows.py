@@ -8,6 +8,8 @@ from typing import Any
 
 from unbend.errors import UnbendError
 
+DOUBTFUL = 0.6  # confidences below it
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -118,6 +120,61 @@ class Matched:
 
     matched: int
     skipped: int
+    failures: tuple[Failure, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class RegisteredShape:
+    """A shape that the template is registered to.
+
+    Attributes
+    ----------
+    name : str
+        Unique: the name of its file, and digits of its id.
+    path : str
+        The shape's file.
+    file : str
+        Name of the mesh that was written.
+    confidence, coverage : float
+        See :class:`unbend.correspondence.Registration`.
+    mean_distance, distance_95 : float
+        How far vertices are from the shape's surface, in its unit: the mean, and the quantile
+        that 95 % are within.
+    """
+
+    name: str
+    path: str
+    file: str
+    confidence: float
+    coverage: float
+    mean_distance: float
+    distance_95: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the confidence, as it is shown, is below 0.6 or unknown."""
+        return not round(self.confidence, 2) >= DOUBTFUL
+
+
+@dataclass(frozen=True)
+class Registered:
+    """What registering a template to shapes came to.
+
+    Attributes
+    ----------
+    registered, skipped : int
+        Shapes that are new, and those whose registration was there before.
+    shapes : tuple of RegisteredShape
+        Both, sorted by path.
+    failures : tuple of Failure
+        Shapes that could not be registered.
+    seconds : float
+    """
+
+    registered: int
+    skipped: int
+    shapes: tuple[RegisteredShape, ...]
     failures: tuple[Failure, ...]
     seconds: float
 
