@@ -217,8 +217,9 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("info shapes stones/stone00.ply --thumbnail shapes/a.png", "cannot write shapes/a.png"),
         ("export shapes -o shapes/shapes.lance/a.csv", "cannot write shapes/shapes.lance/a.csv"),
         ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
-        ("mean shapes --template absent.ply -o stones/stone00.ply", "cannot make the folder sto"),
-        ("mean shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the folder"),
+        ("register shapes --template absent.ply -o out", "no such file, and no such shape in"),
+        ("register shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the"),
+        ("mean stones -o out", "stones holds no registered shapes, or not all yet: unbend coll"),
     ],
 )
 def test_mistakes_get_one_sentence(folder: Path, arguments: str, sentence: str) -> None:

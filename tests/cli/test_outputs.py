@@ -50,7 +50,7 @@ LINES = {
     "collection info STORE a.ply": "",
 }
 # One output each, in tests of their own.
-ELSEWHERE = {"demo", "collection match", "collection mean"}
+ELSEWHERE = {"demo", "collection match", "collection register", "collection mean"}
 
 
 def commands(

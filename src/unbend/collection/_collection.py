@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy.typing as npt
 
@@ -17,7 +18,7 @@ from unbend.collection._entry import sample_form
 from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
-from unbend.collection._registering import register_shapes
+from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, check_outside
 from unbend.errors import InputError
@@ -321,21 +322,25 @@ class Collection:
     ) -> Registered:
         """Register a template to every shape, as :func:`unbend.register` does to one.
 
-        Shapes that are registered already are skipped, so that an interrupted run goes on where it
+        Shapes that are registered already are skipped, so that an interrupted run resumes where it
         was. A shape that cannot be used stops nothing.
 
         Parameters
         ----------
         template : path
-            A mesh, or the name of a shape of the collection, see :meth:`find`.
+            The mesh to deform: a file, or a shape of the collection, see :meth:`find`.
         out : path
-            Folder, of all workers alike and of this template alone, for a mesh a shape with the
-            template's vertices and faces, and all shapes together: ``vertices.npy`` (n_shapes,
-            n_template, 3), the same as ``vertices.csv``, and ``shapes.csv``, whose first rows are
-            those of ``vertices.npy``.
+            Folder, of all workers alike and of this template alone, for
+
+            - a mesh per shape with the template's vertices and faces, in its format where that
+              keeps their order, otherwise .ply;
+            - ``vertices.npy``, all positions (n_shapes, n_template, 3), and ``vertices.csv``, the
+              same with the columns shape,vertex,x,y,z;
+            - ``shapes.csv``, a row per shape: those of ``vertices.npy`` in the same order, then
+              those that failed.
         landmarks : mapping of str to (l, 2) array_like of int, optional
             For names of shapes, vertices of the template and of the shape that correspond. A shape
-            is registered again if its landmarks have changed.
+            whose landmarks have changed is registered again.
         workers, scheduler, progress
             See :meth:`match`.
 
@@ -348,22 +353,15 @@ class Collection:
         InputError, MeshError
             If the template cannot be used, or a name is not in the collection.
         FileError
-            If the folder cannot be made, is inside the collection's, or has shapes that are
-            registered to another template.
+            If the folder cannot be made, is inside the collection's, or its shapes are registered
+            to another template.
 
         See Also
         --------
         read_registrations : Reads them again, for :func:`mean_shape`.
         """
-        return register_shapes(
-            self._store,
-            template,
-            out,
-            landmarks=landmarks or {},
-            workers=workers,
-            scheduler=scheduler,
-            progress=progress,
-        )
+        options: Any = {"workers": workers, "scheduler": scheduler, "progress": progress}
+        return register_collection(self._store, template, out, landmarks or {}, **options)
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""

@@ -126,21 +126,16 @@ class Matched:
 
 @dataclass(frozen=True)
 class RegisteredShape:
-    """A shape that the template is registered to.
+    """A shape that a template is registered to.
 
     Attributes
     ----------
-    name : str
-        Unique: the name of its file, and digits of its id.
-    path : str
-        The shape's file.
-    file : str
-        Name of the mesh that was written.
+    name, path, file : str
+        A unique name, the shape's file, and the name of the mesh that was written.
     confidence, coverage : float
         See :class:`unbend.correspondence.Registration`.
     mean_distance, distance_95 : float
-        How far vertices are from the shape's surface, in its unit: the mean, and the quantile
-        that 95 % are within.
+        Mean and 95 % quantile of the vertices' distances from the shape, in its unit.
     """
 
     name: str
@@ -164,11 +159,9 @@ class Registered:
     Attributes
     ----------
     registered, skipped : int
-        Shapes that are new, and those whose registration was there before.
+        Shapes that are new, and those that were there before.
     shapes : tuple of RegisteredShape
-        Both, sorted by path.
     failures : tuple of Failure
-        Shapes that could not be registered.
     seconds : float
     """
 

@@ -20,13 +20,7 @@ from unbend.cli._output import (
     tell,
 )
 from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import (
-    SHORT_ID,
-    opened,
-    read_found,
-    shown_shape,
-    write_page,
-)
+from unbend.cli.collection._common import SHORT_ID, opened, read_found, shown_shape, write_page
 
 if TYPE_CHECKING:
     from unbend.collection import Entry, Hit

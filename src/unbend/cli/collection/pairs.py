@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from unbend.cli import _options as options
+from unbend.cli._batch import list_failures
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     progress_on_stderr,
     tell,
 )
-from unbend.cli.collection._common import (
-    list_failures,
-    opened,
-)
+from unbend.cli.collection._common import opened
 
 if TYPE_CHECKING:
     pass

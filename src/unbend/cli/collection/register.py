@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from unbend.cli import _options as options
+from unbend.cli._batch import list_failures
 from unbend.cli._output import (
-    EXIT_SOME_FAILED,
     progress_on_stderr,
-    quoted,
     rows,
-    table,
     tell,
 )
-from unbend.cli.collection._common import list_failures, opened, shown
+from unbend.cli.collection._common import opened
+from unbend.cli.register import tell_registered
 
 if TYPE_CHECKING:
-    from unbend.collection import MeanShape, Registered
+    from unbend.collection import MeanShape
 
 
 def register(
@@ -75,45 +74,14 @@ def register(
             scheduler=scheduler,
             progress=progress,
         )
-    list_failures(done.failures)
-    doubtful = [one for one in done.shapes if one.doubtful]
-    counts = (
-        f"registered {done.registered:,}, there before {done.skipped:,}, failed "
-        f"{len(done.failures):,} ({done.seconds:.1f} s); doubtful {len(doubtful):,}"
-    )
-    hint = f"unbend collection mean {quoted(out)} -o OUT, for the mean and the components"
-    if doubtful:
-        worst = min(doubtful, key=lambda one: one.confidence)
-        hint = (
-            f"look at doubtful ones: unbend match {quoted(template, shown(worst.path))} "
-            "--report match.html; where limbs are swapped, run this again with --landmarks"
-        )
-    tell(
-        {
-            "store": store,
-            "template": template,
-            "n_registered": done.registered,
-            "n_skipped": done.skipped,
-            "shapes": [vars(one) | {"doubtful": one.doubtful} for one in done.shapes],
-            "failed": [vars(one) for one in done.failures],
-        },
-        [*_overview(done), "", counts],
-        written=[out],
-        next_step=hint if done.shapes else None,
-    )
-    if done.failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
-
-
-def _overview(done: Registered) -> list[str]:
-    """Lines of all shapes, the least confident last, where they are seen."""
-    lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
-    for one in sorted(done.shapes, key=lambda one: -one.confidence):
-        numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
-        distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
-        lines.append((shown(one.path), *numbers, *distances, "doubtful" if one.doubtful else ""))
-    lines += [(shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
-    return table("<>>>><", *lines)
+    result = {
+        "store": store,
+        "template": template,
+        "n_registered": done.registered,
+        "n_skipped": done.skipped,
+        "shapes": [vars(one) | {"doubtful": one.doubtful} for one in done.shapes],
+    }
+    tell_registered(done, result, template, out)
 
 
 def _read_landmarks(path: str) -> dict[str, list[tuple[int, int]]]:
