@@ -126,7 +126,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         ("search", store, query, "--report", tmp_path / "out.html"),
         ("groups", store, "-n", 1, "--report", tmp_path / "out.html"),
         ("match", store, "--all", "-o", tmp_path / "out", "--workers", 0),
-        ("mean", store, "--template", query, "-o", tmp_path / "out"),
+        ("register", store, "--template", query, "-o", tmp_path / "reg", "--workers", 0),
     ):
         done = run(*arguments)
         for stone in stones:
