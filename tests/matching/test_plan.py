@@ -257,7 +257,7 @@ def test_either_source_of_guesses_proposes_the_truth(bodies: Sides) -> None:
 def test_a_pair_is_partial_if_either_shape_is(bodies: Sides, parts: Sides) -> None:
     assert not bodies.partial
     assert parts.partial
-    assert Sides(parts.target, parts.source).partial
+    assert parts._replace(source=parts.target, target=parts.source).partial
 
 
 def test_what_leads_to_the_same_place_is_left_out_whatever_the_vertices(

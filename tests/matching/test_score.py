@@ -11,6 +11,7 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
+from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._score import (
@@ -232,7 +233,9 @@ def test_odds_are_even_at_one_energy_and_as_e_to_one_at_one_lead() -> None:
 def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> None:
     misses, equal = replace(_judged(0.1), missed=np.array([True])), _judged(0.1)
     assert misses.cost > equal.cost == equal.energy
-    assert replace(misses, missed=np.ones(3, dtype=bool)).cost == pytest.approx(0.1 + 3 * 0.15)
+    assert replace(misses, missed=np.ones(3, dtype=bool)).cost == pytest.approx(
+        0.1 + 3 * constants.WITHOUT
+    )
     assert _trust([equal, misses]) > 0.99
 
 
@@ -317,7 +320,7 @@ def test_a_rough_cost_counts_the_landmarks_that_are_missed() -> None:
     costs = rough_costs(few, many, forward, backward)
     without = (replace(one, landmarks=none) for one in (few, many))
     added = costs - rough_costs(*without, forward, backward)
-    np.testing.assert_allclose(added, [0, 2 * 0.15, 0.15], atol=1e-12)
+    np.testing.assert_allclose(added, np.array([0, 2, 1]) * constants.WITHOUT, atol=1e-12)
 
 
 def test_a_bend_costs_as_much_either_way() -> None:

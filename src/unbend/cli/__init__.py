@@ -32,8 +32,10 @@ from unbend.cli import (
     distance,
     evaluate,
     match,
+    morph,
     register,
     similarity,
+    symmetry,
     transfer,
 )
 from unbend.cli._command import make_group
@@ -100,9 +102,11 @@ app = make_group(
     canonical.canonical,
     distance.distance,
     match.match,
+    symmetry.symmetry,
     evaluate.evaluate,
     transfer.transfer,
     register.register,
+    morph.morph,
     similarity.similarity,
     demo.demo,
     name="unbend",

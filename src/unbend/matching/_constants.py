@@ -36,8 +36,7 @@ SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
 # How maps are scored.
-WITHOUT = 0.12  # What a vertex without a partner leaves unexplained.
-MISSED = 0.15  # What a missed landmark adds to the cost.
+WITHOUT = 0.12  # What a vertex without a partner leaves unexplained, and a missed landmark adds.
 # Largest cost of an unambiguous candidate, and how many times as much all others cost.
 UNAMBIGUOUS = (0.2, 1.4)
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
@@ -47,7 +46,9 @@ CONFIDENCE = (0.27, 0.022, 0.0275)
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
-SMALLEST_PART = 0.02  # Share of the area below which a hole is no missing part.
+# Share of the area, a limb's end: a smaller hole is no missing part, and maps that lead less of it
+# to other limbs are the same.
+SMALLEST_PART = 0.02
 
 # Floors of the arithmetic, which decide nothing.
 DIGITS = 6  # of costs that are not rounding

@@ -19,7 +19,7 @@ from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._plan import candidates, make_sides
+from unbend.matching._plan import candidates, make_sides, onto_mirror_image
 from unbend.matching._polish import refined, reranked, with_partners
 from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
@@ -75,7 +75,8 @@ def match(
     refine : bool, default=True
         Whether to refine the map on the full meshes; else it is as exact as their coarse copies.
     allow_mirror : bool, default=False
-        Whether a map may turn the surface inside out when that explains more.
+        Whether a map may turn the surface inside out when that explains more, as from a left hand
+        to a right one. Without it, no map does, and a warning says if it would fit far better.
     barycentric : bool, default=False
         Whether to give faces and weights, for accuracy below a vertex.
     mirrored : bool, default=False
@@ -97,8 +98,9 @@ def match(
     Warns
     -----
     UnbendWarning
-        Of what was done to a mesh, as when it has several components; of missed landmarks; and of
-        a map that is in disorder, so that part of it is wrong.
+        Of what was done to a mesh, as when it has several components; of missed landmarks; of a
+        map that is in disorder, so that part of it is wrong; and of shapes that are mirror images
+        of each other.
 
     Notes
     -----
@@ -138,9 +140,16 @@ def match(
     if allow_mirror:
         found = ranked([*found, *turned])
     found, fine = reranked(sides, found) if refine else (found, {})
+    other_hand = [] if allow_mirror else onto_mirror_image(sides, found[0])
+    if other_hand:
+        warn(
+            "the mirror image of the target fits far better, as if one were a left hand and the "
+            "other a right one: if so, match with allow_mirror=True (--allow-mirror)"
+        )
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
-    for i, trust in enumerate(confidences(found)[:n_matches]):
+    trusts = confidences([*other_hand, *found])[len(other_hand) :]
+    for i, trust in enumerate(trusts[:n_matches]):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
         chosen = with_partners(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])

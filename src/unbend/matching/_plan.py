@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._parallel import run_all
-from unbend._types import IntArray, Progress
+from unbend._types import FloatArray, IntArray, Progress
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._extrapolation import extrapolate, patches_to_hold
@@ -29,7 +29,7 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import Candidate, distinct, ranked, rough_costs, scored
+from unbend.matching._score import Candidate, distinct, lead_needed, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -56,6 +56,9 @@ class Sides(NamedTuple):
     Attributes
     ----------
     source, target : Levels
+    maps : (h, k, k) ndarray of float64
+        Functional maps that bring their spectral forms close to each other. Eigenfunctions do not
+        tell a surface from its mirror image.
     turned : bool
         Whether the target is the mirror image of what was given.
     thorough : bool
@@ -64,6 +67,7 @@ class Sides(NamedTuple):
 
     source: Levels
     target: Levels
+    maps: FloatArray
     turned: bool = False
     thorough: bool = False
 
@@ -85,7 +89,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
-    sides = Sides(levels[0], levels[-1], thorough=thorough)
+    sides = Sides(levels[0], levels[-1], search(source, target), thorough=thorough)
     medium_weights = constants.DATA_WEIGHTS if sides.partial else MEDIUM_WEIGHTS
     for level, weights in (COARSE, COARSE_WEIGHTS), (MEDIUM, medium_weights):
         pair = sides.at(level)
@@ -112,6 +116,19 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     if level != MEDIUM:
         found = moved(sides, found, MEDIUM)
     return best(sides, MEDIUM, found)
+
+
+def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
+    """Return the map onto the target's mirror image that is far better than the best, if one is.
+
+    It is if one shape is a left hand, and the other a right one. For symmetric bodies the two are
+    about as good.
+    """
+    reflected = sides.reflected()
+    found = best(reflected, COARSE, from_spectra(reflected, []))
+    ahead = 1 + (constants.UNAMBIGUOUS[1] - 1) * lead_needed(first.cost)
+    found = moved(reflected, found[:1], MEDIUM)
+    return [one for one in found if ahead * one.cost < first.cost]
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:
@@ -172,9 +189,8 @@ def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from alignments of spectral canonical forms in growing dimension."""
-    maps = search(sides.source.shape, sides.target.shape)
     coarse = sides.at(COARSE)
-    starts = run_all(functools.partial(rough_start, *coarse, one) for one in maps)
+    starts = run_all(functools.partial(rough_start, *coarse, one) for one in sides.maps)
     return registered(sides, COARSE, starts, COARSE_WEIGHTS[-1:])
 
 

@@ -21,8 +21,6 @@ from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
-# Maps are different where more than this share of the area goes to another limb: a limb's end.
-_SHARE = 0.03
 _PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
 
 
@@ -55,7 +53,7 @@ class Candidate:
     @property
     def cost(self) -> float:
         """Energy, and what missed landmarks add to it."""
-        return self.energy + constants.MISSED * float(self.missed.sum())
+        return self.energy + constants.WITHOUT * float(self.missed.sum())
 
 
 def scored(
@@ -97,7 +95,7 @@ def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntAr
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
     ]
-    return np.asarray((ahead + back) / 2 + constants.MISSED * np.array(missed))
+    return np.asarray((ahead + back) / 2 + constants.WITHOUT * np.array(missed))
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -130,7 +128,7 @@ def distinct(
     def same(one: Candidate, other: Candidate) -> bool:
         images, others = (places[c.registered.forward] for c in (one, other))
         both = areas * (one.registered.source.overlap & other.registered.source.overlap)
-        return bool(both @ (distances[images, others] > constants.LIMB) <= _SHARE)
+        return bool(both @ (distances[images, others] > constants.LIMB) <= constants.SMALLEST_PART)
 
     for one in candidates:
         if not any(same(one, other) for other in found):
@@ -159,9 +157,14 @@ def probabilities(
     even, spread, lead = fitted
     floor = 10.0**-constants.DIGITS
     lead /= max(overlap, floor)
-    lead *= max(1.0, constants.FEATURES / max(costs[min(1, len(costs) - 1)], floor)) ** 2
+    lead *= lead_needed(costs[min(1, len(costs) - 1)])
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], floor)))
     return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
+
+
+def lead_needed(runner_up: float) -> float:
+    """How many times as far ahead of its runner-up a map must be, 1 if the shapes have features."""
+    return float(max(1.0, constants.FEATURES / max(runner_up, 10.0**-constants.DIGITS)) ** 2)
 
 
 def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArray) -> FloatArray:
