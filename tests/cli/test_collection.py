@@ -217,7 +217,10 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("info shapes stones/stone00.ply --thumbnail shapes/a.png", "cannot write shapes/a.png"),
         ("export shapes -o shapes/shapes.lance/a.csv", "cannot write shapes/shapes.lance/a.csv"),
         ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
-        ("register shapes --template absent.ply -o out", "no such file, and no such shape in"),
+        (
+            "register shapes --template absent.ply -o out",
+            "absent.ply is not in the collection shapes: give",
+        ),
         ("register shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the"),
         ("mean stones -o out", "stones holds no registered shapes, or not all yet: unbend coll"),
     ],

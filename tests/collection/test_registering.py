@@ -162,7 +162,7 @@ def test_mistakes_leave_nothing(made: Path, tmp_path: Path) -> None:
     collection, out = Collection(made / "store"), tmp_path / "out"
     for template, message in (
         (made / "scans" / "points.ply", "a template needs faces, and this is a point cloud"),
-        ("nobody.ply", "nobody.ply: there is no such file, and no such shape in the collection"),
+        ("nobody.ply", "nobody.ply is not in the collection"),
     ):
         with pytest.raises((FileError, InputError), match=message):
             collection.register(template, out, workers=0)

@@ -27,6 +27,7 @@ from unbend.mesh import Mesh
 
 _RESULTS = "registrations"  # folder of a file per shape, written after its mesh
 _KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
+_DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
 
 
@@ -56,13 +57,7 @@ def register_collection(
     check_outside(store.path, out)
     store.check_filled()
     if not os.path.exists(template):
-        try:
-            template = find_file(store.find(template), store.path)
-        except InputError:
-            raise FileError(
-                f"cannot read {template}: there is no such file, and no such shape in the "
-                f"collection {store.path}"
-            ) from None
+        template = find_file(store.find(template), store.path)
     known = {store.find(name).id: pairs for name, pairs in landmarks.items()}
     shapes = sorted(store.entries(), key=lambda one: one.path)
     return _register(shapes, template, out, known, store=store.path, **options)
@@ -96,7 +91,7 @@ def _register(
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name}: a template needs faces, and this is a point cloud")
     prepare_spectrum(mesh)  # before anything is written: the template may be unusable
-    folder = make_folder(out)
+    folder = make_folder(out).absolute()  # workers elsewhere have another current folder
     copy = _copy(Path(template), folder)
     make_folder(folder / _RESULTS)
     suffix = copy.suffix if copy.suffix.lower() in _KEPT_FORMATS else ".ply"
@@ -139,7 +134,7 @@ def _done(task: Task) -> bool:
     try:
         with np.load(task.result) as arrays:
             same = np.array_equal(arrays["landmarks"], task.landmarks)
-    except (OSError, ValueError, KeyError, BadZipFile):  # a damaged file is replaced
+    except _DAMAGED:
         return False
     return same and task.mesh.exists()
 
@@ -167,7 +162,7 @@ def _load(path: Path, template: Mesh, name: str) -> Registration:
         with np.load(path) as arrays:
             mesh = Mesh(arrays["vertices"], template.faces, name=name)
             return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS})
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except _DAMAGED as error:
         raise FileError(
             f"cannot read {path}: run unbend collection register again, which replaces it"
         ) from error

@@ -176,17 +176,8 @@ def register(
 def write_registration(path: str | os.PathLike[str], registration: Registration) -> None:
     """Write the mesh of a registration, coloured by the distance of its vertices from the scan.
 
-    Parameters
-    ----------
-    path : path
-        With the suffix .ply (which has the property ``distance``, too), .obj or .glb; without
-        colours .off or .stl. Vertices that are further from the scan than the tolerance are yellow.
-    registration : Registration
-
-    Raises
-    ------
-    FileError
-        If the suffix is unknown or the file cannot be written.
+    Vertices farther than the tolerance are yellow. A .ply file has the property ``distance``, too;
+    .off and .stl files have no colours. Raises FileError if the file cannot be written.
     """
     suffix = Path(path).suffix.lower()
     distances, tolerance = registration.distances, registration.tolerance
