@@ -51,12 +51,13 @@ def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) ->
     """Make the folder; name a file in it after each mesh, and never one of the meshes."""
     from unbend.collection import make_folder
 
+    meshes = {os.path.realpath(path) for path in paths}
     found: dict[str, str] = {}
     for path in paths:
         file = os.path.join(folder, Path(path).stem + suffix(path))
         if file in found:
             raise InputError(f"{found[file]} and {path} would both be written to {file}")
-        if os.path.realpath(file) in map(os.path.realpath, paths):
+        if os.path.realpath(file) in meshes:
             raise InputError(f"{file} is one of the meshes; give another folder to write to")
         found[file] = path
     make_folder(folder)

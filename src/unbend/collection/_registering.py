@@ -92,15 +92,16 @@ def _register(
         raise InputError(f"{mesh.name}: a template needs faces, and this is a point cloud")
     prepare_spectrum(mesh)  # before anything is written: the template may be unusable
     folder = make_folder(out).absolute()  # workers elsewhere have another current folder
-    copy = _copy(Path(template), folder)
+    original = Path(template).absolute()
+    _copy(original, folder)
     make_folder(folder / _RESULTS)
-    suffix = copy.suffix if copy.suffix.lower() in _KEPT_FORMATS else ".ply"
+    suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     tasks = []
     for one in shapes:
         pairs = np.asarray(landmarks.get(one.id, ()), dtype=np.int64).reshape(-1, 2)
         name = f"{stem(one)}-{one.id[:8]}"
         files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
-        tasks.append(Task(one, store, copy, pairs, *files))
+        tasks.append(Task(one, store, original, pairs, *files))
     left = [task for task in tasks if not _done(task)]
     failed: list[Failure] = []
     if left:
@@ -114,7 +115,7 @@ def _register(
     return Registered(len(left) - len(failed), len(tasks) - len(left), rows, every, seconds)
 
 
-def _copy(template: Path, folder: Path) -> Path:
+def _copy(template: Path, folder: Path) -> None:
     """Copy the template into the folder, whose shapes are registered to no other."""
     copy, data = folder / f"template{template.suffix}", read_bytes(template, ())
     for other in folder.glob("template.*"):
@@ -126,7 +127,6 @@ def _copy(template: Path, folder: Path) -> Path:
     if not copy.exists():
         with atomic_write(copy) as file:
             file.write(data)
-    return copy
 
 
 def _done(task: Task) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,9 +14,6 @@ from unbend.cli._output import (
     tell,
 )
 from unbend.cli.collection._common import opened
-
-if TYPE_CHECKING:
-    pass
 
 
 def match(

@@ -9,11 +9,7 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._batch import list_failures
-from unbend.cli._output import (
-    progress_on_stderr,
-    rows,
-    tell,
-)
+from unbend.cli._output import progress_on_stderr, rows, tell
 from unbend.cli.collection._common import opened
 from unbend.cli.register import tell_registered
 
@@ -133,12 +129,11 @@ def mean(
       unbend collection mean registered -o statistics
       unbend collection mean skulls_registered -o form --scale --n-components 10
     """
-    from unbend.collection import make_folder, mean_shape, read_registrations, write_mean
+    from unbend.collection import mean_shape, read_registrations, write_mean
 
     with progress_on_stderr() as progress:
         progress("reading", 0)
         template, shapes, failures = read_registrations(registered)
-        make_folder(out)
         found = mean_shape(
             shapes,
             template,
