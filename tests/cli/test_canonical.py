@@ -188,7 +188,7 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
         ("a.off c.off -o form.ply", "2 meshes need a folder to write to, and form.ply is a file"),
         ("a.off c.off -o .", "./a.off is one of the meshes; give another folder"),
         ("a.off c.off --report page.html", "--report is for a single mesh"),
-        ("empty", "the folder empty has no .off, .obj, .ply or .stl files"),
+        ("empty", "empty: it is a folder without .off, .obj, .ply or .stl files"),
     ],
 )
 def test_what_makes_no_sense_for_many_is_refused(blob, tmp_path, monkeypatch, arguments, message):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from unbend.cli._output import say
-from unbend.errors import InputError
+from unbend.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from unbend.collection import Failure
@@ -27,7 +27,9 @@ def expand_folders(paths: Iterable[str]) -> list[str]:
             continue
         meshes = [os.path.join(path, os.path.relpath(one, path)) for one in find_files([path])]
         if not meshes:
-            raise InputError(f"the folder {path} has no .off, .obj, .ply or .stl files")
+            raise FileError(
+                f"cannot read {path}: it is a folder without .off, .obj, .ply or .stl files"
+            )
         found += meshes
     return found
 
@@ -35,11 +37,12 @@ def expand_folders(paths: Iterable[str]) -> list[str]:
 def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]) -> bool:
     """Whether results go to a folder: there are several meshes, or `out` is a folder.
 
-    Raises InputError if `out` is a file then, or if options of a single mesh are given.
+    Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
     """
-    if len(paths) == 1 and (out is None or not os.path.isdir(out)):
+    is_file = out is not None and Path(out).suffix.lower() in _FILES
+    if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
         return False
-    if out is not None and Path(out).suffix.lower() in _FILES and not os.path.isdir(out):
+    if is_file:
         raise InputError(f"{len(paths)} meshes need a folder to write to, and {out} is a file")
     for name, value in of_one.items():
         if value is not None:
