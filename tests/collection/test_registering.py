@@ -150,6 +150,27 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
         collection.register(out / "template.obj", out, landmarks={"nobody.ply": []}, workers=0)
 
 
+def test_a_textured_template_keeps_its_lines(made: Path, tmp_path: Path) -> None:
+    lines = (made / "template.obj").read_text().splitlines()
+    lines = ["mtllib coat.mtl", *lines, "g all", "usemtl fur"]
+    lines = [f"vt 0.{i} 0.5" for i in range(3)] + [
+        " ".join(["f", *(f"{word}/{i + 1}" for i, word in enumerate(line.split()[1:]))])
+        if line.startswith("f ")
+        else line
+        for line in lines
+    ]
+    (tmp_path / "textured.obj").write_text("\n".join(lines))
+    collection = Collection(tmp_path / "store")
+    collection.add(made / "scans" / "permuted.ply", workers=0)
+    done = collection.register(tmp_path / "textured.obj", tmp_path / "out", workers=0)
+    written = (tmp_path / "out" / done.shapes[0].file).read_text().splitlines()
+    for line, wanted in zip(written, lines, strict=True):
+        if wanted.startswith("mtllib"):  # it is still found from the other folder
+            assert line == "mtllib ../coat.mtl"
+        elif not wanted.startswith("v "):
+            assert line == wanted
+
+
 def test_the_template_may_be_a_shape_of_the_collection(made: Path, tmp_path: Path) -> None:
     collection = Collection(made / "store")
     (entry,) = (one for one in collection if one.path.endswith("itself.obj"))

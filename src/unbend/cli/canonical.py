@@ -16,6 +16,7 @@ from unbend.cli._input import make_form, parse_component
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     command_line,
+    lines_to_keep,
     look_at,
     progress_on_stderr,
     rows,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from unbend.collection import Failure
     from unbend.mesh import Mesh
 
-_MESH_SUFFIXES = (".ply", ".off", ".obj")
+_MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
 _TABLE_SUFFIXES = (".npy", ".csv")
 
 
@@ -45,8 +46,9 @@ def canonical(
     out: Annotated[
         str | None,
         options.out(
-            "Where to write the form: .ply, .off or .obj with the mesh's faces "
-            "(dimension 3), .npy or .csv (any dimension). For several meshes, a folder."
+            "Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces "
+            "(dimension 3; from .obj to .obj texture, materials, groups and polygons stay), .npy "
+            "or .csv (any dimension). For several meshes, a folder."
         ),
     ] = None,
     figure: Annotated[
@@ -156,7 +158,7 @@ def canonical(
             posed = posed if keep_scale else posed / form.area**0.5
         if files:
             progress("writing", 0)
-            _write(files[i], shape, form.points if posed is None else posed)
+            _write(files[i], paths[i], shape, form.points if posed is None else posed)
         if figure is not None:
             from unbend.report.form_figures import draw_form
 
@@ -209,7 +211,7 @@ def _part(progress: Progress, i: int, paths: list[str]) -> Progress:
     )
 
 
-def _write(out: str, shape: Mesh, points: FloatArray) -> None:
+def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
     """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
 
@@ -222,7 +224,8 @@ def _write(out: str, shape: Mesh, points: FloatArray) -> None:
     # Faces outside the chosen component have lost their vertices: no viewer could draw them.
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-    write_mesh(out, Mesh(points, faces))
+    like = lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
+    write_mesh(out, Mesh(points, faces), like=like)
 
 
 def _numbers(path: str, shape: Mesh, form: CanonicalForm) -> dict[str, Any]:

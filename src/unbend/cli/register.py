@@ -12,7 +12,15 @@ import typer
 from unbend.cli import _options as options
 from unbend.cli._batch import expand_folders, is_batch, list_failures, shown
 from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import EXIT_SOME_FAILED, progress_on_stderr, quoted, rows, table, tell
+from unbend.cli._output import (
+    EXIT_SOME_FAILED,
+    lines_to_keep,
+    progress_on_stderr,
+    quoted,
+    rows,
+    table,
+    tell,
+)
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -29,9 +37,10 @@ def register(
     out: Annotated[
         str,
         options.out(
-            "The fitted template: .ply, .obj or .glb, coloured by the distance of each vertex "
-            "from the scan, yellow where that is not reached (.ply has the distances too), .off, "
-            ".stl. For several scans, a folder."
+            "The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each "
+            "vertex from the scan, yellow where that is not reached (.ply and .vtp have the "
+            "distances too), .off, .stl. From .obj to .obj only positions change: texture, "
+            "materials, groups and polygons stay. For several scans, a folder."
         ),
     ],
     map_file: options.Map = None,
@@ -63,7 +72,7 @@ def register(
     of_one = {
         "--map": map_file,
         "--partial": None if partial == "auto" else partial,
-        "--landmarks": landmarks,
+        "--landmarks": landmarks or None,
         "--save-match": save_match,
         "--min-confidence": min_confidence,
         "--component": component,
@@ -75,7 +84,7 @@ def register(
     from unbend.correspondence import write_registration
     from unbend.io import COLOR_SUFFIXES, check_writable
 
-    check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
+    check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
@@ -91,7 +100,8 @@ def register(
         )
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
-        write_registration(out, found)
+        like = lines_to_keep(out, template, whole=component is None)
+        write_registration(out, found, like=like)
     one = _numbers(paths[0], out, found)
     unknown = math.isnan(found.confidence)
     lines = {

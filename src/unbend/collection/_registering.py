@@ -149,7 +149,8 @@ def register_shape(task: Task) -> Failure | None:
         landmarks = task.landmarks if len(task.landmarks) else None
         given = match(template, scan, landmarks=landmarks, barycentric=True)
         found = register(template, scan, given)
-        write_registration(task.mesh, found)
+        keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
+        write_registration(task.mesh, found, like=task.template if keeps_lines else None)
         fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
         with atomic_write(task.result) as file:
             np.savez(file, vertices=found.mesh.vertices, landmarks=task.landmarks, **fields)

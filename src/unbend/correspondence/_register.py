@@ -16,7 +16,14 @@ from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, MeshError
-from unbend.io import COLOR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
+from unbend.io import (
+    COLOR_SUFFIXES,
+    SCALAR_SUFFIXES,
+    MeshLike,
+    as_mesh,
+    value_colors,
+    write_mesh,
+)
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, orient_consistently, vertex_areas
@@ -173,20 +180,27 @@ def register(
     )
 
 
-def write_registration(path: str | os.PathLike[str], registration: Registration) -> None:
+def write_registration(
+    path: str | os.PathLike[str],
+    registration: Registration,
+    *,
+    like: str | os.PathLike[str] | None = None,
+) -> None:
     """Write the mesh of a registration, coloured by the distance of its vertices from the scan.
 
-    Vertices farther than the tolerance are yellow. A .ply file has the property ``distance``, too;
-    .off and .stl files have no colours. Raises FileError if the file cannot be written.
+    Vertices farther than the tolerance are yellow. .ply and .vtp files have the values
+    ``distance``, too; .off and .stl files have no colours. With `like`, the template's .obj file,
+    its lines are kept, and there are no colours. Raises FileError if the file cannot be written.
     """
     suffix = Path(path).suffix.lower()
     distances, tolerance = registration.distances, registration.tolerance
-    colored = suffix in COLOR_SUFFIXES
+    colored = suffix in COLOR_SUFFIXES and like is None
     write_mesh(
         path,
         registration.mesh,
-        scalars={"distance": distances} if suffix == ".ply" else None,
+        scalars={"distance": distances} if suffix in SCALAR_SUFFIXES else None,
         colors=value_colors(distances, limits=(0, tolerance)) if colored else None,
+        like=like,
     )
 
 
