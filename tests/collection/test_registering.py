@@ -123,7 +123,7 @@ def test_what_is_there_is_not_touched_again_and_what_is_missing_is_made_again(
         tables = {"shapes.csv", "vertices.npy", "vertices.csv"}
         assert made_again - tables == {walking.name, f"registrations/{result.name}"}
     result.write_bytes(b"damaged")
-    with pytest.raises(FileError, match=r"walking.*npz: run unbend collection register again"):
+    with pytest.raises(FileError, match=r"walking.*npz: remove it, and run unbend collection"):
         read_registrations(out)
     assert collection.register(out / "template.obj", out, workers=0).registered == 1
     done = collection.register(out / "template.obj", out, workers=0)

@@ -165,7 +165,7 @@ def _load(path: Path, template: Mesh, name: str) -> Registration:
             return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS})
     except _DAMAGED as error:
         raise FileError(
-            f"cannot read {path}: run unbend collection register again, which replaces it"
+            f"cannot read {path}: remove it, and run unbend collection register again"
         ) from error
 
 
