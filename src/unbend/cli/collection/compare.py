@@ -195,7 +195,13 @@ def groups(
     lines = []
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
-    tell({"store": store, "groups": paths}, lines, written=[csv, report], next_step=look_at(report))
+    guess = None if n else f"-n N for another number of groups; {len(members)} stand out most"
+    tell(
+        {"store": store, "groups": paths},
+        lines,
+        written=[csv, report],
+        next_step=look_at(report) or guess,
+    )
 
 
 def evaluate(
