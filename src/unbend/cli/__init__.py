@@ -35,6 +35,7 @@ from unbend.cli import (
     register,
     similarity,
     transfer,
+    view,
 )
 from unbend.cli._command import make_group
 from unbend.cli._output import EXIT_REFUSED, say, warning_printer
@@ -104,6 +105,7 @@ app = make_group(
     transfer.transfer,
     register.register,
     similarity.similarity,
+    view.view,
     demo.demo,
     name="unbend",
     cls=_Group,

@@ -15,8 +15,8 @@ from unbend import Mesh, canonical_form, distance, lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
-from unbend.report import form_page, match_page
-from unbend.report.pages import _match_page, mesh_page
+from unbend.report import form_page, match_page, view
+from unbend.report.pages import _match_page
 from unbend.report.pages._shown import show
 
 N = 900
@@ -230,30 +230,18 @@ def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screensh
     assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
 
 
-def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
-    mesh_page(dogs[0]).write(tmp_path / "mesh.html")
-    browser.open(tmp_path / "mesh.html")
-    start = browser.picture("#shape")
-    assert drawn(start) > 0.01
-    browser.click(*browser.middle("#shape", 0.0, 0.1))
-    number = browser.run("+part('vertex').value")
-    assert browser.run("part('readout').textContent") == f"vertex {number}"
-    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
-    assert changed(start, browser.picture("#shape")) > 0.02
-
-
 def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
     browser, tmp_path
 ) -> None:
     ball = make_sphere(5)
-    mesh_page(ball).write(tmp_path / "ball.html")
+    view(ball, path=tmp_path / "ball.html")
     browser.open(tmp_path / "ball.html")
     browser.run(
         "globalThis.drawn = []; (gl => { const draw = gl.drawElements; gl.drawElements ="
         " (kind, n, ...more) => { drawn.push(n / 3); draw.call(gl, kind, n, ...more) } })"
-        "(part('shape').getContext('webgl2'))"
+        "(stage.gl)"
     )
-    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    browser.drag(browser.middle("#shape-0", 0.9, 0.9), 90, 0)
     still = f"drawn.at(-1) === {ball.n_faces} ? r() : setTimeout(w, 20)"
     browser.run(f"new Promise(r => {{ const w = () => {still}; w() }})")
     assert 100 < browser.run("Math.min(...drawn)") < 0.6 * ball.n_faces
@@ -263,7 +251,8 @@ def test_a_notebook_shows_a_page(browser, dogs, tmp_path, screenshots) -> None:
     cell = tmp_path / "notebook.html"
     ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
     cell.write_text(
-        f"<!doctype html><body>{mesh_page(dogs[0])._repr_html_()}{ready}", encoding="utf-8"
+        f"<!doctype html><body>{view(dogs[0], values=range(N))._repr_html_()}{ready}",
+        encoding="utf-8",
     )
     browser.open(cell)
     for _ in range(100):
@@ -313,7 +302,7 @@ def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, scre
 def test_a_name_is_text_and_nothing_else(browser, tmp_path: Path) -> None:
     name = "<script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
     sphere = make_sphere(2)
-    mesh_page(Mesh(sphere.vertices, sphere.faces, name=name)).write(tmp_path / "name.html")
+    view(Mesh(sphere.vertices, sphere.faces, name=name), path=tmp_path / "name.html")
     browser.open(tmp_path / "name.html")
     assert browser.run("document.querySelector('h1').textContent") == name
     assert browser.run("document.images.length") == 0
