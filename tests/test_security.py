@@ -107,7 +107,7 @@ def _pages(name: str) -> Iterator[str]:
     every = np.arange(mesh.n_vertices)
     found = Match(every, every, np.eye(3), 1.0, 0.0, 1.0)
     command = f"unbend match {name} {name}"
-    yield view(mesh, mesh, command=command).html
+    yield view(mesh, mesh).html
     yield form_page(mesh, canonical_form(mesh), command=command).html
     yield match_page(mesh, mesh, found, command=command).html
 

@@ -8,7 +8,7 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
-from unbend.cli._output import command_line, look_at, progress_on_stderr, quoted, tell
+from unbend.cli._output import look_at, progress_on_stderr, quoted, tell
 
 
 def view(
@@ -54,7 +54,7 @@ def view(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes([a] if b is None else [a, b])
-        hints = landmarks_of(landmarks, shapes)
+        hints = landmarks_of(landmarks, shapes) if landmarks else None
         scalars = None
         if values is not None:
             scalars = read_values(values, n_vertices=shapes[0].n_vertices)
@@ -65,7 +65,6 @@ def view(
             hints,
             values=scalars,
             up=up,
-            command=command_line(),
         )
         if out is None or show:
             out = str(page.open(out))

@@ -24,7 +24,6 @@ from unbend.report.pages._document import (
     canvas,
     controls,
     hint,
-    how_made,
     make_page,
     readout,
     section,
@@ -58,7 +57,6 @@ def view(
     *,
     values: npt.ArrayLike | None = None,
     up: Axis = "y",
-    command: str = "",
 ) -> Page:
     """Write a page that shows one or two meshes, their vertex numbers and landmarks.
 
@@ -80,8 +78,6 @@ def view(
         A number for each vertex of `a`, shown as colours; NaN is grey.
     up : {"x", "y", "z"}, default="y"
         The axis that points upward.
-    command : str, default=""
-        What made the page, shown on it.
 
     Returns
     -------
@@ -105,7 +101,7 @@ def view(
     >>> view(make_sphere(2))
     Page('sphere', 0.1 MB)
     >>> view(make_sphere(2), make_sphere(3), landmarks=[(0, 0), (5, 7)])
-    Page('sphere and sphere', 0.2 MB)
+    Page('sphere and sphere', 0.1 MB)
     """
     if path is not None:
         check_writable(path, SUFFIXES)
@@ -116,17 +112,15 @@ def view(
             raise InputError(f"{mesh.name} has no faces to draw")
     names = [mesh.name for mesh in meshes]
     scalars = None if values is None else _scalars(values, meshes[0])
-    shapes, facts = [], []
-    for mesh, numbers in zip(meshes, (scalars, None), strict=False):
-        packed, said = _packed(mesh, numbers)
-        shapes.append(packed)
-        facts.append((mesh.name, "; ".join(said)))
+    packed = [_packed(mesh, scalars if mesh is meshes[0] else None) for mesh in meshes]
     return make_page(
         title=" and ".join(names),
         heading='<span class="arrow">and</span>'.join(map(escape, names)),
-        lead=". ".join(f"{name}: {said}" for name, said in facts) + ".",
-        body="\n".join([_pictures(names, up, scalars), _table(names), how_made(facts, command)]),
-        data={"shapes": shapes, "landmarks": _landmarks(landmarks, meshes)},
+        lead=" ".join(
+            f"{name}: {'; '.join(facts)}." for name, (_, facts) in zip(names, packed, strict=True)
+        ),
+        body="\n".join([_pictures(names, up, scalars), _table(names)]),
+        data={"shapes": [one for one, _ in packed], "landmarks": _landmarks(landmarks, meshes)},
         scripts=("landmarks.js", "view.js"),
         path=path,
     )
@@ -202,7 +196,7 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
         legend = hint(f'Values: {low:.5g} <span class="scale"></span> {high:.5g}.')
     return (
         controls(own, up, several=len(names) > 1)
-        + f'<div class="pair">{views}</div>\n{readout(_HINT)}{legend}'
+        + f'<div class="pair">{views}</div>\n{readout("")}{legend}{hint(_HINT)}'
     )
 
 

@@ -66,6 +66,7 @@ class View {
     this.pointed = () => {};
     openStage();
     camera.views.push(this);
+    canvas.view = this; // for tests
     canvas.addEventListener("contextrestored", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);
     this.listen();

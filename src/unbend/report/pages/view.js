@@ -8,7 +8,7 @@ const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDo
 const LETTERS = { a: [10, 0], d: [-10, 0], w: [0, 10], s: [0, -10] };
 
 start(async ({ shapes, landmarks: given }) => {
-  const readout = part("readout"), hint = readout.textContent, paint = part("paint");
+  const readout = part("readout"), paint = part("paint");
   const tint = colorOf("--target"), plain = colorOf("--source"), camera = new Camera();
   camera.up = part("up").value;
   const views = shapes.map((shape, side) => {
@@ -75,7 +75,7 @@ start(async ({ shapes, landmarks: given }) => {
     if (vertex < 0) vertex = shapes[side].cursor;
     part(`vertex-${side}`).value = vertex < 0 ? "" : number(vertex);
     if (vertex < 0) {
-      readout.textContent = hint;
+      readout.textContent = "";
       return;
     }
     const place = row(places, vertex).map((x) => +x.toPrecision(5)).join(", ");
