@@ -51,9 +51,16 @@ def test_two_components_need_an_option(folder: Path) -> None:
     write_mesh("two meshes.off", (np.vstack([VERTICES, VERTICES]), np.vstack([FACES, FACES + 4])))
     code, out, _ = check("two meshes.off")
     assert code == 0
-    assert "needs --component largest (vertices: 4, 4)" in out
+    assert "matches the largest; else needs --component largest (vertices: 4, 4)" in out
     assert "one component of this mesh" in out
     assert "next: unbend canonical 'two meshes.off' -o OUT.ply --component largest" in out
+
+
+def test_faces_that_are_turned_are_no_sign_of_health(folder: Path) -> None:
+    write_mesh("turned.off", (VERTICES, np.vstack([FACES[:1, ::-1], FACES[1:]])))
+    out = check("turned.off")[1]
+    assert "edges with flipped faces 3 turns them to match" in " ".join(out.split())
+    assert "unbend can work with this mesh." in out
 
 
 def test_everything_at_once(folder: Path) -> None:

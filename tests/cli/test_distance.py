@@ -38,7 +38,7 @@ def test_writes_one_column_per_source(mesh, blob, tmp_path, suffix):
 
 def test_prints_the_farthest_vertex(mesh, blob):
     field = distance(blob, 7, distance="geodesic")[0]
-    arguments = ["distance", mesh, "--from", "7", "--distance", "geodesic"]
+    arguments = ["distance", mesh, "--from", "7"]
     done = runner.invoke(app, arguments)
     assert f"farthest is vertex {field.argmax()}, at {field.max():.5g}" in done.stdout
     found = json.loads(runner.invoke(app, [*arguments, "--json"]).stdout)
@@ -59,3 +59,17 @@ def test_mistakes_get_one_sentence(mesh, options, message):
     assert done.exit_code == 2
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_draws_the_distance_to_the_nearest_source(mesh, tmp_path):
+    done = runner.invoke(
+        app, ["distance", mesh, "--from", "7", "--figure", str(tmp_path / "a.png")]
+    )
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_what_is_no_vertex_number_is_called_so(mesh):
+    done = runner.invoke(app, ["distance", mesh, "--from", "nose"])
+    assert done.exit_code == 2
+    assert "'nose' is no vertex number; vertices are counted from 0" in done.stderr

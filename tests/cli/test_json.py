@@ -66,6 +66,12 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "source": str, "target": str, "n_source": int, "n_target": int, "n_matched": int, **WAY,
         "residual": MAYBE, "missed_landmarks": [int], "hypotheses": [dict], "alternatives": [WAY],
     },
+    "symmetry a.ply --no-refine --no-cache": {
+        "file": str, "n_vertices": int, "n_matched": int, "confidence": MAYBE, "orientation": MAYBE,
+    },
+    "morph a.ply b.ply --map map.txt --steps 2 -o OUT/between.ply": {
+        "source": str, "target": str, "steps": int, "confidence": MAYBE,
+    },
     "evaluate map.txt a.ply map.txt map.txt --mirrored-truth map.txt": {
         "map": str, "target": str, "distance": str, "n_rows": int, "coverage": NUMBER,
         "overlap": {"iou": NUMBER, "precision": NUMBER, "recall": NUMBER}, "thresholds": [NUMBER],

@@ -10,7 +10,7 @@ import trimesh
 from typer.testing import CliRunner
 
 from testshapes.damage import keep
-from unbend import read_mesh, write_mesh
+from unbend import morph, read_mesh, write_mesh
 from unbend.cli import app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
@@ -147,7 +147,7 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
         assert "orientation +0.68, confidence at most 0.10" in done.stderr
         assert "warning: the match is doubtful (confidence 0.10)" in done.stderr
     told = summary([SOURCE.mesh, TARGET.mesh], poor, 1.0)
-    assert told["orientation"].startswith("+0.68")
+    assert told["orientation"] == "84% of the surface right side out"
     assert told["confidence"] == "0.10 (limited to 0.10 by errors of the final map)"
     assert told["overlap"] == "100% of the source's area, 100% of the target's"
 
@@ -157,11 +157,20 @@ def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
         warn_if_doubtful(confidence)
     assert capsys.readouterr().err == ""
     warn_if_doubtful(0.1)
-    assert capsys.readouterr().err.startswith("warning: the match is doubtful (confidence 0.10)")
+    told = capsys.readouterr().err
+    assert told.startswith("warning: the match is doubtful (confidence 0.10)")
+    assert "unbend match --report" in told
+    warn_if_doubtful(0.1, seen=True)
+    assert "--report" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("orientation", "words"), [(0.6, "right side out"), (-0.6, "inside out"), (0.02, "unclear")]
+    ("orientation", "words"),
+    [
+        (0.6, "80% of the surface right side out"),
+        (-0.6, "80% of the surface inside out, a reflection"),
+        (0.02, "unclear which side is out"),
+    ],
 )
 def test_the_side_is_said(orientation: float, words: str) -> None:
     assert words in describe_side(orientation)
@@ -377,3 +386,26 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
     assert sorted(folder.iterdir()) == before
+
+
+def test_symmetry_writes_the_mirror_partners(folder: Path) -> None:
+    told = json.loads(right("symmetry", folder / "a.ply", "-o", folder / "p.csv", "--json").stdout)
+    assert told["confidence"] > 0.5 > 0 > told["orientation"]
+    off = SOURCE.mesh.vertices[read_map(folder / "p.csv")] - SOURCE.mesh.vertices[SOURCE.mirror]
+    assert np.median(np.linalg.norm(off, axis=1)) < 0.02 * np.ptp(SOURCE.mesh.vertices)
+    unsure = ["--min-confidence", 1, "--no-refine", "-o", folder / "none.csv"]
+    done = run("symmetry", folder / "a.ply", *unsure)
+    assert done.exit_code == 3
+    assert not (folder / "none.csv").exists()
+
+
+def test_morph_writes_the_shapes_between(folder: Path) -> None:
+    given = ["morph", folder / "a.ply", folder / "b.ply", "--map", folder / "ab.npz"]
+    right(*given, "-o", folder / "half.off")
+    right(*given, "--steps", 10, "-o", folder / "frame.off")
+    found = read_match(folder / "ab.npz")
+    for name, t in (("half", 1 / 2), ("frame-01", 1 / 11), ("frame-10", 10 / 11)):
+        between = read_mesh(folder / f"{name}.off")
+        expected = morph(SOURCE.mesh, TARGET.mesh, found, t)
+        np.testing.assert_allclose(between.vertices, expected.vertices, atol=1e-6)
+        np.testing.assert_array_equal(between.faces, SOURCE.mesh.faces)

@@ -39,6 +39,8 @@ LINES = {
     "canonical a.ply --no-cache": ".ply",
     "distance a.ply --from 0 --no-cache": ".npy",
     "match a.ply b.ply --no-refine --no-cache": ".npz",
+    "symmetry a.ply --no-refine --no-cache": ".csv",
+    "morph a.ply b.ply --map map.txt": ".ply",
     "evaluate map.txt a.ply map.txt map.txt": "",
     "transfer a.ply b.ply --map map.txt --values values.csv": ".ply",
     "register a.ply b.ply --map map.txt": ".obj",

@@ -73,16 +73,18 @@ def warning_printer() -> Callable[..., None]:
     return print_warning
 
 
-def warn_if_doubtful(confidence: float) -> None:
+def warn_if_doubtful(confidence: float, *, seen: bool = False) -> None:
     """Warn of a match that is as likely wrong as right; NaN says that nobody knows.
 
     What counts is the confidence as it is shown: 0.4999 is 0.50, and no more doubtful than it.
+    `seen` tells that a page of the match was written.
     """
     if round(confidence, 2) < _DOUBTFUL:
+        look = "the page" if seen else "unbend match --report"
         say(
             "warning",
             f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
-            "or be symmetric; check the match with unbend match --report",
+            f"or be symmetric; look at it with {look}, and give --landmarks where it goes wrong",
         )
 
 

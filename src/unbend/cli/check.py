@@ -98,7 +98,8 @@ def _judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
         return Verdict(True, sentence, f"{command} --component largest")
     if health.one_sided:
         return Verdict(True, "unbend can work with this mesh, but cannot match it.", command)
-    healthy = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+    as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+    healthy = as_it_is and not health.inconsistent_edges
     sentence = "This mesh is healthy." if healthy else "unbend can work with this mesh."
     return Verdict(True, sentence, command)
 
@@ -153,7 +154,7 @@ def _details(one: Checked) -> list[str]:
     if health.robust_needed:
         branching = "uses the robust Laplacian"
         collapsed = f"{branching}, or leaves them out"
-    turned = "nothing; it does not matter"
+    turned = "turns them to match; pictures may show spots"
     if health.one_sided:
         turned = "one side only: match refuses it"
     problems = (
@@ -175,7 +176,7 @@ def _component_action(health: Diagnosis) -> str:
         return ""
     sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
     more = ", ..." if health.n_components > 4 else ""
-    return f"needs --component largest (vertices: {sizes}{more})"
+    return f"matches the largest; else needs --component largest (vertices: {sizes}{more})"
 
 
 def _boundary_action(health: Diagnosis) -> str:

@@ -16,11 +16,19 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh
 
 
+def _vertex(text: str) -> int:
+    if not text.isdecimal():
+        raise typer.BadParameter(f"{text!r} is no vertex number; vertices are counted from 0")
+    return int(text)
+
+
 def distance(
     mesh: options.Mesh,
     sources: Annotated[
         list[int],
-        typer.Option("--from", metavar="VERTEX", help="A vertex id, from 0; may be repeated."),
+        typer.Option(
+            "--from", metavar="VERTEX", parser=_vertex, help="A vertex id, from 0; may be repeated."
+        ),
     ],
     out: Annotated[
         str | None,
@@ -30,8 +38,14 @@ def distance(
         ),
     ] = None,
     kind: Annotated[
-        DistanceKind, typer.Option("--distance", help="Which distance.")
-    ] = "biharmonic",
+        DistanceKind,
+        typer.Option(
+            "--distance",
+            help="geodesic: the length of the shortest path on the surface, by the heat method; "
+            "geodesic-exact: without its error, slower. The others are spectral: they measure how "
+            "far apart points are in the shape as a whole, and are no lengths of paths.",
+        ),
+    ] = "geodesic",
     n_eigenpairs: Annotated[
         int | None,
         typer.Option("--n-eigenpairs", help="Number of eigenpairs; by default no truncation."),
@@ -42,14 +56,19 @@ def distance(
     ] = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
+    figure: Annotated[
+        str | None, options.figure("Draw the mesh, coloured by the distance to the nearest VERTEX")
+    ] = None,
+    up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
-    """Measure the distance from vertices to all others, in the mesh's unit.
+    """Measure distances on the surface from vertices to all others, in the mesh's unit.
 
     Examples
     --------
       unbend distance cat.off --from 12 -o field.ply
-      unbend distance cat.off --from 12 --from 480 --distance geodesic -o field.npy
+      unbend distance cat.off --from 12 --from 480 --figure distances.png
+      unbend distance cat.off --from 12 --distance biharmonic -o field.npy
     """
     import numpy as np
 
@@ -74,6 +93,10 @@ def distance(
         )
     if out is not None:
         _write(out, shape, sources, field)
+    if figure is not None:
+        from unbend.report.value_figures import draw_values
+
+        draw_values(shape, field.min(axis=0), figure, label=f"{kind} distance", up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     largest = field[np.arange(len(sources)), farthest]
     reached = list(zip(sources, farthest.tolist(), largest.tolist(), strict=True))
@@ -89,7 +112,7 @@ def distance(
         },
         rows(lines),
         shapes=[shape],
-        written=[out],
+        written=[out, figure],
         next_step=None if out else "add -o OUT.ply to write the distances",
     )
 

@@ -162,7 +162,7 @@ def match(
                 shown: Any = {"up": up, "truth": known, "landmarks": hints}
                 shown |= {"command": command_line(), "progress": progress}
                 match_page(shapes[0], shapes[1], found, report, **shown)
-    warn_if_doubtful(found.confidence)
+    warn_if_doubtful(found.confidence, seen=report is not None)
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {
@@ -216,16 +216,17 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
         "of the target's",
-        "orientation": f"{found.orientation:+.2f}, {describe_side(found.orientation)}",
+        "orientation": describe_side(found.orientation),
         "confidence": trust,
     }
 
 
 def describe_side(orientation: float) -> str:
-    """Say whether a map keeps the surface right side out."""
+    """Say how much of the surface a map keeps right side out."""
     if abs(orientation) < _CLEAR_SIDE:
         return "unclear which side is out"
-    return "right side out" if orientation > 0 else "inside out, a reflection"
+    side = "right side out" if orientation > 0 else "inside out, a reflection"
+    return f"{(1 + abs(orientation)) / 2:.0%} of the surface {side}"
 
 
 def _measures(found: Match) -> dict[str, Any]:

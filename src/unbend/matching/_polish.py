@@ -26,7 +26,6 @@ from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
 _GROWTH = 1.25  # of the number of functions in a step
-_SMOOTHED = 2  # Times that the overlap mask is averaged over neighbours: its outline is ragged.
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
@@ -127,7 +126,7 @@ def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate
 
 
 def _as_most_around(shape: Shape, overlap: BoolArray) -> BoolArray:
+    """Decide by majority with the neighbours: the outline of an overlap is ragged."""
     neighbors, share = shape.edge_weights != 0, overlap.astype(np.float64)
-    for _ in range(_SMOOTHED):
-        share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
+    share = (share + neighbors @ share) / (1 + np.diff(neighbors.indptr))
     return np.asarray(snap(share) > 0.5)

@@ -104,12 +104,11 @@ class Match:
         rows = [
             ("match", f"{matched:,} of {n:,} vertices, to {len(self.target_to_source):,}"),
             ("confidence", "not estimated" if unknown else f"{self.confidence:.2f}"),
-            ("orientation", f"{self.orientation:+.2f}"),
-            ("residual", f"{self.residual:.3f}"),
+            ("right side out", f"{(1 + self.orientation) / 2:.0%} of the surface"),
             *(
                 (
-                    f"hypothesis {i + 1}",
-                    f"energy {one.energy:.4f}, orientation {one.orientation:+.2f}",
+                    "this map" if i == 0 else f"runner-up {i}",
+                    f"leaves {one.energy:.1%} of the shapes unexplained",
                 )
                 for i, one in enumerate(self.hypotheses[:5])
             ),

@@ -19,6 +19,7 @@ from unbend.report.match_figures import (
     pattern_colors,
 )
 from unbend.report.pages import Page, form_page, match_page, search_page, similarity_page, view
+from unbend.report.value_figures import draw_values
 from unbend.report.variation_figures import draw_variation
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "draw_match",
     "draw_mesh",
     "draw_similarities",
+    "draw_values",
     "draw_variation",
     "form_page",
     "match_colors",

@@ -1,0 +1,97 @@
+"""``unbend symmetry``: which point of a shape is its mirror partner on the other side."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from unbend.cli import _options as options
+from unbend.cli._input import is_unsure, read_shapes, write_result
+from unbend.cli._output import (
+    EXIT_UNSURE,
+    command_line,
+    elapsed,
+    look_at,
+    progress_on_stderr,
+    rows,
+    tell,
+    warn_if_doubtful,
+)
+
+
+def symmetry(
+    mesh: options.Mesh,
+    out: options.MapOut = None,
+    min_confidence: options.MinConfidence = None,
+    refine: Annotated[
+        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full mesh.")
+    ] = True,
+    component: options.Component = None,
+    figure: Annotated[
+        str | None, options.figure("Draw the shape twice, mirror partners in one colour")
+    ] = None,
+    report: Annotated[
+        str | None,
+        options.report("Write a page on which a place shows its partner on the other side."),
+    ] = None,
+    up: options.Up = "y",
+    cache: options.Cache = True,
+) -> None:
+    """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
+
+    The confidence says how likely it is that the shape has such a symmetry and that this is it.
+
+    Examples
+    --------
+      unbend symmetry cat.off -o partners.csv
+      unbend symmetry cat.off --report symmetry.html --up z
+      unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
+    """
+    from unbend.matching import symmetry as find_symmetry
+
+    with progress_on_stderr() as progress:
+        progress("reading", 0)
+        (shape,) = read_shapes([mesh], component)
+        found = find_symmetry(shape, refine=refine, progress=progress)
+        seconds = elapsed()
+        unsure = is_unsure(found, min_confidence)
+        if not unsure:
+            progress("writing", 0)
+            if out is not None:
+                write_result(out, found)
+            if figure is not None:
+                from unbend.report.match_figures import draw_match
+
+                draw_match(shape, shape, found, figure, up=up)
+            if report is not None:
+                from unbend.report.pages import match_page
+
+                match_page(
+                    shape, shape, found, report, up=up, command=command_line(), progress=progress
+                )
+    warn_if_doubtful(found.confidence, seen=report is not None)
+    matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
+    tell(
+        {
+            "file": mesh,
+            "n_vertices": n,
+            "n_matched": matched,
+            "confidence": found.confidence,
+            "orientation": found.orientation,
+        },
+        rows(
+            {
+                "partners": f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s",
+                "confidence": f"{found.confidence:.2f}",
+            }
+        ),
+        shapes=[shape],
+        written=[] if unsure else [out, figure, report],
+        next_step=None
+        if unsure
+        else look_at(report)
+        or ("add --report HTML to look at it" if out else "add -o PARTNERS.csv to keep them"),
+    )
+    if unsure:
+        raise typer.Exit(EXIT_UNSURE)

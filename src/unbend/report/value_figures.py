@@ -1,0 +1,88 @@
+"""Pictures of values on a shape, such as distances."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._arrays import numbers_of
+from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh
+from unbend.mesh import Mesh
+from unbend.report.figures import UPRIGHT, as_written, check_up, draw_mesh, new_figure, save_figure
+
+
+def draw_values(
+    mesh: MeshLike,
+    values: npt.ArrayLike,
+    path: str | os.PathLike[str],
+    *,
+    label: str = "",
+    up: str = "y",
+    view: tuple[float, float] = (60.0, 15.0),
+) -> None:
+    """Write a picture of a shape from both sides, coloured by a value per vertex.
+
+    Parameters
+    ----------
+    mesh : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    values : (n,) array_like of float
+        Drawn in the viridis colours from the least to the greatest; grey where not finite.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+    label : str, default=""
+        What the values are, beside the scale of colours.
+    up : {"x", "y", "z"}, default="y"
+        The shape's axis that points upward.
+    view : (azimuth, elevation), default=(60, 15)
+        Of the left picture, in degrees; see :func:`unbend.report.draw_mesh`.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no faces, there is not one value per vertex, none is finite, or there is
+        no such axis.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend import distance
+    >>> from unbend.datasets import make_octopus
+    >>> from unbend.report import draw_values
+    >>> mesh = make_octopus(n_vertices=600).mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "distances.png")
+    ...     draw_values(mesh, distance(mesh, 0)[0], path, label="distance")
+    ...     path.exists()
+    True
+    """
+    mesh, array = as_mesh(mesh), numbers_of(values, "values")
+    check_up(up)
+    if array.shape != (mesh.n_vertices,):
+        raise InputError(
+            f"{mesh.name} has {mesh.n_vertices} vertices, but values have shape {array.shape}"
+        )
+    finite = array[np.isfinite(array)]
+    if not len(finite):
+        raise InputError("none of the values is finite: there is nothing to draw")
+    figure = new_figure(8.6, 4.2)
+    upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
+    for i, azimuth in enumerate((view[0], view[0] + 180)):
+        ax = figure.add_axes((0.01 + 0.44 * i, 0.1, 0.43, 0.88))
+        draw_mesh(ax, upright, colors=array, view=(azimuth, view[1]))
+    figure.text(0.44, 0.03, as_written(mesh.name), ha="center", fontsize=10)
+    scale = figure.add_axes((0.9, 0.15, 0.02, 0.75))
+    steps = np.linspace(0, 1, 256)[:, None]
+    ends = (0, 1, float(finite.min()), float(finite.max()))
+    scale.imshow(steps, origin="lower", aspect="auto", cmap="viridis", extent=ends)
+    scale.set_xticks([])
+    scale.yaxis.tick_right()
+    scale.set_title(label, fontsize=9)
+    save_figure(figure, path)
