@@ -86,6 +86,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "tolerance": NUMBER, "distance_covered": SPREAD, "distance_all": SPREAD,
         "confidence": MAYBE,
     },
+    "view a.ply b.ply --no-open -o OUT/view.html": {"a": str, "b": (str, type(None))},
     "similarity a.ply b.ply --known-correspondence --no-cache": {
         "pairs": [{"model": str, "probe": str, "similarity": NUMBER, "confidence": MAYBE}],
     },

@@ -92,6 +92,28 @@ def test_a_click_tells_the_partner_on_either_side(browser, match_html, dogs, scr
     assert ours == backward[theirs]
 
 
+def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path) -> None:
+    browser.open(match_html)
+    plain = [browser.picture(f"#{name}") for name in ("source", "target")]
+    source, target, forward = dogs
+    rows = [(i, forward[i]) for i in (10, 400)]
+    match_page(source, target, forward, tmp_path / "marked.html", landmarks=rows)
+    browser.open(tmp_path / "marked.html")
+    marked = [browser.picture(f"#{name}") for name in ("source", "target")]
+    assert min(map(changed, plain, marked)) > 0
+    assert max(map(changed, plain, marked)) < 0.04
+    labels = "part('{}').view.landmarks.map(l => [l.label, l.vertex])"
+    assert browser.run(labels.format("source")) == [["1", 10], ["2", 400]]
+    assert browser.run(labels.format("target")) == [["1", rows[0][1]], ["2", rows[1][1]]]
+    # They follow the morph.
+    browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')) })(part('morph'))")
+    browser.settle()
+    here = "(v => v.projection()(...row(v.meshes[0].positions, 400)))(part('source').view)"
+    there = f"(v => v.projection()(...row(v.meshes[0].positions, {forward[400]})))"
+    apart = np.subtract(browser.run(here), browser.run(f"{there}(part('target').view)"))
+    assert np.hypot(*apart) < 25
+
+
 def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) -> None:
     browser.open(match_html)
     x, y = browser.middle("#source", 0.05, 0.1)
