@@ -38,14 +38,18 @@ _HINT = (
     "Drag elsewhere to turn, shift-drag to shift, wheel or + and - to zoom, 0 to start over."
 )
 _KEYS = (
-    ("arrow keys", "move the cursor over the surface; with Shift, by one edge of the mesh"),
+    ("W, A, S, D", "turn the shape"),
+    (
+        "arrow keys",
+        "move the cursor to the next vertex that is seen; with Shift, to the nearest one",
+    ),
+    ("Escape", "remove the cursor; it comes back in the middle of the picture"),
     ("Enter", "place a landmark at the cursor"),
     ("N", "go to the next landmark of the shape"),
     ("M", "move the landmark that was last placed or gone to, to the cursor"),
     ("Delete", "delete that landmark"),
     ("Ctrl+Z", "undo"),
     ("Ctrl+S", "save the landmarks as .csv"),
-    ("W, A, S, D", "turn the shape"),
 )
 
 

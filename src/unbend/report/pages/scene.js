@@ -1,6 +1,7 @@
 // Views of lit meshes with marks on their vertices, and the vertex under the pointer.
 "use strict";
 
+const HIDDEN = -0.3; // how little a vertex may face the viewer while its mark is still seen
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
 // Without a graphics processor, larger meshes have fewer faces until nothing moved for so many
 // milliseconds.
@@ -207,7 +208,7 @@ class View {
     const project = this.projection();
     for (const { mesh, vertex, label } of this.landmarks) {
       const [x, y] = project(...row(mesh.positions, vertex)).map((value) => value * ratio);
-      context.globalAlpha = this.facing(mesh, vertex) > 0 ? 1 : 0.35;
+      context.globalAlpha = this.facing(mesh, vertex) > HIDDEN ? 1 : 0.35;
       context.strokeStyle = "#fff";
       context.fillStyle = "#111";
       context.strokeText(label, x + 9 * ratio, y - 8 * ratio);

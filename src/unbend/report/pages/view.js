@@ -1,7 +1,7 @@
 // The page of one or two meshes: vertex numbers, and landmarks placed by mouse, touch or keys.
 "use strict";
 
-const STEP = 12; // pixels that an arrow key moves the cursor
+const STEP = 12, FINE = 2; // pixels that an arrow key moves the cursor, and with Shift
 const GRASP = { mouse: 10, pen: 14, touch: 24 }; // pixels from a landmark that still grasp it
 const TURNS = { ArrowLeft: [-15, 0], ArrowRight: [15, 0], ArrowUp: [0, 15], ArrowDown: [0, -15] };
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -172,7 +172,7 @@ start(async ({ shapes, landmarks: given }) => {
         const [right, down] = project(...row(shape.places, landmark.vertex));
         return { landmark, apart: Math.hypot(right - x, down - y) };
       }).filter(({ landmark, apart }) => apart < GRASP[event.pointerType || "mouse"]
-        && view.facing(landmark.mesh, landmark.vertex) > 0).sort((a, b) => a.apart - b.apart)[0];
+        && view.facing(landmark.mesh, landmark.vertex) > HIDDEN).sort((a, b) => a.apart - b.apart)[0];
       if (!near || event.button || event.shiftKey) return;
       event.stopImmediatePropagation();
       canvas.setPointerCapture(event.pointerId);
@@ -206,64 +206,30 @@ start(async ({ shapes, landmarks: given }) => {
       say(`Landmark ${one.name} moved on ${shape.name}, vertex ${shape.number(vertex)}.`);
     }
 
-    let neighbours = null;
-    function beside(vertex) {
-      if (!neighbours) {
-        neighbours = Array.from({ length: shape.places.length / 3 }, () => new Set());
-        const ends = edgesOf(shape.faces);
-        for (let i = 0; i < ends.length; i += 2) {
-          neighbours[ends[i]].add(ends[i + 1]);
-          neighbours[ends[i + 1]].add(ends[i]);
-        }
-      }
-      return [...neighbours[vertex]];
-    }
-
-    // Move the cursor along edges; where the surface ends on the screen, turn it.
-    function step(key, fine) {
-      const mesh = view.meshes[0], way = WAYS[key];
-      if (shape.cursor < 0) {
-        const box = canvas.getBoundingClientRect();
-        shape.cursor = Math.max(0, view.vertexAt(box.left + box.width / 2, box.top + box.height / 2));
-        return;
-      }
-      for (let turned = 0; turned < 12; turned++) {
-        const project = view.projection(), at = (vertex) => project(...row(shape.places, vertex));
-        const from = at(shape.cursor), goal = from.map((x, k) => x + STEP * way[k]);
-        const apart = (vertex) => Math.hypot(...at(vertex).map((x, k) => x - goal[k]));
-        const along = (vertex) => {
-          const moved = at(vertex).map((x, k) => x - from[k]);
-          return (moved[0] * way[0] + moved[1] * way[1]) / (Math.hypot(...moved) || 1);
-        };
-        const best = (among, value) => among.reduce((a, b) => (value(b) < value(a) ? b : a));
-        const seen = (vertex) => beside(vertex).filter((one) => view.facing(mesh, one) > 0.1);
-        let vertex = shape.cursor;
-        if (!fine) {
-          for (;;) {
-            const next = best([vertex, ...seen(vertex)], apart);
-            if (next === vertex) break;
-            vertex = next;
-          }
-        }
-        if (vertex === shape.cursor) {
-          const forward = seen(vertex).filter((one) => along(one) > 0.4);
-          if (forward.length) vertex = best(forward, (one) => -along(one));
-        }
-        if (vertex !== shape.cursor) {
+    // Move the cursor to the next vertex seen in a direction; where there is none, turn the shape.
+    function step(key, pixels) {
+      const box = canvas.getBoundingClientRect(), start = shape.cursor < 0;
+      const [x, y] = start ? [box.width / 2, box.height / 2] : view.projection()(...row(shape.places, shape.cursor));
+      for (let d = start ? 0 : pixels; d < Math.max(box.width, box.height); d += pixels) {
+        const right = x + d * WAYS[key][0], down = y + d * WAYS[key][1];
+        if (right < 0 || down < 0 || right > box.width || down > box.height) break;
+        const vertex = view.vertexAt(box.left + right, box.top + down);
+        if (vertex >= 0 && vertex !== shape.cursor) {
           shape.cursor = vertex;
           return;
         }
-        view.camera.turn(...TURNS[key]);
       }
+      view.camera.turn(...TURNS[key]);
     }
 
     canvas.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-      if (key in WAYS) step(key, event.shiftKey);
+      if (key in WAYS) step(key, event.shiftKey ? FINE : STEP);
       else if (key in LETTERS) view.camera.turn(...LETTERS[key]);
+      else if (key === "Escape") shape.cursor = -1;
       else if (key === "Enter" || key === " ") {
-        if (shape.cursor < 0) step("ArrowUp");
+        if (shape.cursor < 0) step("ArrowUp", STEP);
         else place(side, shape.cursor);
       } else if (key === "Delete" || key === "Backspace") remove(landmarks.selected);
       else if (key === "m" && landmarks.selected && shape.cursor >= 0) move(landmarks.selected, shape.cursor);
