@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from unbend._arrays import numbers_of
 from unbend._text import printable
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
@@ -23,6 +25,7 @@ __all__ = [
     "CanonicalColumn",
     "as_written",
     "check_up",
+    "check_values",
     "draw_canonical_forms",
     "draw_mesh",
     "draw_places",
@@ -339,6 +342,18 @@ def check_up(up: str) -> None:
     """Raise InputError if there is no such upward axis."""
     if up not in UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+
+
+def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
+    """Turn a number per vertex into an array; InputError if they do not fit or none is finite."""
+    array = numbers_of(values, "values")
+    if array.shape != (mesh.n_vertices,):
+        raise InputError(
+            f"{mesh.name} has {mesh.n_vertices} vertices, but values have shape {array.shape}"
+        )
+    if not np.isfinite(array).any():
+        raise InputError("none of the values is finite: there is nothing to draw")
+    return array
 
 
 def fit_rigidly(

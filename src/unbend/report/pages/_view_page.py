@@ -5,19 +5,19 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.choices import Axis
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 from unbend.mesh import Mesh
-from unbend.report.figures import check_up
+from unbend.report.figures import check_up, check_values
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -36,20 +36,6 @@ _STEPS = 2**20
 _HINT = (
     "Point at a place to read its vertex; click to place a landmark, drag a landmark to move it. "
     "Drag elsewhere to turn, shift-drag to shift, wheel or + and - to zoom, 0 to start over."
-)
-_KEYS = (
-    ("W, A, S, D", "turn the shape"),
-    (
-        "arrow keys",
-        "move the cursor to the next vertex that is seen; with Shift, to the nearest one",
-    ),
-    ("Escape", "remove the cursor; it comes back in the middle of the picture"),
-    ("Enter", "place a landmark at the cursor"),
-    ("N", "go to the next landmark of the shape"),
-    ("M", "move the landmark that was last placed or gone to, to the cursor"),
-    ("Delete", "delete that landmark"),
-    ("Ctrl+Z", "undo"),
-    ("Ctrl+S", "save the landmarks as .csv"),
 )
 
 
@@ -115,7 +101,7 @@ def view(
         if mesh.is_point_cloud:
             raise InputError(f"{mesh.name} has no faces to draw")
     names = [mesh.name for mesh in meshes]
-    scalars = None if values is None else _scalars(values, meshes[0])
+    scalars = None if values is None else check_values(values, meshes[0])
     packed = [_packed(mesh, scalars if mesh is meshes[0] else None) for mesh in meshes]
     return make_page(
         title=" and ".join(names),
@@ -128,18 +114,6 @@ def view(
         scripts=("landmarks.js", "view.js"),
         path=path,
     )
-
-
-def _scalars(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
-    scalars = numbers_of(values, "values")
-    if scalars.shape != (mesh.n_vertices,):
-        raise InputError(
-            f"values must be one number for each of the {mesh.n_vertices} vertices of "
-            f"{mesh.name}, not of shape {scalars.shape}"
-        )
-    if not np.isfinite(scalars).any():
-        raise InputError("values must have a finite number")
-    return scalars
 
 
 def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], list[str]]:
@@ -206,15 +180,5 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
 
 def _table(names: list[str]) -> str:
     heads = "".join(f'<th scope="col">vertex of {escape(name)}</th>' for name in names)
-    keys = "".join(f"<dt>{key}</dt><dd>{what}</dd>" for key, what in _KEYS)
-    return section(
-        "Landmarks",
-        '<div class="controls"><button type="button" id="undo">Undo</button>'
-        '<button type="button" id="save">Save .csv</button>'
-        '<label>Load .csv <input type="file" id="load" accept=".csv,.txt"></label></div>',
-        '<p id="status" role="status"></p>',
-        f'<table><thead><tr><th scope="col">name</th>{heads}<th></th></tr></thead>'
-        '<tbody id="landmarks"></tbody></table>',
-        f"<details open><summary>Keys, while a shape has the focus</summary><dl>{keys}</dl>"
-        "</details>",
-    )
+    html = files("unbend.report.pages").joinpath("landmarks.html").read_text("utf-8")
+    return section("Landmarks", html.replace("{heads}", heads))
