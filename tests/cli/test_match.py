@@ -153,12 +153,12 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    for confidence in (0.9, 0.4999, float("nan")):  # 0.4999 is shown as 0.50
+    for confidence in (0.9, 0.5999, float("nan")):  # 0.5999 is shown as 0.60
         warn_if_doubtful(confidence)
     assert capsys.readouterr().err == ""
-    warn_if_doubtful(0.1)
+    warn_if_doubtful(0.59)
     told = capsys.readouterr().err
-    assert told.startswith("warning: the match is doubtful (confidence 0.10)")
+    assert told.startswith("warning: the match is doubtful (confidence 0.59)")
     assert "unbend match --report" in told
     warn_if_doubtful(0.1, seen=True)
     assert "--report" not in capsys.readouterr().err
@@ -359,7 +359,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("transfer a.ply b.ply --values few.txt -o out.csv", "few.txt: holds 2 rows"),
         ("transfer a.ply b.ply --values words.txt -o out.ply", "cannot hold text"),
         ("transfer a.ply b.ply --values words.txt --kind scalar -o o.csv --map b.vts", "averaged"),
-        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "maps 800 vertices"),
+        ("transfer b.ply a.ply --values other.txt -o out.csv --map ab.npz", "a mesh of 800 v"),
         ("similarity a.ply b.ply --figure heat.png", "add --matrix"),
         (
             "similarity a.ply b.ply --known-correspondence",

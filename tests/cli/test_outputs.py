@@ -30,7 +30,7 @@ OUTPUTS = {
 INPUTS = {
     *("--data", "--labels", "--landmarks", "--map", "--pairs", "--template", "--values"),
     *("--truth", "--mirrored-truth"),
-    *("--component", "--scheduler"),
+    *("--component", "--property", "--scheduler"),
 }
 # An output that needs a match to be made, which takes long: tests of match, register and transfer.
 APART = {"--save-match"}

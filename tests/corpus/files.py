@@ -136,7 +136,7 @@ def _off() -> Iterator[_Row]:
     yield "OFF, UTF-16", ".off", text.encode("utf-16"), "UTF-16"
     yield "OFF, Latin-1 in the data", ".off", _changed("1 1 0", "1 é 0").encode("latin-1"), "vertex"
     yield "OFF, compressed", ".off", b"\x1f\x8b\x08\x00" + noise, "binary data|not an OFF"
-    yield "a suffix that is unknown", ".glb", text, 'unknown suffix ".glb"'
+    yield "a suffix that is unknown", ".blend", text, 'unknown suffix ".blend"'
 
 
 def _obj() -> Iterator[_Row]:

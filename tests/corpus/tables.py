@@ -22,6 +22,7 @@ def cases() -> Iterator[Case]:
     yield from (_case(_using_truth, row) for row in _truths())
     yield from (_case(_using_values, row) for row in _values())
     yield from (_case(_using_landmarks, row) for row in _landmarks())
+    yield from (_case(_using_markups, row) for row in _markups())
     yield from (_case(_using_labels, row) for row in _labels())
 
 
@@ -63,6 +64,13 @@ def _using_values(name: str) -> tuple[Command, ...]:
 
 def _using_landmarks(name: str) -> tuple[Command, ...]:
     return (f"match good.off good.off --landmarks {name} -o out.npz --no-cache",)
+
+
+def _using_markups(name: str) -> tuple[Command, ...]:
+    return (
+        f"match good.off good.off --landmarks {name} --landmarks {name} -o out.npz --no-cache",
+        f"transfer good.off good.off --map map.txt --values {name} -o out.mrk.json",
+    )
 
 
 def _using_labels(name: str) -> tuple[Command, ...]:
@@ -139,6 +147,23 @@ def _values() -> Iterator[_Row]:
     objects = np.array([{}] * _N, dtype=object)
     yield "values as .npy, pickled", ".npy", _npy(objects, pickled=True), "not numbers or text"
 
+    yield (
+        "values, a vertex twice",
+        ".csv",
+        _lines("vertex,part", "0,a", "0,b"),
+        "row 1 holds vertex",
+    )
+    yield "values, a vertex missing", ".csv", _lines("vertex,part", "1,a"), "no row of vertex 0"
+    many = "ply\nformat ascii 1.0\nelement vertex 99999999\nproperty float x\nproperty float y\n"
+    few = many.replace("99999999", "1") + "property float z\nend_header\n0 0 0\n"
+    yield (
+        "values as .ply, of millions",
+        ".ply",
+        f"{many}property float z\nend_header\n",
+        "truncated",
+    )
+    yield "values as .ply, none", ".ply", few, "holds no values per vertex"
+
 
 def _landmarks() -> Iterator[_Row]:
     yield "landmarks, empty", ".csv", "", "is empty"
@@ -152,6 +177,18 @@ def _landmarks() -> Iterator[_Row]:
     yield "landmarks, a number of 30 digits", ".csv", f"1,{'9' * 30}\n", "row 0 holds '1 999"
     yield "landmarks, noise", ".csv", bytes(range(256)), "binary data"
     yield "landmarks, an unknown suffix", ".xls", "1,2\n", "unknown suffix"
+
+
+def _markups() -> Iterator[_Row]:
+    far = '{"markups": [{"controlPoints": [{"label": "nose", "position": [9, 9, 9]}]}]}'
+    damaged = "not a landmark file of 3D Slicer"
+    yield "points of 3D Slicer, empty", ".json", "", "is empty"
+    yield "points of 3D Slicer, none", ".json", '{"markups": []}', "holds no points"
+    yield "points of 3D Slicer, far away", ".json", far, "'nose' is 1.* from good.off"
+    yield "points of 3D Slicer, words", ".json", far.replace("[9, 9, 9]", '["a", 1, 2]'), damaged
+    yield "points of 3D Slicer, two numbers", ".json", far.replace("[9, 9, 9]", "[1, 2]"), damaged
+    yield "points of 3D Slicer, deep", ".json", "[" * 10**6, damaged
+    yield "points of 3D Slicer, an old file cut off", ".fcsv", "1,0,0,0\n", damaged
 
 
 def _labels() -> Iterator[_Row]:

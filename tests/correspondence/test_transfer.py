@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend import Mesh
-from unbend.correspondence import transfer
+from unbend.correspondence import transfer, value_kind
 from unbend.correspondence._transfer import positions_on_target
 from unbend.datasets import make_quadruped, rest_map
 from unbend.deformation import closest_faces
@@ -115,7 +115,8 @@ def test_labels_go_by_majority() -> None:
     assert carried.tolist() == ["A", "A", "A"]  # though B has the largest single share
     numbers = transfer([0.0, 1, 0], laid, source=source, target=target)
     np.testing.assert_allclose(numbers, [0.4, 0, 0], atol=1e-12)
-    rows = transfer([[5, 7], [7, 5], [5, 7]], laid, source=source, target=target)
+    pairs = [[5, 7], [7, 5], [5, 7]]
+    rows = transfer(pairs, laid, kind="label", source=source, target=target)
     assert rows.tolist() == [[5, 7]] * 3  # a row is one label
 
 
@@ -240,3 +241,19 @@ def test_weights_that_do_not_sum_to_one_are_refused() -> None:
         weights[7] *= wrong
         with pytest.raises(InputError, match=r"weights in row 7 sum to (0.5|nan)"):
             positions_on_target(replace(found, weights=weights), mesh)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([[255, 0, 7]], "color"),
+        ([[255, 0, 7, 255]], "color"),
+        ([[256, 0, 7]], "scalar"),
+        ([[1, 2]], "scalar"),
+        ([[1]], "label"),
+        ([1], "label"),
+        ([1.0], "scalar"),
+    ],
+)
+def test_columns_of_whole_numbers_are_colours_or_numbers(values, kind) -> None:
+    assert value_kind(np.array(values)) == kind

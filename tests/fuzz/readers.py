@@ -16,29 +16,44 @@ import numpy as np
 from unbend import Match, Mesh, diagnose, read_map, read_match, read_mesh
 from unbend.correspondence import read_functional_map
 from unbend.errors import UnbendError
-from unbend.io import read_landmarks, read_values
+from unbend.io import read_landmarks, read_markups, read_values
+from unbend.io.formats import obj
 from unbend.preparation import prepare
 
 _FOLDER = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
 _MESHES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy")
 _MAPS = (".txt", ".csv", ".vts", ".npy")
+_VALUES = (".csv", ".txt", ".npy", ".ply", ".obj")
 _N = 42  # vertices that maps and values are for
+_POINTS = np.arange(3.0 * _N).reshape(-1, 3)
 
 
 def meshes(data: bytes) -> None:
-    """Read a mesh, the first byte being its format, and examine it."""
+    """Read a mesh, the first byte being its format, and examine it; write an OBJ file like it."""
     _read(read_mesh, _MESHES, data, _check_mesh)
+    _read(_rewrite, (".obj",), b"\0" + data[1:], _check_mesh)
+
+
+def _rewrite(path: Path) -> Mesh:
+    """Read what is written with the lines of a file: the same mesh again."""
+    data, mesh = path.read_bytes(), read_mesh(path)
+    again = obj.read(obj.rewrite(data, mesh.vertices))
+    written = Mesh(again.vertices, again.faces)
+    np.testing.assert_array_equal(written.vertices, mesh.vertices)
+    np.testing.assert_array_equal(written.faces, mesh.faces)
+    return written
 
 
 def maps(data: bytes) -> None:
-    """Read a map, whose entries must be vertices or -1; or landmarks."""
+    """Read a map, whose entries must be vertices or -1; or landmarks of two kinds."""
     _read(lambda path: read_map(path, n_target=_N), _MAPS, data, _check_map)
     _read(lambda path: read_landmarks(path, _N, _N), (".csv", ".txt"), data, _check_map)
+    _read(lambda path: read_markups(path, _POINTS)[1], (".json", ".fcsv"), data, _check_map)
 
 
 def values(data: bytes) -> None:
     """Read values, of which there must be some."""
-    _read(read_values, (".csv", ".txt", ".npy"), data, _check_values)
+    _read(read_values, _VALUES, data, _check_values)
 
 
 def archives(data: bytes) -> None:
@@ -93,7 +108,7 @@ def _check_functional_map(found: Any) -> None:
 
 def seeds(family: str) -> Iterator[bytes]:
     """Give what the corpus of bad input has for a family, each with the byte of its format."""
-    known = {"meshes": _MESHES, "maps": _MAPS, "values": (".csv", ".txt", ".npy")}
+    known = {"meshes": _MESHES, "maps": _MAPS, "values": _VALUES}
     suffixes = known.get(family, (".npz",))
     for suffix, data in _small_files():
         if suffix in suffixes:

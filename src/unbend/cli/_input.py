@@ -55,16 +55,9 @@ def read_any_map(path: str, base: int | None, target: Mesh) -> IntArray:
     from unbend.correspondence import read_match
     from unbend.io import read_map
 
-    n_target = target.n_vertices
-    if not path.lower().endswith(".npz"):
-        return read_map(path, base=base, n_target=n_target)
-    found = read_match(path)
-    if len(found.target_to_source) != n_target:
-        raise InputError(
-            f"{path} maps to {plural(len(found.target_to_source), 'vertex')}, but the target has "
-            f"{n_target}"
-        )
-    return found.source_to_target
+    if path.lower().endswith(".npz"):
+        return read_match(path, target=target).source_to_target
+    return read_map(path, base=base, n_target=target.n_vertices)
 
 
 def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:
@@ -90,23 +83,32 @@ def keeps_all(path: str | None) -> bool:
     return path is not None and Path(path).suffix.lower() == ".npz"
 
 
-def write_result(path: str, found: Match) -> None:
+def write_result(path: str, found: Match, shapes: Sequence[Mesh]) -> None:
     """Write all of a match to a .npz file, or its point map to any other."""
     from unbend.correspondence import write_match
     from unbend.io import write_map
 
     if keeps_all(path):
-        write_match(path, found)
+        write_match(path, found, source=shapes[0], target=shapes[1])
     else:
         write_map(path, found.source_to_target)
 
 
-def landmarks_of(path: str | None, shapes: Sequence[Mesh]) -> IntArray | None:
-    """Read the hints for matching two shapes, if there are any."""
-    from unbend.io import read_landmarks
+def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[Mesh]) -> IntArray | None:
+    """Read the hints for matching two shapes, if there are any: a table, or points on each."""
+    from unbend.io import MARKUP_SUFFIXES, read_landmarks, read_markup_pairs
 
     source, target = shapes
-    return None if path is None else read_landmarks(path, source.n_vertices, target.n_vertices)
+    if not paths:
+        return None
+    if len(paths) == 2:
+        return read_markup_pairs(paths, source, target)
+    if len(paths) > 2 or paths[0].lower().endswith(MARKUP_SUFFIXES):
+        raise InputError(
+            "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json or "
+            ".fcsv file for the source, then one for the target"
+        )
+    return read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 
 
 def is_unsure(found: Match, least: float | None) -> bool:
@@ -126,12 +128,13 @@ def read_or_match(
     *,
     base: int | None,
     partial: Partial,
-    landmarks: str | None,
+    landmarks: Sequence[str] | None,
     save_match: str | None,
     min_confidence: float | None,
     progress: Progress,
 ) -> Match | IntArray:
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
+    from unbend.correspondence import read_match
     from unbend.io import read_map
     from unbend.matching import match
 
@@ -146,7 +149,7 @@ def read_or_match(
             progress=progress,
         )
     else:
-        if landmarks is not None or save_match is not None or partial != "auto":
+        if landmarks or save_match is not None or partial != "auto":
             raise InputError(
                 "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
             )
@@ -155,23 +158,10 @@ def read_or_match(
                 raise InputError(f"--min-confidence needs a .npz match, and {map_file} is none")
             sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
             return read_map(map_file, base=base, **sizes)
-        found = _read_match(map_file, source, target)
+        found = read_match(map_file, source=source, target=target)
     warn_if_doubtful(found.confidence)
     if is_unsure(found, min_confidence):
         raise typer.Exit(EXIT_UNSURE)
     if save_match is not None:
-        write_result(save_match, found)
-    return found
-
-
-def _read_match(path: str, source: Mesh, target: Mesh) -> Match:
-    from unbend.correspondence import read_match
-
-    found = read_match(path)
-    sizes = len(found.source_to_target), len(found.target_to_source)
-    if sizes != (source.n_vertices, target.n_vertices):
-        raise InputError(
-            f"{Path(path).name}: maps {sizes[0]} vertices to {sizes[1]}, but {source.name} and "
-            f"{target.name} have {source.n_vertices} and {target.n_vertices}"
-        )
+        write_result(save_match, found, shapes)
     return found

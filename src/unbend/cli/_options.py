@@ -59,7 +59,11 @@ def report(help: str) -> Any:
 
 
 Mesh = Annotated[
-    str, typer.Argument(metavar="MESH", help="A .off, .obj, .ply, .stl, .xyz or .npy file.")
+    str,
+    typer.Argument(
+        metavar="MESH",
+        help="A .off, .obj, .ply, .stl, .xyz or .npy file, or what trimesh and meshio read.",
+    ),
 ]
 Source = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map from.")]
 Target = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]
@@ -137,11 +141,12 @@ Partial = Annotated[
     ),
 ]
 Landmarks = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--landmarks",
-        metavar="CSV",
-        help="Landmarks: on each line a source vertex and a target vertex, counted from 0.",
+        metavar="FILE",
+        help="Landmarks: a .csv file, on each line a source vertex and a target vertex, counted "
+        "from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
     ),
 ]
 MinConfidence = Annotated[

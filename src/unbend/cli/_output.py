@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shlex
 import sys
 import time
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
 EXIT_UNSURE = 3
-_DOUBTFUL = 0.5
+_DOUBTFUL = 0.6
 _SECONDS_BETWEEN_LINES = 30.0
 
 
@@ -60,6 +61,26 @@ def say(kind: str, sentence: str) -> None:
         typer.echo(f"{kind}: {printable(sentence)}", err=True)
 
 
+def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
+    """Give the OBJ file whose lines an OBJ file keeps, if any; say what of the original is lost.
+
+    `whole` says that `out` gets all faces of the original.
+    """
+    from unbend.io import file_extras
+
+    held = file_extras(original)
+    if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
+        kept = "; its normals are recomputed" if "normals" in held else ""
+        folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
+        if "materials" in held and len(folders) == 2:
+            kept += f"; its materials stay in the folder of {original}"
+        say("note", f"{out} has all lines of {original}, with new positions{kept}")
+        return original
+    if held:
+        say("note", f"{out} does not keep these of {original}: {', '.join(held)}")
+    return None
+
+
 def warning_printer() -> Callable[..., None]:
     """Make what prints each warning once, without the line of code: users did not write it."""
     printed: set[str] = set()
@@ -74,9 +95,9 @@ def warning_printer() -> Callable[..., None]:
 
 
 def warn_if_doubtful(confidence: float, *, seen: bool = False) -> None:
-    """Warn of a match that is as likely wrong as right; NaN says that nobody knows.
+    """Warn of a match that may well be wrong; NaN says that nobody knows.
 
-    What counts is the confidence as it is shown: 0.4999 is 0.50, and no more doubtful than it.
+    What counts is the confidence as it is shown: 0.5999 is 0.60, and no more doubtful than it.
     `seen` tells that a page of the match was written.
     """
     if round(confidence, 2) < _DOUBTFUL:

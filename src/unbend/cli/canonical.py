@@ -11,14 +11,22 @@ import typer
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
 from unbend.cli._input import make_form, parse_component
-from unbend.cli._output import command_line, look_at, progress_on_stderr, rows, tell, write_columns
+from unbend.cli._output import (
+    command_line,
+    lines_to_keep,
+    look_at,
+    progress_on_stderr,
+    rows,
+    tell,
+    write_columns,
+)
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
     from unbend.canonical import CanonicalForm
     from unbend.mesh import Mesh
 
-_MESH_SUFFIXES = (".ply", ".off", ".obj")
+_MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
 _TABLE_SUFFIXES = (".npy", ".csv")
 
 
@@ -27,8 +35,9 @@ def canonical(
     out: Annotated[
         str | None,
         options.out(
-            "Where to write the form: .ply, .off or .obj with the mesh's faces "
-            "(dimension 3), .npy or .csv (any dimension)."
+            "Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces "
+            "(dimension 3; from .obj to .obj texture, materials, groups and polygons stay), .npy "
+            "or .csv (any dimension)."
         ),
     ] = None,
     figure: Annotated[
@@ -126,7 +135,7 @@ def canonical(
             posed = posed if keep_scale else posed / form.area**0.5
         if out is not None:
             progress("writing", 0)
-            _write(out, shape, form.points if posed is None else posed)
+            _write(out, mesh, shape, form.points if posed is None else posed)
         if figure is not None:
             from unbend.report.form_figures import draw_form
 
@@ -159,7 +168,7 @@ def canonical(
     )
 
 
-def _write(out: str, shape: Mesh, points: FloatArray) -> None:
+def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
     """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
 
@@ -172,7 +181,8 @@ def _write(out: str, shape: Mesh, points: FloatArray) -> None:
     # Faces outside the chosen component have lost their vertices: no viewer could draw them.
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-    write_mesh(out, Mesh(points, faces))
+    like = lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
+    write_mesh(out, Mesh(points, faces), like=like)
 
 
 def _numbers(form: CanonicalForm) -> dict[str, Any]:

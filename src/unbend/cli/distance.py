@@ -9,7 +9,7 @@ import typer
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli._input import parse_component
-from unbend.cli._output import progress_on_stderr, rows, tell, write_columns
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -33,7 +33,7 @@ def distance(
     out: Annotated[
         str | None,
         options.out(
-            ".npy or .csv: a row per vertex, a column per source; .ply: the mesh with one "
+            ".npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one "
             "value per vertex and source, distance_VERTEX."
         ),
     ] = None,
@@ -77,7 +77,7 @@ def distance(
     from unbend.io import check_writable, read_mesh
 
     if out is not None:
-        check_writable(out, (".ply", ".npy", ".csv"))
+        check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shape = read_mesh(mesh)
@@ -92,7 +92,7 @@ def distance(
             component=parse_component(component),
         )
     if out is not None:
-        _write(out, shape, sources, field)
+        _write(out, mesh, shape, sources, field)
     if figure is not None:
         from unbend.report.value_figures import draw_values
 
@@ -117,12 +117,13 @@ def distance(
     )
 
 
-def _write(out: str, shape: Mesh, sources: list[int], field: FloatArray) -> None:
+def _write(out: str, path: str, shape: Mesh, sources: list[int], field: FloatArray) -> None:
     """Write distances (s, n) in the format that the file's suffix names."""
-    from unbend.io import write_mesh
+    from unbend.io import SCALAR_SUFFIXES, write_mesh
 
     names = [f"distance_{source}" for source in sources]
-    if out.lower().endswith(".ply"):
+    if out.lower().endswith(SCALAR_SUFFIXES):
+        lines_to_keep(out, path)
         write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
     else:
         write_columns(out, field.T, names)

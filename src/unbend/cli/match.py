@@ -21,6 +21,7 @@ from unbend.cli._output import (
     EXIT_UNSURE,
     command_line,
     elapsed,
+    lines_to_keep,
     look_at,
     progress_on_stderr,
     quoted,
@@ -75,8 +76,8 @@ def match(
         typer.Option(
             "--colored",
             metavar="OUT OUT",
-            help="Write both shapes (.ply, .obj, .glb), corresponding points in one colour, for "
-            "Blender and MeshLab.",
+            help="Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, "
+            "for Blender, MeshLab and ParaView.",
         ),
     ] = None,
     report: Annotated[
@@ -148,9 +149,9 @@ def match(
         if not unsure:
             progress("writing", 0)
             for path, one in zip(maps, matches, strict=bool(maps)):
-                write_result(path, one)
+                write_result(path, one, shapes)
             if colored is not None:
-                _write_colored(shapes, found, colored)
+                _write_colored((source, target), component is None, shapes, found, colored)
             if figure is not None:
                 from unbend.report.match_figures import draw_match
 
@@ -240,13 +241,19 @@ def _numbered(out: str, i: int) -> str:
     return out if i == 0 else str(path.with_name(f"{path.stem}-{i + 1}{path.suffix}"))
 
 
-def _write_colored(shapes: list[Mesh], found: Match, paths: tuple[str, str]) -> None:
+def _write_colored(
+    originals: tuple[str, str],
+    whole: bool,
+    shapes: list[Mesh],
+    found: Match,
+    paths: tuple[str, str],
+) -> None:
     from unbend.io import write_mesh
     from unbend.report.match_figures import match_colors
 
     colors = match_colors(shapes[0], shapes[1], found)
-    for path, shape, one in zip(paths, shapes, colors, strict=True):
-        write_mesh(path, shape, colors=one)
+    for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
+        write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))
 
 
 def _next_step(source: str, target: str, out: str | None) -> str:

@@ -9,7 +9,7 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import progress_on_stderr, rows, tell
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 
 def morph(
@@ -70,10 +70,11 @@ def morph(
             min_confidence=min_confidence,
             progress=progress,
         )
+        like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):
             progress("morphing", i / steps)
             between = shape_between(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
-            write_mesh(file, between)
+            write_mesh(file, between, like=like)
     confidence = getattr(match, "confidence", None)
     trust = "not estimated" if confidence is None else f"{confidence:.2f}, of the match"
     count = f"{steps} between {shapes[0].name} and {shapes[1].name}"

@@ -10,7 +10,7 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import progress_on_stderr, rows, tell
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -23,9 +23,10 @@ def register(
     out: Annotated[
         str,
         options.out(
-            "The fitted template: .ply, .obj or .glb, coloured by the distance of each vertex "
-            "from the scan, yellow where that is not reached (.ply has the distances too), .off, "
-            ".stl."
+            "The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each "
+            "vertex from the scan, yellow where that is not reached (.ply and .vtp have the "
+            "distances too), .off, .stl. From .obj to .obj only positions change: texture, "
+            "materials, groups and polygons stay."
         ),
     ],
     map_file: options.Map = None,
@@ -51,9 +52,9 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     from unbend.correspondence import register as fit_template
-    from unbend.io import COLOR_SUFFIXES, check_writable, value_colors, write_mesh
+    from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, check_writable, value_colors, write_mesh
 
-    check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
+    check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, scan), component)
@@ -70,11 +71,12 @@ def register(
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
         suffix = Path(out).suffix.lower()
-        scalars = {"distance": found.distances} if suffix == ".ply" else None
+        scalars = {"distance": found.distances} if suffix in SCALAR_SUFFIXES else None
+        like = lines_to_keep(out, template, whole=component is None)
         colors = None
-        if suffix in COLOR_SUFFIXES:
+        if suffix in COLOR_SUFFIXES and like is None:
             colors = value_colors(found.distances, limits=(0, found.tolerance))
-        write_mesh(out, found.mesh, scalars=scalars, colors=colors)
+        write_mesh(out, found.mesh, scalars=scalars, colors=colors, like=like)
     on = _spread(found, found.distances[found.covered])
     everywhere = _spread(found, found.distances)
     unknown = math.isnan(found.confidence)

@@ -59,7 +59,7 @@ def symmetry(
         if not unsure:
             progress("writing", 0)
             if out is not None:
-                write_result(out, found)
+                write_result(out, found, (shape, shape))
             if figure is not None:
                 from unbend.report.match_figures import draw_match
 

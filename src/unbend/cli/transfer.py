@@ -9,7 +9,7 @@ import typer
 from unbend.choices import ValueKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import progress_on_stderr, rows, say, tell
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, say, tell
 
 if TYPE_CHECKING:
     from unbend._types import IntArray
@@ -25,21 +25,30 @@ def transfer(
         typer.Option(
             "--values",
             metavar="FILE",
-            help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours.",
+            help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a "
+            "mesh with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).",
         ),
     ],
     out: Annotated[
         str,
         options.out(
-            ".npy, .csv or .txt: a row per target vertex; .ply: the target with the values; "
+            ".npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values; "
             ".obj, .glb: the target with colours or texture coordinates. Numbers and labels are "
-            "coloured, for Blender and MeshLab."
+            "coloured, for Blender and MeshLab. Landmarks: .mrk.json."
         ),
     ],
     kind: Annotated[
         ValueKind,
         typer.Option("--kind", help="auto: scalar for fractions, label for whole numbers, text."),
     ] = "auto",
+    property_name: Annotated[
+        str | None,
+        typer.Option(
+            "--property",
+            metavar="NAME",
+            help="Which values of a mesh file: a property of its vertices, color or uv.",
+        ),
+    ] = None,
     map_file: options.Map = None,
     base: options.Base = None,
     partial: options.Partial = "auto",
@@ -57,25 +66,37 @@ def transfer(
       unbend transfer dog.ply cat.ply --values colors.npy --kind color -o cat_colored.ply
       unbend transfer dog.ply cat.ply --values parts.csv --save-match map.npz -o cat_parts.glb
       unbend transfer dog.ply cat.ply --values parts.csv --min-confidence 0.7 -o cat_parts.csv
+      unbend transfer dog.ply cat.ply --values dog.ply --property color -o cat_colored.ply
+      unbend transfer dog.ply cat.ply --values dog.mrk.json -o cat.mrk.json
     """
+    import numpy as np
+
     from unbend.correspondence import transfer as carry
     from unbend.correspondence import value_kind
     from unbend.io import (
         COLOR_SUFFIXES,
+        MARKUP_SUFFIXES,
         VALUE_SUFFIXES,
         check_storable,
         check_writable,
+        read_markups,
         read_values,
+        write_markups,
         write_values,
     )
+    from unbend.matching import Match
 
-    check_writable(out, VALUE_SUFFIXES + COLOR_SUFFIXES)
+    is_markup = values.lower().endswith(MARKUP_SUFFIXES)
+    check_writable(out, (".json",) if is_markup else VALUE_SUFFIXES + COLOR_SUFFIXES)
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target))
-        array = read_values(values, n_vertices=shapes[0].n_vertices)
-        chosen = value_kind(array, kind)
-        check_storable(out, array, chosen)
+        if is_markup:
+            labels, array = read_markups(values, shapes[0])
+        else:
+            array = read_values(values, n_vertices=shapes[0].n_vertices, name=property_name)
+            chosen = value_kind(array, kind)
+            check_storable(out, array, chosen)
         found = read_or_match(
             shapes,
             map_file,
@@ -87,23 +108,34 @@ def transfer(
             progress=progress,
         )
         progress("carrying", 0)
-        carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
-        write_values(out, carried, shapes[1], kind=chosen)
+        if is_markup:
+            images = found.source_to_target if isinstance(found, Match) else found
+            carried = images[array]
+            there = np.flatnonzero(carried >= 0)
+            write_markups(out, shapes[1], carried[there], [labels[i] for i in there])
+            for i in np.flatnonzero(carried < 0):
+                say("note", f"landmark {labels[i]} corresponds to no vertex of {shapes[1].name}")
+        else:
+            carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
+            is_mesh = out.lower().endswith(COLOR_SUFFIXES)
+            like = lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
+            write_values(out, carried, shapes[1], kind=chosen, like=like)
     lost = _count_lost(found, shapes[1])
     if lost:
         say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    shown = "landmarks" if is_markup else chosen
     tell(
         {
             "source": source,
             "target": target,
             "values": values,
-            "kind": chosen,
+            "kind": shown,
             "shape": carried.shape,
             "n_without_preimage": lost,
             "confidence": getattr(found, "confidence", None),
         },
-        rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
+        rows({"carried": f"{len(carried):,}{width} values ({shown})"}),
         shapes=shapes,
         written=[out, save_match],
     )

@@ -18,8 +18,17 @@ import numpy.typing as npt
 
 from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
+from unbend.correspondence._belonging import check_mesh, mesh_hashes
 from unbend.errors import FileError, InputError
-from unbend.io import atomic_write, check_writable, counted_from_zero, read_bytes, whole_numbers
+from unbend.io import (
+    MeshLike,
+    as_mesh,
+    atomic_write,
+    check_writable,
+    counted_from_zero,
+    read_bytes,
+    whole_numbers,
+)
 from unbend.io.formats.npy import read_array, read_header
 from unbend.matching import Hypothesis, Match
 
@@ -42,6 +51,7 @@ _RANGES = {
     "confidence_bound": (0, 1),
 }
 _OPTIONAL = ("faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound")
+_MESHES = ("source_mesh", "target_mesh")  # hashes
 _LISTS = ("hypotheses", "missed_landmarks")
 _ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
 # Compression makes a match about ten times smaller. An archive that would grow more than a
@@ -109,7 +119,13 @@ def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
         return _numbers(_load(data, ("functional_map",)), "functional_map", (None, None))
 
 
-def write_match(path: str | os.PathLike[str], match: Match) -> None:
+def write_match(
+    path: str | os.PathLike[str],
+    match: Match,
+    *,
+    source: MeshLike | None = None,
+    target: MeshLike | None = None,
+) -> None:
     """Write all fields of a match, including its alternatives, to a .npz file.
 
     Parameters
@@ -117,6 +133,9 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     path : path
         With the suffix .npz.
     match : Match
+    source, target : mesh-like, optional
+        The meshes matched. Their hashes are written, so that :func:`read_match` can tell them from
+        others.
 
     Raises
     ------
@@ -131,7 +150,11 @@ def write_match(path: str | os.PathLike[str], match: Match) -> None:
     """
     if not isinstance(match, Match):
         raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")
-    _save(path, _arrays_of(match))
+    arrays = _arrays_of(match)
+    for name, mesh in zip(_MESHES, (source, target), strict=True):
+        if mesh is not None:
+            arrays[name] = np.array(mesh_hashes(as_mesh(mesh)), dtype=np.uint64)
+    _save(path, arrays)
 
 
 def _arrays_of(match: Match) -> _Arrays:
@@ -150,13 +173,21 @@ def _arrays_of(match: Match) -> _Arrays:
     return arrays
 
 
-def read_match(path: str | os.PathLike[str]) -> Match:
+def read_match(
+    path: str | os.PathLike[str],
+    *,
+    source: MeshLike | None = None,
+    target: MeshLike | None = None,
+) -> Match:
     """Read a match that :func:`write_match` wrote.
 
     Parameters
     ----------
     path : path
         With the suffix .npz.
+    source, target : mesh-like, optional
+        Meshes that the match must belong to: of the same number of vertices and, if the file has
+        hashes, of the same positions or the same faces.
 
     Returns
     -------
@@ -165,7 +196,7 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     Raises
     ------
     FileError
-        If the file cannot be read or does not hold a match.
+        If the file cannot be read, does not hold a match, or belongs to other meshes.
 
     Examples
     --------
@@ -181,13 +212,19 @@ def read_match(path: str | os.PathLike[str]) -> Match:
     """
     with _reading(path) as data:
         folders: dict[str, _Arrays] = {"": {}}
-        for name, array in _load(data, _REQUIRED, (*_OPTIONAL, *_LISTS)).items():
+        arrays = _load(data, _REQUIRED, (*_OPTIONAL, *_LISTS, *_MESHES))
+        hashes = [arrays.pop(name, None) for name in _MESHES]
+        for name, array in arrays.items():
             folder, _, own_name = name.rpartition("/")
             folders.setdefault(folder, {})[own_name] = array
         for folder, arrays in folders.items():
             if missing := set(_REQUIRED) - set(arrays):
                 raise FileError(f"holds no {folder}/{min(missing)}")
         match, *alternatives = (_checked_match(arrays) for arrays in folders.values())
+        sizes = len(match.source_to_target), len(match.target_to_source)
+        for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
+            if mesh is not None:
+                check_mesh(as_mesh(mesh), size, known)
         return replace(match, alternatives=tuple(alternatives))
 
 

@@ -45,8 +45,9 @@ def transfer(
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
         ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
-        texture coordinates, two columns. ``"auto"``: scalar for floats, color for bytes in three
-        or four columns, label for everything else.
+        texture coordinates, two columns. ``"auto"``: scalar for floats; color for whole numbers
+        from 0 to 255 in three or four columns; scalar for other columns of whole numbers; label for
+        everything else.
     source, target : mesh-like, optional
         Anything :func:`unbend.as_mesh` accepts. Averaging within faces needs both; a map given as
         an array needs `target`.
@@ -213,8 +214,10 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
         return cast(ValueKind, kind)
     if array.dtype.kind == "f":
         return "scalar"
-    is_color = array.dtype == np.uint8 and array.ndim == 2 and array.shape[1] in (3, 4)
-    return "color" if is_color else "label"
+    if array.dtype.kind in "iu" and array.ndim == 2 and array.shape[1] > 1:
+        is_color = array.shape[1] in (3, 4) and array.min() >= 0 and array.max() <= 255
+        return "color" if is_color else "scalar"
+    return "label"
 
 
 def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:

@@ -11,17 +11,27 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, read_mesh, write_mesh
+from unbend.io._markups import (
+    MARKUP_SUFFIXES,
+    read_markup_pairs,
+    read_markups,
+    write_markups,
+)
+from unbend.io._meshes import as_mesh, file_extras, read_mesh
+from unbend.io._objects import MeshLike
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
     read_values,
     write_values,
 )
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 
 __all__ = [
     "COLOR_SUFFIXES",
     "MAP_SUFFIXES",
+    "MARKUP_SUFFIXES",
+    "SCALAR_SUFFIXES",
     "VALUE_SUFFIXES",
     "MeshLike",
     "as_mesh",
@@ -29,15 +39,19 @@ __all__ = [
     "check_storable",
     "check_writable",
     "counted_from_zero",
+    "file_extras",
     "invert_map",
     "read_bytes",
     "read_landmarks",
     "read_map",
+    "read_markup_pairs",
+    "read_markups",
     "read_mesh",
     "read_values",
     "value_colors",
     "whole_numbers",
     "write_map",
+    "write_markups",
     "write_mesh",
     "write_values",
 ]

@@ -17,7 +17,8 @@ from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, named, read_bytes
-from unbend.io._meshes import MeshLike, as_mesh
+from unbend.io._meshes import as_mesh
+from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import are_numbers, data_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends

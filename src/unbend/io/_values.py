@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import re
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,25 +19,43 @@ from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, named, read_bytes
-from unbend.io._meshes import COLOR_SUFFIXES, MeshLike, as_mesh, write_mesh
+from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
+from unbend.io._objects import MeshLike
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 from unbend.io.formats.contents import are_numbers, text_lines
 from unbend.io.formats.npy import read_array
 from unbend.mesh import Mesh
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _MOST_LETTERS = 1000
+_NORMAL = ("nx", "ny", "nz")
+# Columns of mesh files that are one value: colours, and texture coordinates by three programs.
+_TOGETHER = (
+    ("color", ("red", "green", "blue")),
+    ("uv", ("s", "t")),
+    ("uv", ("u", "v")),
+    ("uv", ("texture_u", "texture_v")),
+)
 
 
-def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) -> npt.NDArray[Any]:
+def read_values(
+    path: str | os.PathLike[str], *, n_vertices: int | None = None, name: str | None = None
+) -> npt.NDArray[Any]:
     r"""Read values per vertex.
 
     Parameters
     ----------
     path : path
         A .npy array; or a .csv file (a first line of column names is skipped) or .txt file with
-        one line for each vertex, of numbers, or of one word each.
+        one line for each vertex, of numbers, or of one word each. If the first column of a .csv
+        file is named ``vertex``, it holds vertex numbers, counted from 0, in any order. A mesh
+        file (.ply, .obj or what trimesh and meshio read) gives the values that it holds.
     n_vertices : int, optional
         Rows that there must be.
+    name : str, optional
+        Which values of a mesh file: the name of a vertex property, ``"color"`` or ``"uv"``. Columns
+        ``name_0``, ``name_1`` ... are read together. By default the only ones; colours and texture
+        coordinates only if there are no others.
 
     Returns
     -------
@@ -58,28 +77,77 @@ def read_values(path: str | os.PathLike[str], *, n_vertices: int | None = None) 
     array(['head', 'tail'], dtype='<U4')
     """
     path = Path(path)
-    data = read_bytes(path, VALUE_SUFFIXES)
     suffix = path.suffix.lower()
+    if suffix in VALUE_SUFFIXES and name is not None:
+        raise InputError(f"{path.name} is no mesh file: it has no values of the name {name}")
+    if suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES:
+        columns = read_contents(path).values()
+        with named(path):
+            return _checked_rows(_of_mesh(columns, name), n_vertices)
+    data = read_bytes(path, (*VALUE_SUFFIXES, *READ_SUFFIXES))
     with named(path):
         values = read_array(data) if suffix == ".npy" else _table(data, suffix, n_vertices)
-        if values.ndim == 0 or values.size == 0:
-            raise FileError("holds no rows")
-        if n_vertices is not None and len(values) != n_vertices:
-            raise FileError(
-                f"holds {plural(len(values), 'row')}, but there are {n_vertices} vertices"
-            )
-        return values
+        return _checked_rows(values, n_vertices)
+
+
+def _checked_rows(values: npt.NDArray[Any], n_vertices: int | None) -> npt.NDArray[Any]:
+    if values.ndim == 0 or values.size == 0:
+        raise FileError("holds no rows")
+    if n_vertices is not None and len(values) != n_vertices:
+        raise FileError(f"holds {plural(len(values), 'row')}, but there are {n_vertices} vertices")
+    return values
+
+
+def _of_mesh(columns: dict[str, npt.NDArray[Any]], name: str | None) -> npt.NDArray[Any]:
+    """Choose among the values per vertex of a mesh file."""
+    found = _grouped(columns)
+    own = [key for key in found if key not in ("color", "uv")] or list(found)
+    if name is None and (len(own) == 1 or own == ["color", "uv"]):
+        name = own[0]
+    if name in found:
+        return found[name]
+    if not found:
+        raise FileError("holds no values per vertex")
+    raise FileError(f"holds {', '.join(found)}; name one of them with --property (name= in Python)")
+
+
+def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Join columns that belong together, and leave out normals."""
+    columns = {name: one for name, one in columns.items() if name not in (*_NORMAL, "alpha")}
+    found: dict[str, npt.NDArray[Any]] = {}
+    for name, parts in _TOGETHER:
+        if set(parts) <= set(columns):
+            found.setdefault(name, np.column_stack([columns.pop(part) for part in parts]))
+    for name in list(columns):
+        stem = name.removesuffix("_0")
+        numbered = list(takewhile(columns.__contains__, (f"{stem}_{i}" for i in count())))
+        if name != stem and len(numbered) > 1:
+            found[stem] = np.column_stack([columns.pop(part) for part in numbered])
+    found |= {name: np.array(one) for name, one in columns.items()}
+    color = found.get("color")
+    if color is not None and color.dtype.kind == "f":
+        scale = 255 if np.nanmax(color, initial=0) <= 1 else 1
+        found["color"] = np.rint(np.clip(np.nan_to_num(color) * scale, 0, 255)).astype(np.uint8)
+    label = found.get("label")
+    if label is not None and label.dtype.kind == "f" and (label == np.rint(label)).all():
+        found["label"] = label.astype(np.int64)  # as write_values writes them
+    return found
 
 
 def write_values(
-    path: str | os.PathLike[str], values: npt.ArrayLike, mesh: MeshLike, *, kind: str = "scalar"
+    path: str | os.PathLike[str],
+    values: npt.ArrayLike,
+    mesh: MeshLike,
+    *,
+    kind: str = "scalar",
+    like: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
 
     Parameters
     ----------
     path : path
-        .npy, .csv or .txt: a table; .ply: the mesh with the values as extra properties, and as
+        .npy, .csv or .txt: a table; .ply, .vtp: the mesh with the values as its properties, and as
         colours too where there is one for each vertex (see :func:`unbend.io.value_colors`; colours
         and texture coordinates as such); .obj, .glb: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
@@ -88,6 +156,8 @@ def write_values(
     kind : str, default="scalar"
         What the columns mean to a mesh file: ``"scalar"``, ``"label"``, ``"weights"``, ``"color"``
         or ``"uv"``.
+    like : path, optional
+        An OBJ file whose lines an .obj file keeps, see :func:`unbend.write_mesh`.
 
     Raises
     ------
@@ -117,7 +187,7 @@ def write_values(
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
     if suffix in COLOR_SUFFIXES:
-        _write_mesh(path, array, mesh, kind)
+        _write_mesh(path, array, mesh, kind, like)
         return
     with atomic_write(path) as file:
         if suffix == ".npy":
@@ -134,8 +204,8 @@ def write_values(
 def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
     """Raise InputError if the format cannot hold such values, before anything is computed."""
     suffix = Path(path).suffix.lower()
-    if suffix == ".ply" and values.dtype.kind == "U":
-        raise InputError(".ply files cannot hold text for each vertex; write .csv")
+    if suffix in SCALAR_SUFFIXES and values.dtype.kind == "U":
+        raise InputError(f"{suffix} files cannot hold text for each vertex; write .csv")
     if suffix in (".obj", ".glb") and kind == "scalar" and values[:1].size > 1:
         raise InputError(
             f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
@@ -173,9 +243,15 @@ def _names(kind: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
 
 
-def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> None:
+def _write_mesh(
+    path: Path,
+    array: npt.NDArray[Any],
+    mesh: Mesh,
+    kind: str,
+    like: str | os.PathLike[str] | None,
+) -> None:
     if kind == "color":
-        write_mesh(path, mesh, colors=array[:, :3])
+        write_mesh(path, mesh, colors=array[:, :3], like=like)
     elif kind == "uv":
         # A vertex without texture coordinates still needs numbers to be drawn at all.
         write_mesh(path, mesh, uvs=np.nan_to_num(array))
@@ -186,8 +262,9 @@ def _write_mesh(path: Path, array: npt.NDArray[Any], mesh: Mesh, kind: str) -> N
         write_mesh(
             path,
             mesh,
-            scalars=scalars if path.suffix.lower() == ".ply" else None,
+            scalars=scalars if path.suffix.lower() in SCALAR_SUFFIXES else None,
             colors=value_colors(array, kind=kind) if shown else None,
+            like=like,
         )
 
 
@@ -200,7 +277,10 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
         # Column names cannot be told from words, except by the number of rows.
-        if rows and not are_numbers(rows[0]) and len(rows) != n_vertices:
+        header = rows[0] if rows else []
+        if len(header) > 1 and header[0].lower() == "vertex":
+            rows = _in_order(rows[1:])
+        elif rows and not are_numbers(header) and len(rows) != n_vertices:
             rows = rows[1:]
     else:
         rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
@@ -230,6 +310,20 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _in_order(rows: list[list[str]]) -> list[list[str]]:
+    """Sort rows by their first word, the number of a vertex, and remove it."""
+    found: dict[str, list[str]] = {}
+    for i, (vertex, *words) in enumerate(rows):
+        if vertex in found or not words:
+            problem = "again" if words else "without a value"
+            raise FileError(f"row {i} holds vertex {vertex[:20]!r} {problem}")
+        found[vertex] = words
+    for vertex in map(str, range(len(rows))):
+        if vertex not in found:
+            raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
+    return [found[str(vertex)] for vertex in range(len(rows))]
 
 
 def _is_comment(line: str) -> bool:

@@ -7,7 +7,7 @@ They raise FileError and MeshError without the file's name; :mod:`unbend.io` put
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -22,11 +22,12 @@ from unbend.errors import FileError, MeshError
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What a reader found: positions, triangles, and what it did to get them."""
+    """What a reader found: positions, triangles, what it did to get them, and values by name."""
 
     vertices: FloatArray
     faces: IntArray
     notes: tuple[str, ...] = ()
+    values: Callable[[], dict[str, npt.NDArray[Any]]] = dict
 
 
 NO_FACES: IntArray = np.empty((0, 3), dtype=np.int64)
@@ -89,10 +90,10 @@ def positions(rows: Sequence[Sequence[str]], what: str = "vertex") -> FloatArray
     for index, row in enumerate(rows):
         if len(row) < 3:
             raise FileError(f"{what} {index} has {len(row)} numbers instead of 3")
-    return _flat([row[:3] for row in rows], np.float64, "number", what).reshape(-1, 3)
+    return numbers_in([row[:3] for row in rows], np.float64, "number", what).reshape(-1, 3)
 
 
-def _flat(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) -> npt.NDArray[Any]:
+def numbers_in(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) -> npt.NDArray[Any]:
     """Convert all words of all rows; if that fails, name the first bad one."""
     array = _converted(list(chain.from_iterable(rows)), dtype)
     if array is not None:
@@ -111,7 +112,7 @@ def _converted(words: list[str], dtype: Any) -> npt.NDArray[Any] | None:
 
 
 def _indices(rows: Sequence[Sequence[str]]) -> IntArray:
-    return _flat(rows, np.int64, "vertex index", "face")
+    return numbers_in(rows, np.int64, "vertex index", "face")
 
 
 def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArray, list[str]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import BinaryIO
 
 import numpy as np
@@ -20,6 +22,21 @@ _OTHER = """
     cdp res call csh
 """
 _OTHER_KEYWORDS = frozenset(_OTHER.split())
+_EXTRAS = {
+    b"vt": "texture coordinates",
+    b"vn": "normals",
+    b"usemtl": "materials",
+    b"g": "groups",
+    b"o": "object names",
+}
+_GAP = rb"(?:[ \t]|\\(?:\r\n|\r|\n))+"
+_START = rb"(?:\A\xef\xbb\xbf|(?<![^\r\n]))[ \t]*"
+_NUMBER = rb"[^\s#\\]+"
+_THREE_NUMBERS = _GAP.join([_NUMBER] * 3)
+_V_LINE = re.compile(rb"(%sv%s)(%s)((?:%s%s)*)" % (_START, _GAP, _THREE_NUMBERS, _GAP, _NUMBER))
+_VN_LINE = re.compile(rb"(%svn%s)(%s)" % (_START, _GAP, _THREE_NUMBERS))
+_MTLLIB_LINE = re.compile(rb"(%smtllib[ \t]+)([^\r\n]*)" % _START)
+_MTL_NAME = re.compile(rb"(?<!\S)(?![/\\]|\w:)(\S[^\r\n]*?\.mtl)(?=\s|$)", re.IGNORECASE)
 
 
 def read(data: bytes) -> Contents:
@@ -48,7 +65,15 @@ def read(data: bytes) -> Contents:
     faces, notes = triangulate(np.array(sizes, dtype=np.int64), indices, len(rows))
     if strange:
         notes.append(f"{plural(strange, 'line')} that OBJ does not know left out")
-    return Contents(vertices, faces, tuple(notes))
+    return Contents(vertices, faces, tuple(notes), lambda: _colors(rows))
+
+
+def _colors(rows: list[list[str]]) -> dict[str, FloatArray]:
+    """Red, green and blue that follow every position, or nothing."""
+    if min(map(len, rows)) < 6:
+        return {}
+    values = positions([row[3:6] for row in rows])
+    return dict(zip(("red", "green", "blue"), values.T, strict=True))
 
 
 def _logical_lines(data: bytes) -> list[str]:
@@ -109,3 +134,87 @@ def write(
     file.write(write_table(uvs, "vt "))
     lines = ["f " + " ".join(f"{i}/{i}" for i in face) for face in (faces + 1).tolist()]
     file.write("\n".join([*lines, ""]).encode())
+
+
+def extras(data: bytes) -> list[str]:
+    """Name what a file holds besides positions and faces."""
+    found = set(re.findall(rb"(?<![^\r\n])[ \t]*(vt|vn|usemtl|g|o)\s", data))
+    first = _V_LINE.search(data)
+    colored = first is not None and len(first[3].split()) >= 3
+    return ["colours"] * colored + [name for key, name in _EXTRAS.items() if key in found]
+
+
+def rewrite(
+    data: bytes,
+    vertices: FloatArray,
+    colors: npt.NDArray[np.uint8] | None = None,
+    folder: bytes = b"",
+) -> bytes:
+    """Replace the positions in a file, and recompute its normals; other lines stay as they are.
+
+    A vertex that is not finite keeps its line. The names of material files are put after `folder`.
+    """
+    rows = iter(_texts(vertices))
+    tails = None if colors is None else iter(_texts(colors / 255))
+
+    def position(line: re.Match[bytes]) -> bytes:
+        row = next(rows, None)
+        tail = line[3] if tails is None else b" " + (next(tails, None) or b"")
+        return line[1] + (row or line[2]) + tail
+
+    text, count = _V_LINE.subn(position, data)
+    if count != len(vertices):
+        raise FileError(f"has {count} plain v lines for {plural(len(vertices), 'vertex')}")
+    if b"vn" in data:
+        normals = iter(_texts(_normals(data, vertices).round(6)))
+        text = _VN_LINE.sub(lambda line: line[1] + (next(normals, None) or line[2]), text)
+    if folder:
+        text = _MTLLIB_LINE.sub(
+            lambda line: line[1] + _MTL_NAME.sub(lambda name: folder + b"/" + name[1], line[2]),
+            text,
+        )
+    return text
+
+
+def _texts(rows: npt.NDArray[np.float64]) -> list[bytes | None]:
+    """Rows of numbers as text, None where they are not finite."""
+    return [
+        " ".join(map(repr, row)).encode() if all(map(math.isfinite, row)) else None
+        for row in rows.tolist()
+    ]
+
+
+def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
+    """Average the normals of the faces that share each ``vn`` line; NaN where there are none."""
+    n_vertices = n_normals = 0
+    sizes: list[int] = []
+    corners: list[int] = []
+    shared: list[int] = []  # normals of the corners
+    for line in _logical_lines(data):
+        keyword, *words = line.split() or [""]
+        n_vertices += keyword == "v"
+        n_normals += keyword == "vn"
+        if keyword not in ("f", "fo"):
+            continue
+        thirds = [word.split("/")[2] for word in words if word.count("/") == 2]
+        if 0 < len(thirds) == len(words) and all(thirds):
+            corners += _corners(words, n_vertices, len(sizes))
+            shared += _corners(thirds, n_normals, len(sizes))
+            sizes.append(len(words))
+    if not sizes:
+        return np.full((n_normals, 3), np.nan)
+    face = np.repeat(np.arange(len(sizes)), sizes)
+    ends = np.cumsum(sizes)
+    following = np.arange(len(face)) + 1
+    following[ends - 1] = ends - sizes
+    # Newell: the cross products along a polygon's boundary sum to twice its area.
+    places = (vertices - np.nanmean(vertices, axis=0))[corners]
+    of_faces = _sums(face, np.cross(places, places[following]), len(sizes))
+    normal = np.minimum(shared, n_normals)  # those that do not exist share the last row
+    sums = _sums(normal, of_faces[face], n_normals)[:n_normals]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
+
+
+def _sums(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
+    return np.column_stack([np.bincount(owners, column, count) for column in rows.T])

@@ -21,6 +21,15 @@ from unbend.io.formats.contents import table as write_table
 _KEYWORD = re.compile(r"\s*(?:ST)?C?N?(4?n?)OFF(\s+BINARY)?")
 
 
+_EXTRAS = {b"ST": "texture coordinates", b"C": "colours", b"N": "normals"}
+
+
+def extras(data: bytes) -> list[str]:
+    """Name what a file's keyword promises besides positions and faces."""
+    keyword = re.search(rb"^\s*(\w*)OFF", data, re.MULTILINE)
+    return [name for letters, name in _EXTRAS.items() if keyword and letters in keyword[1]]
+
+
 def read(data: bytes) -> Contents:
     """Read the positions and faces; colours, normals and texture coordinates are left out."""
     if re.match(rb"\s*\w*OFF\s+BINARY", data):

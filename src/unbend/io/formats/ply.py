@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 from typing import Any, BinaryIO, Literal
 
@@ -20,6 +21,7 @@ from unbend.io.formats.contents import (
     Contents,
     count,
     left_over,
+    numbers_in,
     polygon_rows,
     positions,
     text_lines,
@@ -33,6 +35,7 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _INDICES = ("vertex_indices", "vertex_index")
+_SHAPE = (*"xyz", *_INDICES)
 
 
 @dataclass
@@ -59,7 +62,7 @@ class _Element:
 
 
 def read(data: bytes) -> Contents:
-    """Read the positions and faces; all other properties are left out."""
+    """Read the positions and faces, and on demand the other numbers of vertices."""
     encoding, elements, body = _header(data.removeprefix(BYTE_ORDER_MARK))
     by_name = {element.name: element for element in elements}
     vertex, face = by_name.get("vertex"), by_name.get("face")
@@ -82,6 +85,12 @@ def read(data: bytes) -> Contents:
     if encoding == "ascii":
         return _read_text(body, elements)
     return _read_binary(body, elements, ">" if encoding == "binary_big_endian" else "<")
+
+
+def extras(data: bytes) -> list[str]:
+    """Name the properties of vertices and faces besides positions and vertex numbers."""
+    _, elements, _ = _header(data.removeprefix(BYTE_ORDER_MARK))
+    return [p.name for element in elements for p in element.properties if p.name not in _SHAPE]
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
@@ -133,6 +142,7 @@ def _indices_of(element: _Element) -> int:
 def _read_text(body: bytes, elements: list[_Element]) -> Contents:
     lines = [line for line in text_lines(body, "PLY") if line and not line.isspace()]
     at, vertices, faces, notes = 0, np.empty((0, 3)), NO_FACES, list[str]()
+    values: Callable[[], dict[str, npt.NDArray[Any]]] = dict
     face_rows: list[list[str]] = []
     for element in elements:
         if not element.properties:
@@ -142,6 +152,7 @@ def _read_text(body: bytes, elements: list[_Element]) -> Contents:
         rows = [line.split() for line in lines[at : at + element.count]]
         at += element.count
         if element.name == "vertex":
+            values = partial(_text_columns, element, rows)
             axes = [element.index(axis) for axis in "xyz"]
             if axes != [0, 1, 2]:
                 rows = [_pick(element, row, axes, i) for i, row in enumerate(rows)]
@@ -154,7 +165,20 @@ def _read_text(body: bytes, elements: list[_Element]) -> Contents:
     if face_rows:
         faces, notes = polygon_rows(face_rows, len(vertices))
     notes += _unread(len(lines) - at, "line")
-    return Contents(vertices, faces, tuple(notes))
+    return Contents(vertices, faces, tuple(notes), values)
+
+
+def _text_columns(element: _Element, rows: list[list[str]]) -> dict[str, npt.NDArray[Any]]:
+    return {
+        prop.name: numbers_in(
+            [_pick(element, row, [i], k) for k, row in enumerate(rows)],
+            prop.dtype,
+            "number of its type",
+            "vertex",
+        )
+        for i, prop in enumerate(element.properties)
+        if prop.size_dtype is None and prop.name not in _SHAPE
+    }
 
 
 def _pick(element: _Element, row: list[str], columns: list[int], index: int) -> list[str]:
@@ -177,6 +201,7 @@ def _offsets(element: _Element, row: list[str], index: int) -> list[int]:
 
 def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
     at, vertices, faces, notes = 0, np.empty((0, 3)), NO_FACES, list[str]()
+    values: dict[str, npt.NDArray[Any]] = {}
     polygons: tuple[IntArray, IntArray] | None = None
     for element in elements:
         if element.count * element.least_bytes > len(body) - at:
@@ -196,6 +221,11 @@ def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
             xyz = [rows[f"p{element.index(axis)}"] for axis in "xyz"]
             with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
                 vertices = np.column_stack(xyz).astype(np.float64)
+            values = {
+                p.name: rows[f"p{i}"]
+                for i, p in enumerate(element.properties)
+                if p.size_dtype is None and p.name not in _SHAPE
+            }
         elif element.name == "face":
             corners = rows[f"p{_indices_of(element)}"].astype(np.int64)
             sizes = np.full(len(rows), corners.shape[1], dtype=np.int64)
@@ -206,7 +236,7 @@ def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
     if polygons is not None:
         faces, notes = triangulate(*polygons, len(vertices))
     notes += _unread(left_over(body[at:]), "byte")
-    return Contents(vertices, faces, tuple(notes))
+    return Contents(vertices, faces, tuple(notes), lambda: values)
 
 
 def _unread(count: int, what: str) -> list[str]:

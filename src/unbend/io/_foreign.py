@@ -1,0 +1,103 @@
+"""Formats that trimesh or meshio reads, if they are installed. They may use any memory."""
+
+from __future__ import annotations
+
+import io
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._arrays import first_equal_row
+from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.io._objects import mesh_of
+from unbend.io.formats.contents import NO_FACES, Contents
+
+_TRIMESH = (".glb", ".gltf", ".3mf", ".dae")
+_MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
+FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
+
+
+def read_foreign(path: Path, data: bytes) -> Contents:
+    """Read a file with trimesh or meshio, and say so in the notes."""
+    suffix = path.suffix.lower()
+    program = "trimesh" if suffix in _TRIMESH else "meshio"
+    if find_spec(program) is None:
+        raise MissingExtraError(program)
+    try:
+        return _by_trimesh(suffix, data) if suffix in _TRIMESH else _by_meshio(path)
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
+        raise FileError(f"{program} cannot read it: {error}") from error
+
+
+def _by_meshio(path: Path) -> Contents:
+    import meshio
+
+    given = meshio.read(path)
+    mesh = mesh_of(given)
+    assert mesh is not None
+    values = {name: np.asarray(array) for name, array in given.point_data.items()}
+    return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
+
+
+def _by_trimesh(suffix: str, data: bytes) -> Contents:
+    """Read all parts of a scene, each where it stands; only from these bytes, never other files."""
+    import trimesh
+
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
+    parts = []
+    vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
+    for node in scene.graph.nodes_geometry:
+        placement, name = scene.graph[node]
+        part = scene.geometry[name]
+        if hasattr(part, "entities"):  # lines
+            continue
+        parts.append(part)
+        vertices.append(part.vertices @ placement[:3, :3].T + placement[:3, 3])
+        corners = np.asarray(getattr(part, "faces", NO_FACES)) + at
+        faces.append(corners[:, ::-1] if np.linalg.det(placement[:3, :3]) < 0 else corners)
+        at += len(part.vertices)
+    if not parts:
+        raise FileError("holds no vertices")
+    places, corners = np.concatenate(vertices), np.concatenate(faces)
+    values = [_values(part, linear=suffix in (".glb", ".gltf")) for part in parts]
+    shared = {
+        name: np.concatenate([one[name] for one in values])
+        for name in set.intersection(*map(set, values))
+    }
+    notes = ["read by trimesh"]
+    if b'"generator":"unbend"' not in data:
+        # Others repeat a vertex for each of its texture coordinates, normals and materials.
+        first = first_equal_row(places)
+        kept = np.flatnonzero(first == np.arange(len(first)))
+        if len(kept) < len(first):
+            notes.append(
+                f"{len(first)} vertices welded into {len(kept)} where their positions are equal "
+                "(the format repeats them at seams)"
+            )
+            corners = np.searchsorted(kept, first)[corners]
+            places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
+    return Contents(places, corners, tuple(notes), lambda: shared)
+
+
+def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
+    """Colours of a part, which may be amounts of light, and texture coordinates."""
+    found = {}
+    visual = part.visual
+    light = getattr(visual, "vertex_attributes", {}).get("color")
+    if light is None and visual.kind == "vertex":
+        light = visual.vertex_colors
+    if light is not None:
+        scale = np.iinfo(light.dtype).max if light.dtype.kind == "u" else 1
+        shares = np.clip(light[:, :3] / scale, 0, 1)
+        if linear:  # as screens take them: IEC 61966-2-1
+            dark = shares <= 0.0031308
+            shares = np.where(dark, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)
+        found["color"] = np.rint(shares * 255).astype(np.uint8)
+    if getattr(visual, "uv", None) is not None:
+        found["uv"] = np.asarray(visual.uv, dtype=np.float64)
+    return found

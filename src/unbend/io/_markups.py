@@ -1,0 +1,164 @@
+"""Landmarks of 3D Slicer: points with labels, in .mrk.json and .fcsv files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from unbend._text import plural
+from unbend._types import IntArray
+from unbend.errors import FileError, InputError
+from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._meshes import as_mesh
+from unbend.io._objects import MeshLike
+from unbend.io.formats.contents import text_lines
+from unbend.mesh import used_vertices
+
+MARKUP_SUFFIXES = (".json", ".fcsv")
+_FARTHEST = 0.03  # of the diagonal of the mesh's bounding box
+_SCHEMA = (
+    "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
+    "Resources/Schema/markups-schema-v1.0.3.json#"
+)
+# Slicer's older files have numbers for their axes.
+_FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
+
+
+def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str], IntArray]:
+    """Read landmarks that 3D Slicer or unbend placed on a mesh.
+
+    Parameters
+    ----------
+    path : path
+        A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex; any other is
+        moved to the nearest vertex. Points in RAS are turned to LPS, in which Slicer writes meshes.
+    mesh : mesh-like
+        The mesh with the points on it.
+
+    Returns
+    -------
+    labels : list of str
+    vertices : (l,) ndarray of int64
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or a point is farther from the mesh than 3 % of its size.
+    """
+    path, mesh = Path(path), as_mesh(mesh)
+    data = read_bytes(path, MARKUP_SUFFIXES)
+    used = used_vertices(mesh)
+    there = np.flatnonzero(np.isfinite(used).all(axis=1))
+    tree = cKDTree(used[there])
+    farthest = _FARTHEST * np.linalg.norm(np.ptp(used[there], axis=0))
+    vertices = []
+    with named(path):
+        try:
+            points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as e:
+            raise FileError("not a landmark file of 3D Slicer, or a damaged one") from e
+        if not points:
+            raise FileError("holds no points")
+        for label, description, position in points:
+            distance, nearest = tree.query(position) if np.isfinite(position).all() else (np.inf, 0)
+            number = re.fullmatch(r"vertex (\d{1,18})", description)
+            if number and int(number[1]) >= mesh.n_vertices:
+                raise FileError(
+                    f"point {label!r} is {description}, but {mesh.name} has "
+                    f"{plural(mesh.n_vertices, 'vertex')}"
+                )
+            if not number and distance > farthest:
+                raise FileError(
+                    f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
+                    "size: is it of another mesh, unit or axes (RAS or LPS)?"
+                )
+            vertices.append(int(number[1]) if number else int(there[nearest]))
+    return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
+
+
+def read_markup_pairs(
+    paths: Sequence[str | os.PathLike[str]], source: MeshLike, target: MeshLike
+) -> IntArray:
+    """Read landmarks (l, 2) from a file for each of two meshes.
+
+    Points are paired by label if both files have the same labels; otherwise by order.
+
+    Raises FileError if a file cannot be read; InputError if their points do not pair.
+    """
+    (labels, first), (others, second) = (
+        read_markups(path, mesh) for path, mesh in zip(paths, (source, target), strict=True)
+    )
+    if set(labels) & set(others) and len(set(labels)) == len(labels):
+        for label in (*labels, *others):
+            if label not in others or label not in labels or others.count(label) > 1:
+                raise InputError(f"{paths[0]} and {paths[1]} do not both have one point {label!r}")
+        second = second[[others.index(label) for label in labels]]
+    if len(first) != len(second):
+        raise InputError(
+            f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second)}: they must be "
+            "pairs"
+        )
+    return np.column_stack([first, second])
+
+
+def write_markups(
+    path: str | os.PathLike[str], mesh: MeshLike, vertices: npt.ArrayLike, labels: Sequence[str]
+) -> None:
+    """Write vertices of a mesh as landmarks for 3D Slicer, a .mrk.json file.
+
+    See :func:`read_markups` for the reverse.
+    """
+    path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
+    points = [
+        {
+            "id": str(i + 1),
+            "label": label,
+            "description": f"vertex {vertex}",
+            "position": mesh.vertices[vertex].tolist(),
+        }
+        for i, (vertex, label) in enumerate(zip(np.asarray(vertices), labels, strict=True))
+    ]
+    markup = {"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": points}
+    with atomic_write(path) as file:
+        file.write(json.dumps({"@schema": _SCHEMA, "markups": [markup]}, indent=1).encode())
+
+
+_Point = tuple[str, str, npt.NDArray[np.float64]]
+
+
+def _mrk_json(data: bytes) -> list[_Point]:
+    return [
+        _point(
+            point.get("label", ""),
+            point.get("description", ""),
+            point["position"] if point.get("positionStatus") != "undefined" else [np.nan] * 3,
+            markup.get("coordinateSystem", "LPS"),
+        )
+        for markup in json.loads(data)["markups"]
+        for point in markup["controlPoints"]
+    ]
+
+
+def _fcsv(data: bytes) -> list[_Point]:
+    """Rows of id, x, y, z, four numbers of a rotation, three switches, label and description."""
+    lines = text_lines(data, "FCSV")
+    axes = [line.partition("=")[2].strip() for line in lines if "CoordinateSystem" in line]
+    rows = csv.reader((line for line in lines if line and not line.startswith("#")), strict=True)
+    return [_point(row[11], row[12], row[1:4], axes[0] if axes else "RAS") for row in rows]
+
+
+def _point(label: Any, description: Any, position: Any, axes: Any) -> _Point:
+    flip = _FLIPS[axes]
+    place = np.array([float(x) for x in position]) * (flip, flip, 1)
+    if place.shape != (3,):
+        raise ValueError("a position is three numbers")
+    return str(label), str(description).strip(), place

@@ -1,0 +1,186 @@
+"""Writing meshes, without ever changing the order of their vertices."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._arrays import array_of, numbers_of
+from unbend._text import plural
+from unbend._types import FloatArray
+from unbend.errors import FileError, InputError
+from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._meshes import as_mesh
+from unbend.io._objects import MeshLike
+from unbend.io.formats import glb, obj, off, ply, points, stl, vtp
+from unbend.mesh import Mesh
+
+_WRITERS: dict[str, Callable[..., None]] = {
+    ".off": off.write,
+    ".obj": obj.write,
+    ".ply": ply.write,
+    ".stl": stl.write,
+    ".glb": glb.write,
+    ".vtp": vtp.write,
+    ".xyz": points.write_xyz,
+}
+
+WRITE_SUFFIXES = tuple(_WRITERS)
+# Formats whose writers take colours and texture coordinates, and those that take any values.
+COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
+SCALAR_SUFFIXES = (".ply", ".vtp")
+
+
+def write_mesh(
+    path: str | os.PathLike[str],
+    mesh: MeshLike,
+    *,
+    scalars: Mapping[str, npt.ArrayLike] | None = None,
+    colors: npt.ArrayLike | None = None,
+    uvs: npt.ArrayLike | None = None,
+    like: str | os.PathLike[str] | None = None,
+) -> None:
+    """Write a triangle mesh or a point cloud.
+
+    OFF, OBJ, PLY, XYZ and VTP (for ParaView) keep every position to the last bit, in the same
+    order. STL stores bare triangles in single precision: vertex order is lost. GLB, which is glTF
+    in one file, keeps the order, also in single precision; programs take y for its upward axis. The
+    file appears under its name only once it is complete.
+
+    Parameters
+    ----------
+    path : path
+        Where to write; the suffix (.off, .obj, .ply, .stl, .glb, .vtp or .xyz) says the format.
+    mesh : Mesh or anything that :func:`as_mesh` accepts
+        What to write, for instance a ``(vertices, faces)`` pair.
+    scalars : mapping of str to (n,) array_like of float, optional
+        Values per vertex by name, stored as extra vertex properties. PLY and VTP only.
+    colors : (n, 3) array_like of int, optional
+        Red, green and blue per vertex, 0 to 255. PLY, OBJ, GLB and VTP only.
+    uvs : (n, 2) array_like of float, optional
+        Texture coordinates per vertex. PLY (as the properties s and t), OBJ, GLB and
+        VTP only.
+    like : path, optional
+        An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
+        materials, groups, polygons); only positions are replaced, and normals recomputed from the
+        faces that share them. Names of material files are given relative to the new file; no file
+        is copied. OBJ only, without `uvs`.
+
+    Raises
+    ------
+    FileError
+        If the suffix is unknown or the file cannot be written.
+    InputError
+        If the format cannot hold what was given, or arrays do not match the mesh.
+
+    See Also
+    --------
+    read_mesh : The reverse.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend import read_mesh, write_mesh
+    >>> path = Path(tempfile.mkdtemp()) / "triangle.ply"
+    >>> vertices, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> write_mesh(path, (vertices, faces), scalars={"distance": [0.0, 1.0, 1.0]})
+    >>> read_mesh(path)
+    Mesh(3 vertices, 1 faces)
+    """
+    path = check_writable(path, WRITE_SUFFIXES)
+    suffix = path.suffix.lower()
+    mesh = as_mesh(mesh)
+    if scalars and suffix not in SCALAR_SUFFIXES:
+        raise InputError(f"{suffix} files cannot hold values per vertex; write .ply or .vtp")
+    if suffix not in COLOR_SUFFIXES and (colors is not None or uvs is not None):
+        raise InputError(
+            f"{suffix} files cannot hold colours or texture coordinates per vertex; write .ply"
+        )
+    if suffix == ".xyz" and mesh.n_faces:
+        raise InputError(".xyz files hold points only; write .off, .obj or .ply to keep the faces")
+    if suffix == ".stl" and not mesh.n_faces:
+        raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
+    extras: dict[str, Any] = {}
+    if scalars:
+        extras["scalars"] = _scalars(scalars, mesh.n_vertices)
+    if colors is not None:
+        extras["colors"] = _colors(colors, mesh.n_vertices)
+    if uvs is not None:
+        extras["uvs"] = _uvs(uvs, mesh.n_vertices)
+    if like is not None:
+        if uvs is not None or suffix != ".obj":
+            raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
+        data = _rewritten(Path(like), path, mesh, extras.get("colors"))
+    with atomic_write(path) as file:
+        if like is not None:
+            file.write(data)
+        else:
+            _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
+
+
+def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
+    """Give the lines of the OBJ file `like` with the positions of a mesh that came from it."""
+    data = read_bytes(like, (".obj",))
+    source, folder = os.path.realpath(like.parent), os.path.realpath(path.parent)
+    try:
+        prefix = os.path.relpath(source, folder)
+    except ValueError:  # another drive of Windows
+        prefix = source
+    with named(like):
+        contents = obj.read(data)
+        if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
+            contents.faces, mesh.faces
+        ):
+            raise FileError("has other vertices or faces than the mesh; its lines cannot be kept")
+        prefix = "" if prefix == "." else prefix.replace(os.sep, "/")
+        return obj.rewrite(data, mesh.vertices, colors, os.fsencode(prefix))
+
+
+def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
+    arrays = {}
+    if not isinstance(scalars, Mapping):
+        raise InputError("scalars must be a dictionary of names and values")
+    for name, values in scalars.items():
+        word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
+        if not word or name in (*"xyz", *_COLOR_NAMES):
+            raise InputError(
+                f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
+                "and none of x, y, z, red, green, blue"
+            )
+        array = numbers_of(values, f"scalars {name!r}")
+        if array.shape != (n_vertices,):
+            raise InputError(
+                f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
+                f"of its {plural(n_vertices, 'vertex')}"
+            )
+        arrays[name] = array
+    return arrays
+
+
+def _uvs(uvs: npt.ArrayLike, n_vertices: int) -> FloatArray:
+    array = numbers_of(uvs, "uvs")
+    if array.shape != (n_vertices, 2) or not np.isfinite(array).all():
+        raise InputError(f"uvs must be finite numbers of shape ({n_vertices}, 2)")
+    return array
+
+
+_COLOR_NAMES = ("red", "green", "blue")
+
+
+def _colors(colors: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.uint8]:
+    array = array_of(colors, "colors")
+    if array.shape != (n_vertices, 3) or array.dtype.kind not in "iu":
+        raise InputError(
+            f"colors must be whole numbers of shape ({n_vertices}, 3), not {array.dtype} of "
+            f"shape {array.shape}"
+        )
+    if array.size and (array.min() < 0 or array.max() > 255):
+        raise InputError("colors must lie between 0 and 255")
+    return array.astype(np.uint8)

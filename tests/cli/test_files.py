@@ -1,0 +1,151 @@
+"""What a file holds is not lost in silence: textures, values, landmarks; maps know their meshes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import Mesh, read_mesh, write_match, write_mesh
+from unbend.cli import app
+from unbend.datasets import make_quadruped
+from unbend.io import read_markups, read_values, write_map, write_markups, write_values
+from unbend.matching import Match
+
+SOURCE = make_quadruped("standing", n_vertices=600).mesh
+TARGET = make_quadruped("walking", n_vertices=600).mesh  # the same vertices, in another pose
+SAME = np.arange(600)
+
+
+def right(*arguments):
+    done = CliRunner().invoke(app, [*map(str, arguments)])
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def textured(mesh: Mesh) -> bytes:
+    """An OBJ file with a chart, normals, groups, a material, and quads where two faces allow it."""
+    lines = ["mtllib skin.mtl", "o dog"]
+    lines += [f"v {' '.join(map(repr, row))}" for row in mesh.vertices.tolist()]
+    lines += [f"vt {x} {y}" for x, y, _ in mesh.vertices.tolist()]
+    lines += ["vn 0 0 1"] * mesh.n_vertices + ["g body", "usemtl fur", "s 1"]
+    faces = mesh.faces.tolist()
+    while faces:
+        face = faces.pop(0)
+        if faces and faces[0][0] == face[0] and faces[0][1] == face[2]:
+            face.append(faces.pop(0)[2])
+        lines.append("f " + " ".join(f"{i + 1}/{i + 1}/{i + 1}" for i in face))
+    return "\n".join([*lines, ""]).encode()
+
+
+def lines_that_differ(path: Path, other: Path) -> set[bytes]:
+    pairs = zip(path.read_bytes().split(b"\n"), other.read_bytes().split(b"\n"), strict=True)
+    return {word for old, new in pairs if old != new for word in {old[:2], new[:2]}}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "a.obj").write_bytes(textured(SOURCE))
+    (tmp_path / "b.obj").write_bytes(textured(TARGET))
+    assert any(len(line.split()) == 5 for line in textured(SOURCE).split(b"\n"))
+    write_mesh(tmp_path / "a.ply", SOURCE)
+    write_mesh(tmp_path / "b.ply", TARGET)
+    write_map(tmp_path / "map.npy", SAME)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_registered_obj_keeps_its_lines(folder: Path) -> None:
+    done = right("register", "a.obj", "b.ply", "--map", "map.npy", "-o", "out.obj")
+    assert lines_that_differ(folder / "a.obj", folder / "out.obj") == {b"v ", b"vn"}
+    assert (
+        "note: out.obj has all lines of a.obj, with new positions; its normals are " in done.stderr
+    )
+    assert np.abs(read_mesh("out.obj").vertices - TARGET.vertices).max() < 0.1
+    done = right("register", "a.obj", "b.ply", "--map", "map.npy", "-o", "out.ply")
+    assert (
+        "note: out.ply does not keep these of a.obj: texture coordinates, normals, materials, "
+        "groups, object names" in done.stderr
+    )
+
+
+def test_a_canonical_form_keeps_them_and_finds_its_material(folder: Path) -> None:
+    (folder / "new").mkdir()
+    done = right("canonical", "a.obj", "--detail", "preserved", "-o", "new/out.obj")
+    assert lines_that_differ(folder / "a.obj", folder / "new" / "out.obj") == {b"mt", b"v ", b"vn"}
+    assert (folder / "new" / "out.obj").read_bytes().startswith(b"mtllib ../skin.mtl\n")
+    assert "its materials stay in the folder of a.obj" in done.stderr
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".vtp"])
+def test_a_canonical_form_in_other_formats(folder: Path, suffix: str) -> None:
+    right("canonical", "a.ply", "-o", f"out{suffix}")
+    assert (folder / f"out{suffix}").stat().st_size > 600 * 12
+
+
+def test_transfer_colours_the_lines_of_an_obj(folder: Path) -> None:
+    colors = np.arange(1800).reshape(600, 3) % 256
+    np.savetxt("colors.csv", colors, "%d", ",", header="red,green,blue", comments="")
+    given = ["transfer", "a.ply", "b.obj", "--map", "map.npy", "-o", "out.obj"]
+    done = right(*given, "--values", "colors.csv")
+    assert "600 x 3 values (color)" in done.stdout
+    assert lines_that_differ(folder / "b.obj", folder / "out.obj") <= {b"v ", b"vn"}
+    np.testing.assert_array_equal(read_values("out.obj"), colors)
+    # Carried from the .obj, and from a .ply beside other values.
+    given = ["transfer", "out.obj", "a.ply", "--map", "map.npy", "-o", "again.ply"]
+    right(*given, "--values", "out.obj")
+    np.testing.assert_array_equal(read_values("again.ply"), colors)
+    write_mesh("two.ply", SOURCE, colors=colors, scalars={"heat": SAME, "cold": -SAME})
+    right(*given, "--values", "two.ply", "--property", "color")
+    np.testing.assert_array_equal(read_values("again.ply"), colors)
+    done = CliRunner().invoke(app, [*given, "--values", "two.ply"])
+    assert done.exit_code == 2
+    assert "two.ply: holds color, heat, cold; name one of them with --property" in done.stderr
+
+
+def test_scalars_and_labels_written_to_ply_are_values_again(folder: Path) -> None:
+    write_values("labels.ply", SAME % 5, SOURCE, kind="label")
+    given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values"]
+    done = right(*given, "labels.ply", "-o", "out.vtp")
+    assert "(label)" in done.stdout
+    right(*given, "labels.ply", "-o", "out.csv")
+    np.testing.assert_array_equal(read_values("out.csv"), SAME % 5)
+    Path("parts.csv").write_text("vertex,part\n" + "".join(f"{i},p{i}\n" for i in SAME[::-1]))
+    right(*given, "parts.csv", "-o", "out.csv")
+    assert read_values("out.csv").tolist() == [f"p{i}" for i in SAME]
+
+
+def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
+    write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
+    given = ["transfer", "a.ply", "b.ply", "--values", "a.mrk.json", "-o", "b.mrk.json"]
+    done = right(*given, "--map", "map.npy", "--json")
+    assert json.loads(done.stdout)["kind"] == "landmarks"
+    labels, vertices = read_markups("b.mrk.json", TARGET)
+    assert (labels, vertices.tolist()) == (["nose", "tail", "paw"], [3, 500, 77])
+    hints = ["--landmarks", "a.mrk.json", "--landmarks", "b.mrk.json"]
+    done = right("match", "a.ply", "b.ply", *hints, "--no-refine", "--json")
+    assert json.loads(done.stdout)["missed_landmarks"] == []
+    done = CliRunner().invoke(app, ["match", "a.ply", "b.ply", *hints[:2]])
+    assert done.exit_code == 2
+    assert "--landmarks takes one .csv file" in done.stderr
+
+
+def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
+    found = Match(SAME, SAME, np.eye(3), 1.0, 0.0, 0.55)
+    write_match("map.npz", found, source=SOURCE, target=TARGET)
+    right("register", "a.obj", "b.ply", "--map", "map.npz", "-o", "out.ply")
+    # The same mesh, turned, or with one component chosen, is no other one.
+    write_mesh("a.ply", Mesh(SOURCE.vertices[:, ::-1], SOURCE.faces))
+    done = right("register", "a.ply", "b.ply", "--map", "map.npz", "-o", "out.ply")
+    assert "the match is doubtful (confidence 0.55)" in done.stderr
+    write_mesh("other.ply", Mesh(SOURCE.vertices[:, ::-1], SOURCE.faces[::-1]))
+    Path("out.ply").unlink()
+    for command in (["register"], ["transfer", "--values", "map.npy"]):
+        pair = ["other.ply", "b.ply", "--map", "map.npz", "-o", "out.ply"]
+        done = CliRunner().invoke(app, [*command, *pair])
+        assert done.exit_code == 2
+        assert "map.npz: belongs to another mesh than other.ply" in done.stderr
+        assert not Path("out.ply").exists()

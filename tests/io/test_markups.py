@@ -1,0 +1,111 @@
+"""Landmarks of 3D Slicer: in, out, paired, and refused where they do not fit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from unbend import Mesh
+from unbend.errors import FileError, InputError
+from unbend.io import read_markup_pairs, read_markups, write_markups
+
+CUBE = Mesh(
+    [[x, y, z] for x in (1, 3) for y in (1, 3) for z in (1, 3)] + [[1.2, 1, 1]],
+    [[0, 1, 2], [3, 4, 5], [6, 7, 0]],  # the last vertex is in no face
+)
+
+
+def mrk(*points, axes="LPS") -> str:
+    keys = ("label", "position", "description")
+    controls = [dict(zip(keys, point, strict=False)) for point in points]
+    return json.dumps({"markups": [{"coordinateSystem": axes, "controlPoints": controls}]})
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.text(), st.integers(0, 8)), min_size=1))
+def test_what_is_written_is_read_back(tmp_path_factory, points) -> None:
+    path = tmp_path_factory.mktemp("m") / "a.mrk.json"
+    labels, vertices = zip(*points, strict=True)
+    write_markups(path, CUBE, vertices, labels)
+    back_labels, back = read_markups(path, CUBE)
+    assert (back_labels, back.tolist()) == (list(labels), list(vertices))
+
+
+def test_a_point_moves_to_the_nearest_vertex_in_a_face(tmp_path: Path) -> None:
+    path = tmp_path / "a.mrk.json"
+    path.write_text(mrk(("nose", [3, 3.05, 1]), ("tail", [1.04, 1, 1])))
+    assert read_markups(path, CUBE)[1].tolist() == [6, 0]
+
+
+def test_ras_is_turned_to_lps(tmp_path: Path) -> None:
+    path = tmp_path / "a.mrk.json"
+    path.write_text(mrk(("nose", [-3, -1, 1]), axes="RAS"))
+    assert read_markups(path, CUBE)[1].tolist() == [4]
+
+
+@pytest.mark.parametrize(
+    ("axes", "sign"), [("LPS", 1), ("RAS", -1), ("0", -1), ("1", 1), (None, -1)]
+)
+def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
+    path = tmp_path / "a.fcsv"
+    path.write_text(
+        "# Markups fiducial file version = 4.11\n"
+        + ("" if axes is None else f"# CoordinateSystem = {axes}\n")
+        + "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n"
+        + f'1,{3 * sign},{1 * sign},1,0,0,0,1,1,1,0,"nose, left",,\n'
+        + "2,9,9,9,0,0,0,1,1,1,0,tail,vertex 5,\n"
+    )
+    labels, vertices = read_markups(path, CUBE)
+    assert labels == ["nose, left", "tail"]
+    assert vertices.tolist() == [4, 5]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (mrk(("nose", [3, 3.2, 1])), "'nose' is 0.2 from mesh, more than 3 %"),
+        (mrk(("nose", [3, 3, float("nan")])), "'nose' is inf from mesh"),
+        (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
+        (mrk(("nose", [0, 0])), "not a landmark file"),
+        (mrk(("nose", [0, 0, 0]), axes="IJK"), "not a landmark file"),
+        (mrk(), "holds no points"),
+        ("[" * 100_000, "not a landmark file"),
+        ('{"markups": 7}', "not a landmark file"),
+        ("{", "not a landmark file"),
+    ],
+)
+def test_what_does_not_fit_is_refused(tmp_path: Path, text: str, problem: str) -> None:
+    path = tmp_path / "a.mrk.json"
+    path.write_text(text)
+    with pytest.raises(FileError, match=problem):
+        read_markups(path, CUBE)
+
+
+@pytest.mark.parametrize("text", ["1,2\n", "1,a,b,c,0,0,0,1,1,1,0,nose,\n", "#\n", "\0"])
+def test_a_damaged_fcsv_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.fcsv").write_text(text)
+    with pytest.raises(FileError, match=r"a\.fcsv"):
+        read_markups(tmp_path / "a.fcsv", CUBE)
+
+
+def pair(folder: Path, first: list[str], second: list[str]) -> list[list[int]]:
+    paths = [folder / "a.mrk.json", folder / "b.mrk.json"]
+    for path, labels in zip(paths, (first, second), strict=True):
+        write_markups(path, CUBE, range(len(labels)), labels)
+    return read_markup_pairs(paths, CUBE, CUBE).tolist()
+
+
+def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
+    assert pair(tmp_path, ["nose", "tail"], ["tail", "nose"]) == [[0, 1], [1, 0]]
+    assert pair(tmp_path, ["F-1", "F-2"], ["P-1", "P-2"]) == [[0, 0], [1, 1]]
+    assert pair(tmp_path, ["", ""], ["", ""]) == [[0, 0], [1, 1]]
+    with pytest.raises(InputError, match="one point 'tail'"):
+        pair(tmp_path, ["nose", "tail"], ["nose", "ear"])
+    with pytest.raises(InputError, match="one point 'tail'"):
+        pair(tmp_path, ["nose", "tail"], ["nose"])
+    with pytest.raises(InputError, match=r"2 points, .* 3: they must be pairs"):
+        pair(tmp_path, ["a", "b"], ["c", "d", "e"])

@@ -1,0 +1,120 @@
+"""Values that mesh files hold come back, from ours and from other programs'."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from unbend import Mesh, read_mesh, write_mesh
+from unbend.errors import FileError, InputError
+from unbend.io import read_values, write_values
+
+SQUARE = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+FILES = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@FILES
+@given(st.data(), st.sampled_from(["scalar", "label", "weights", "color", "uv"]))
+def test_what_is_written_to_ply_is_read_back(tmp_path: Path, data, kind) -> None:
+    values = data.draw(
+        {
+            "scalar": arrays(float, (4, 3), elements=st.floats(allow_infinity=False)),
+            "label": arrays(np.int64, 4, elements=st.integers(-1, 2**50)),
+            "weights": arrays(float, (4, 2), elements=st.floats(0, 1)),
+            "color": arrays(np.uint8, (4, 3)),
+            "uv": arrays(float, (4, 2), elements=st.floats(-1, 2)),
+        }[kind]
+    )
+    write_values(tmp_path / "a.ply", values, SQUARE, kind=kind)
+    back = read_values(tmp_path / "a.ply", n_vertices=4)
+    np.testing.assert_array_equal(back, values)
+    assert back.dtype == values.dtype
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
+def test_colours_of_every_format_come_back(tmp_path: Path, suffix: str) -> None:
+    if suffix == ".glb":
+        pytest.importorskip("trimesh")
+    colors = np.arange(12).reshape(4, 3) * 23
+    write_mesh(tmp_path / f"a{suffix}", SQUARE, colors=colors)
+    back = read_values(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(back, colors)
+    assert back.dtype == np.uint8
+
+
+def ply(encoding: str) -> bytes:
+    header = (
+        f"ply\nformat {encoding} 1.0\nelement vertex 2\nproperty uchar part\nproperty list uchar "
+        "int more\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+        "property float quality\nproperty float red\nproperty float green\nproperty float blue\n"
+        "end_header\n"
+    )
+    rows = [(3, 1, 9, 0, 0, 0, 1, 0.5, 1, 0, 0), (4, 1, 8, 1, 2, 3, 1, 0.25, 0, 0.2, 1)]
+    if encoding == "ascii":
+        return (header + "".join(" ".join(map(str, row)) + "\n" for row in rows)).encode()
+    order = "<" if encoding == "binary_little_endian" else ">"
+    return header.encode() + b"".join(struct.pack(f"{order}BBi8f", *row) for row in rows)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_properties_are_read_by_name(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(ply(encoding))
+    assert read_values(path, name="part").tolist() == [3, 4]
+    assert read_values(path, name="part").dtype == np.uint8
+    assert read_values(path, name="quality").tolist() == [0.5, 0.25]
+    assert read_values(path, name="color").tolist() == [[255, 0, 0], [0, 51, 255]]
+    assert read_mesh(path).vertices.tolist() == [[0, 0, 0], [1, 2, 3]]
+    with pytest.raises(FileError, match=r"a\.ply: holds color, part, quality; name one"):
+        read_values(path)
+    with pytest.raises(FileError, match="name one"):
+        read_values(path, name="nx")
+
+
+def test_a_word_that_is_no_number_is_named_only_when_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(ply("ascii").replace(b"0.25", b"high"))
+    assert read_mesh(path).n_vertices == 2
+    with pytest.raises(FileError, match="vertex 1 holds 'high'"):
+        read_values(path, name="quality")
+
+
+def test_a_mesh_without_values_says_so(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "a.ply", SQUARE)
+    with pytest.raises(FileError, match="holds no values per vertex"):
+        read_values(tmp_path / "a.ply")
+    (tmp_path / "a.csv").write_text("1\n")
+    with pytest.raises(InputError, match="no mesh file"):
+        read_values(tmp_path / "a.csv", name="part")
+
+
+@given(st.permutations(range(5)), st.lists(st.sampled_from(["head", "a tail", "7"]), min_size=5))
+def test_rows_with_vertex_numbers_may_be_in_any_order(tmp_path_factory, order, words) -> None:
+    path = tmp_path_factory.mktemp("v") / "a.csv"
+    words[4] = "paw"  # so that not all are numbers
+    path.write_text("vertex,part\n" + "".join(f"{i},{words[i]}\n" for i in order))
+    assert read_values(path, n_vertices=5).tolist() == words[:5]
+    path.write_text("Vertex,x,y\n" + "".join(f"{i},{i / 2},{-i}\n" for i in order))
+    np.testing.assert_array_equal(read_values(path), [(i / 2, -i) for i in range(5)])
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        ("0,a\n0,b\n", "row 1 holds vertex '0' again"),
+        ("1,a\n2,b\n", "no row of vertex 0: all are needed, counted from 0"),
+        ("0,a\n1\n", "row 1 holds vertex '1' without a value"),
+        ("x,a\n", "no row of vertex 0"),
+        ("", "holds no rows"),
+    ],
+)
+def test_vertex_numbers_must_be_all_of_them(tmp_path: Path, rows: str, problem: str) -> None:
+    (tmp_path / "a.csv").write_text(f"vertex,part\n{rows}")
+    with pytest.raises(FileError, match=problem):
+        read_values(tmp_path / "a.csv")

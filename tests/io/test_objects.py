@@ -1,0 +1,143 @@
+"""Meshes of other programs, by their attributes; and of their files, where they are installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, as_mesh, read_mesh, write_mesh
+from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.io import read_values
+
+QUAD = [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+FACES = [[0, 1, 2], [0, 2, 3]]
+
+
+def poly_data(n_strips: int = 0) -> SimpleNamespace:
+    """What unbend asks a vtkPolyData for."""
+    polygons = SimpleNamespace(
+        GetOffsetsArray=lambda: np.array([0, 4]), GetConnectivityArray=lambda: np.arange(4)
+    )
+    return SimpleNamespace(
+        GetNumberOfStrips=lambda: n_strips,
+        GetPolys=lambda: polygons,
+        GetPoints=lambda: SimpleNamespace(GetData=lambda: np.array(QUAD)),
+    )
+
+
+def block(kind, rows):
+    return SimpleNamespace(type=kind, data=np.array(rows))
+
+
+def meshio_like(points, *cells):
+    return SimpleNamespace(points=np.array(points), cells=list(cells), cells_dict={})
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        SimpleNamespace(vertices=QUAD, triangles=FACES, vertex_normals=[]),  # Open3D
+        SimpleNamespace(vertices=QUAD, faces=FACES),  # trimesh
+        meshio_like(QUAD, block("triangle", FACES)),
+        meshio_like(QUAD, block("vertex", [[0]]), block("quad", [[0, 1, 2, 3]])),
+        meshio_like([row[:2] for row in QUAD], block("triangle", FACES)),
+        poly_data(),
+    ],
+)
+def test_surfaces(given) -> None:
+    mesh = as_mesh(given)
+    np.testing.assert_array_equal(mesh.vertices, QUAD)
+    np.testing.assert_array_equal(mesh.faces, FACES)
+
+
+def test_points_of_open3d() -> None:
+    assert as_mesh(SimpleNamespace(points=QUAD, estimate_normals=print)).is_point_cloud
+
+
+def test_what_has_no_surface_says_so() -> None:
+    with pytest.raises(InputError, match="a mesh of tetra has no surface"):
+        as_mesh(meshio_like(QUAD, block("tetra", [[0, 1, 2, 3]])))
+    with pytest.raises(InputError, match="vtkTriangleFilter"):
+        as_mesh(poly_data(n_strips=1))
+
+
+def test_objects_of_the_programs_themselves() -> None:
+    pyvista = pytest.importorskip("pyvista")
+    surface = pyvista.PolyData(np.array(QUAD), faces=[4, 0, 1, 2, 3])
+    np.testing.assert_array_equal(as_mesh(surface).faces, FACES)
+    meshio = pytest.importorskip("meshio")
+    given = meshio.Mesh(QUAD, [("polygon", [[0, 1, 2, 3]])])
+    np.testing.assert_array_equal(as_mesh(given).faces, FACES)
+
+
+def test_our_own_glb_comes_back(blob: Mesh, tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    write_mesh(tmp_path / "a.glb", blob)
+    back = read_mesh(tmp_path / "a.glb")
+    np.testing.assert_array_equal(back.vertices, blob.vertices.astype(np.float32))
+    np.testing.assert_array_equal(back.faces, blob.faces)
+    assert back.notes == ("read by trimesh",)
+
+
+def test_a_scene_is_read_where_it_stands_and_its_seams_are_welded(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    left = trimesh.Trimesh(QUAD, FACES, process=False)
+    right = left.copy()
+    scene = trimesh.Scene()
+    scene.add_geometry(left)
+    scene.add_geometry(right, transform=trimesh.transformations.translation_matrix([1, 0, 0]))
+    scene.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.n_vertices == 6  # two are shared
+    assert mesh.n_faces == 4
+    assert "8 vertices welded into 6" in mesh.notes[1]
+    assert mesh.vertices[:, 0].max() == 2
+
+
+def test_colours_of_gltf_are_amounts_of_light(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    given = trimesh.Trimesh(QUAD, FACES, process=False, vertex_colors=[[128, 0, 255, 255]] * 4)
+    given.export(tmp_path / "a.glb")
+    assert read_values(tmp_path / "a.glb").tolist() == [[188, 0, 255]] * 4
+
+
+@pytest.mark.parametrize("data", [b"glTF", b"glTF\2\0\0\0\xff\xff\xff\x7f", b"nothing"])
+def test_a_broken_glb_is_one_sentence(tmp_path: Path, data: bytes) -> None:
+    pytest.importorskip("trimesh")
+    (tmp_path / "a.glb").write_bytes(data)
+    with pytest.raises(FileError, match=r"^a\.glb: trimesh cannot read it"):
+        read_mesh(tmp_path / "a.glb")
+
+
+def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    (tmp_path / "secret.bin").write_bytes(bytes(36))
+    (tmp_path / "a.gltf").write_text(
+        '{"asset": {"version": "2.0"}, "buffers": [{"uri": "secret.bin", "byteLength": 36}]}'
+    )
+    with pytest.raises(FileError, match="trimesh cannot read it"):
+        read_mesh(tmp_path / "a.gltf")
+
+
+def test_a_vtk_file_is_read_with_meshio(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    meshio.Mesh(QUAD, [("triangle", FACES)], point_data={"heat": [1.0, 2, 3, 4]}).write(
+        tmp_path / "a.vtk"
+    )
+    mesh = read_mesh(tmp_path / "a.vtk")
+    np.testing.assert_array_equal(mesh.faces, FACES)
+    assert mesh.notes[0] == "read by meshio"
+    (tmp_path / "a.vtk").write_text("nothing")
+    with pytest.raises(FileError, match="meshio cannot read it"):
+        read_mesh(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize(("suffix", "program"), [(".glb", "trimesh"), (".vtk", "meshio")])
+def test_without_the_program_it_is_named(tmp_path: Path, monkeypatch, suffix, program) -> None:
+    monkeypatch.setitem(__import__("sys").modules, program, None)
+    (tmp_path / f"a{suffix}").write_bytes(b"something")
+    with pytest.raises(MissingExtraError, match=f"pip install {program}"):
+        read_mesh(tmp_path / f"a{suffix}")
