@@ -36,6 +36,14 @@ def register(
     save_match: options.SaveMatch = None,
     min_confidence: options.MinConfidence = None,
     component: options.Component = None,
+    report: Annotated[
+        str | None,
+        options.report(
+            "Write a page for a browser: the fitted template, coloured by its distance from the "
+            "scan, beside the scan."
+        ),
+    ] = None,
+    up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Register a template to a scan: deform it so that it lies on the scan's surface.
@@ -77,6 +85,10 @@ def register(
         if suffix in COLOR_SUFFIXES and like is None:
             colors = value_colors(found.distances, limits=(0, found.tolerance))
         write_mesh(out, found.mesh, scalars=scalars, colors=colors, like=like)
+        if report is not None:
+            from unbend.report import view
+
+            view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
     on = _spread(found, found.distances[found.covered])
     everywhere = _spread(found, found.distances)
     unknown = math.isnan(found.confidence)
@@ -101,7 +113,7 @@ def register(
         },
         rows(lines),
         shapes=shapes,
-        written=[out, save_match],
+        written=[out, save_match, report],
         next_step=f"open {out} and {scan} together in MeshLab or Blender{legend}",
     )
 

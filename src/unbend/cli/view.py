@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
 from unbend.cli._output import look_at, progress_on_stderr, quoted, tell
+
+if TYPE_CHECKING:
+    from unbend.mesh import Mesh
 
 
 def view(
@@ -43,7 +46,7 @@ def view(
       unbend view cat.off
       unbend view cat0.off cat1.off
       unbend view cat0.off cat1.off --landmarks landmarks.csv -o cats.html --no-open
-      unbend view scan.ply --values distances.npy
+      unbend view scan.ply --landmarks scan.mrk.json --values distances.npy
     """
     from unbend.errors import InputError
     from unbend.io import read_values
@@ -54,7 +57,7 @@ def view(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes([a] if b is None else [a, b])
-        hints = landmarks_of(landmarks, shapes) if landmarks else None
+        hints = _landmarks(landmarks, shapes) if landmarks else None
         scalars = None
         if values is not None:
             scalars = read_values(values, n_vertices=shapes[0].n_vertices)
@@ -79,3 +82,20 @@ def view(
         if b is None
         else f"{quoted('unbend', 'match', a, b)} --landmarks landmarks.csv, once they are saved",
     )
+
+
+def _landmarks(paths: list[str], shapes: list[Mesh]) -> Any:
+    """Read landmarks of one mesh by name, or pairs of vertices of two."""
+    from unbend.errors import InputError
+    from unbend.io import MARKUP_SUFFIXES, read_markups
+
+    if len(shapes) == 2:
+        return landmarks_of(paths, shapes)
+    if len(paths) > 1 or not paths[0].lower().endswith(MARKUP_SUFFIXES):
+        raise InputError(
+            "--landmarks of one mesh is one .mrk.json or .fcsv file; drop a .csv file onto the page"
+        )
+    labels, vertices = read_markups(paths[0], shapes[0])
+    if len(set(labels)) < len(labels):
+        raise InputError(f"{paths[0]}: give each point a label of its own")
+    return dict(zip(labels, vertices.tolist(), strict=True))

@@ -9,7 +9,7 @@ import pytest
 from browser import Browser, changed
 from unbend import Mesh
 from unbend.datasets import make_quadruped
-from unbend.io import read_landmarks
+from unbend.io import read_landmarks, read_markups
 from unbend.report import view
 from unbend.report.pages import _view_page
 from unbend.report.pages._shown import show
@@ -197,6 +197,8 @@ def test_saved_landmarks_are_loaded_again(page, dogs, tmp_path) -> None:
         there = np.array([one["position"] for one in points])
         expected = mesh.vertices[[row[side] for row in rows]]
         np.testing.assert_allclose(there, expected, atol=2e-6 * size)
+        _, vertices = read_markups(tmp_path / f"{mesh.name}.mrk.json", mesh)
+        assert vertices.tolist() == [row[side] for row in rows]
         # Points that another program placed have no vertex, and perhaps the other axes.
         for one in points:
             one["position"] = (np.array(one["position"]) * (-1, -1, 1) + 1e-4 * size).tolist()

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from unbend import Mesh
 from unbend.cli import app
 from unbend.errors import FileError, InputError
-from unbend.io import write_mesh
+from unbend.io import write_markups, write_mesh
 from unbend.report import view
 from unbend.report.pages import _document
 
@@ -90,6 +90,14 @@ def test_the_command_writes_and_opens_a_page(
     assert not opened
     assert run(app, ["view", "a.ply", "-o", "one.html"]).exit_code == 0
     assert opened == [Path("one.html").resolve().as_uri()]
+    write_markups("nose.mrk.json", blob, [7], ["nose"])
+    result = run(app, ["view", "a.ply", "--landmarks", "nose.mrk.json", "-o", "n.html"])
+    assert '"landmarks": [{"name": "nose", "at": [7]}]' in Path("n.html").read_text("utf-8")
+    write_markups("twice.mrk.json", blob, [7, 8], ["nose", "nose"])
+    for refused in ("pairs.csv", "twice.mrk.json"):
+        result = run(app, ["view", "a.ply", "--landmarks", refused, "-o", "refused.html"])
+        assert result.exit_code == 2
+        assert not Path("refused.html").exists()
     result = run(app, ["view", "a.ply", "--no-open"])
     assert result.exit_code == 2
     assert "-o" in str(result.exception) + result.output
