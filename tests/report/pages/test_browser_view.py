@@ -167,6 +167,16 @@ def test_a_finger_places_turns_and_drags(page) -> None:
         page.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
+def test_the_page_fits_a_telephone(page, screenshots) -> None:
+    size = {"height": 720, "deviceScaleFactor": 1}
+    page.call("Emulation.setDeviceMetricsOverride", width=390, mobile=True, **size)
+    page.click(*page.middle("#shape-0", 0.0, 0.1))
+    wide = page.run("document.documentElement.scrollWidth")
+    page.picture(save=screenshots / "view-narrow.png")
+    page.call("Emulation.setDeviceMetricsOverride", width=940, mobile=False, **size)
+    assert wide == 390
+
+
 def test_a_page_of_pictures_scrolls_under_a_finger(browser, dogs, tmp_path) -> None:
     from unbend.report import search_page
 
