@@ -52,7 +52,7 @@ except OSError:
     sys.exit({_MAY_NOT})
 sys.exit(run())
 """
-_DISTANCE = "distance bad.off --from 0 -o field.npy --no-cache"
+_DISTANCE = "distance bad.off --from 0 --distance biharmonic -o field.npy --no-cache"
 
 
 def cases() -> Iterator[Case]:

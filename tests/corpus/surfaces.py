@@ -17,7 +17,7 @@ from .good import Command, beside, stone
 
 Array = npt.NDArray[Any]
 Compare = Callable[[Seen, Seen], str]
-_FIELD = "distance bad.off --from 0 --from 30 -o field.npy --no-cache"
+_FIELD = "distance bad.off --from 0 --from 30 --distance biharmonic -o field.npy --no-cache"
 _FORM = "canonical bad.off --json --no-cache"
 _LARGEST = "--component largest"
 _ROBUST = "--laplacian robust"
