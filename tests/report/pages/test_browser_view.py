@@ -241,11 +241,21 @@ def test_files_that_do_not_fit_change_nothing(page, tmp_path, text, told) -> Non
     assert table(page) == before
 
 
-def test_points_far_from_the_mesh_are_refused(page, tmp_path) -> None:
-    far = {"markups": [{"controlPoints": [{"label": "nose", "position": [99, 0, 0]}]}]}
-    (tmp_path / "far.json").write_text(json.dumps(far), "utf-8")
-    page.drop(*page.middle("#shape-0"), tmp_path / "far.json")
-    page.wait_for(f"{STATUS}.includes('point nose is far from a')")
+@pytest.mark.parametrize(
+    ("point", "told"),
+    [
+        ({"label": "nose", "position": [99, 0, 0]}, "point nose is far from a"),
+        ({"label": "nose", "position": [0, 0, 0], "positionStatus": "undefined"}, "no position"),
+        ({"label": "nose"}, "no .mrk.json file"),
+        ({"description": "vertex 900", "position": [0, 0, 0]}, "vertex 900 is not on a"),
+    ],
+)
+def test_points_that_do_not_fit_are_refused(page, tmp_path, point, told) -> None:
+    (tmp_path / "bad.json").write_text(
+        json.dumps({"markups": [{"controlPoints": [point]}]}), "utf-8"
+    )
+    page.drop(*page.middle("#shape-0"), tmp_path / "bad.json")
+    page.wait_for(f"{STATUS}.includes({told!r})")
     assert table(page) == []
 
 

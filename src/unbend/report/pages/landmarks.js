@@ -98,8 +98,9 @@ class Landmarks {
     let points;
     try {
       points = JSON.parse(text).markups.flatMap(({ coordinateSystem, controlPoints }) => controlPoints.map(
-        ({ label = "", description = "", position }) => ({
-          name: label, description, place: position.map((x, k) => (coordinateSystem === "RAS" && k < 2 ? -x : x)),
+        ({ label = "", description = "", position, positionStatus }) => ({
+          name: label, description, place: [0, 1, 2].map((k) => (positionStatus === "undefined" ? NaN
+            : coordinateSystem === "RAS" && k < 2 ? -position[k] : position[k])),
         })));
     } catch {
       throw Error("it is no .mrk.json file of 3D Slicer");
@@ -124,6 +125,7 @@ class Landmarks {
 
   nearest(name, place, side) {
     const { places, number, size } = this.shapes[side];
+    if (!place.every(Number.isFinite)) throw Error(`point ${name} has no position`);
     let best = -1, least = FARTHEST * size;
     for (let i = 0; i < places.length; i += 3) {
       const apart = Math.hypot(places[i] - place[0], places[i + 1] - place[1], places[i + 2] - place[2]);
