@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 from unbend import register
 from unbend.collection import mean_shape
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, mesh_page, same_scale
+from unbend.report import draw_mesh, same_scale, view
 
 template = make_biped("standing", n_vertices=600).mesh
 girths = (0.8, 1.0, 1.3)
@@ -33,4 +33,4 @@ for ax, deviations in zip(axes, (-1.5, 0, 1.5), strict=True):
 same_scale(axes)
 
 # %%
-mesh_page(found.mean)
+view(found.mean)

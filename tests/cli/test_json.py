@@ -101,6 +101,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
     },
     "register a.ply b.ply --map map.txt -o OUT/fitted.ply": FITTED,
     "register a.ply a.ply b.ply none.ply -o OUT/fitted": FITTED,
+    "view a.ply b.ply --no-open -o OUT/view.html": {"a": str, "b": (str, type(None))},
     "similarity a.ply b.ply --known-correspondence --no-cache": {
         "pairs": [{"model": str, "probe": str, "similarity": NUMBER, "confidence": MAYBE}],
     },

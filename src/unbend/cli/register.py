@@ -15,6 +15,7 @@ from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     lines_to_keep,
+    look_at,
     progress_on_stderr,
     quoted,
     rows,
@@ -50,14 +51,22 @@ def register(
     save_match: options.SaveMatch = None,
     min_confidence: options.MinConfidence = None,
     component: options.Component = None,
+    report: Annotated[
+        str | None,
+        options.report(
+            "Write a page for a browser: the fitted template, coloured by its distance from the "
+            "scan, beside the scan."
+        ),
+    ] = None,
+    up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Register a template to scans: deform it so that it lies on the surface of each.
 
     The template keeps its vertices and faces, and its shape over holes of the scan. The result is
-    in the scan's coordinates and unit. Several scans are registered as unbend collection register
-    does it, which uses all processors: one folder with a mesh per scan and tables of all. Scans
-    that cannot be registered are listed, with exit code 1.
+    in the scan's coordinates and unit. Of several scans, a folder is written with a mesh of each
+    and tables of all; scans that cannot be registered are listed, with exit code 1. The command
+    unbend collection register does the same on all processors.
 
     Examples
     --------
@@ -76,6 +85,7 @@ def register(
         "--save-match": save_match,
         "--min-confidence": min_confidence,
         "--component": component,
+        "--report": report,
     }
     if is_batch(paths, out, of_one):
         _register_many(template, paths, out)
@@ -102,6 +112,10 @@ def register(
         progress("writing", 0)
         like = lines_to_keep(out, template, whole=component is None)
         write_registration(out, found, like=like)
+        if report is not None:
+            from unbend.report import view
+
+            view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
     one = _numbers(paths[0], out, found)
     unknown = math.isnan(found.confidence)
     lines = {
@@ -110,14 +124,15 @@ def register(
         "distance of all": _in_words(one["distance_all"]),
         "confidence": "not estimated" if unknown else f"{found.confidence:.2f}, of the match",
     }
-    colored = Path(out).suffix.lower() in COLOR_SUFFIXES
+    colored = Path(out).suffix.lower() in COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
     tell(
         {"template": template, "scans": [one], "failed": []},
         rows(lines),
         shapes=shapes,
-        written=[out, save_match],
-        next_step=f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
+        written=[out, save_match, report],
+        next_step=look_at(report)
+        or f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
     )
 
 
