@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 from unbend import Mesh, canonical_form, lay_into_pose
 from unbend.alignment import procrustes
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, mesh_page, position_colors
+from unbend.report import draw_mesh, position_colors, view
 
 people = [make_biped(pose, n_vertices=3000).mesh for pose in ("standing", "running", "sitting")]
 unbent = [lay_into_pose(one, canonical_form(one)) for one in people]
@@ -31,4 +31,4 @@ axes[1, 0].set_title("unbent", loc="left")
 
 # %%
 # The last one, which was sitting:
-mesh_page(Mesh(upright, people[2].faces, name="a sitting person, unbent"))
+view(Mesh(upright, people[2].faces, name="a sitting person, unbent"))

@@ -8,9 +8,10 @@ of them, so that their vertices correspond. Then they have a mean and principal 
 
 import matplotlib.pyplot as plt
 
+from unbend import register
 from unbend.collection import mean_shape
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, mesh_page, same_scale
+from unbend.report import draw_mesh, same_scale, view
 
 template = make_biped("standing", n_vertices=600).mesh
 girths = (0.8, 1.0, 1.3)
@@ -18,7 +19,7 @@ people = [
     make_biped("standing", n_vertices=600, meshing=i, girth=girth, legs=legs).mesh
     for i, (girth, legs) in enumerate(zip(girths, (1.1, 0.95, 1.0), strict=True))
 ]
-found = mean_shape(people, template)
+found = mean_shape([register(template, one) for one in people], template)
 share = found.statistics.variances / found.statistics.total_variance
 print(f"shares of the variance: {', '.join(f'{one:.0%}' for one in share)}")
 
@@ -32,4 +33,4 @@ for ax, deviations in zip(axes, (-1.5, 0, 1.5), strict=True):
 same_scale(axes)
 
 # %%
-mesh_page(found.mean)
+view(found.mean)

@@ -11,7 +11,7 @@ import numpy as np
 
 from unbend import match, register
 from unbend.datasets import make_biped
-from unbend.report import draw_mesh, mesh_page
+from unbend.report import draw_mesh, view
 
 template = make_biped("standing", n_vertices=1500)
 scan = make_biped("walking", n_vertices=2000, meshing=1, girth=1.25, torso=1.05)
@@ -57,4 +57,4 @@ for ax, title in zip(axes, ("template", "scan", "template on the scan"), strict=
 
 # %%
 # The template on the scan:
-mesh_page(fitted.mesh)
+view(fitted.mesh)

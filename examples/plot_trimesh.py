@@ -12,7 +12,7 @@ import trimesh
 
 from unbend import Mesh, canonical_form, diagnose, distance, lay_into_pose
 from unbend.datasets import make_octopus
-from unbend.report import draw_mesh, mesh_page
+from unbend.report import draw_mesh, view
 
 animal = make_octopus("crawling", n_vertices=1500).mesh
 body = trimesh.Trimesh(animal.vertices, animal.faces, process=False)
@@ -34,4 +34,4 @@ draw_mesh(axes[0], body, colors=field)
 draw_mesh(axes[1], unbent, colors=field, view=(0, 60))
 
 # %%
-mesh_page(Mesh(unbent.vertices, unbent.faces, name="octopus, unbent"))
+view(Mesh(unbent.vertices, unbent.faces, name="octopus, unbent"))

@@ -180,11 +180,39 @@ class Browser:
         self.mouse("mouseReleased", x + right, y + down, button="left", clickCount=1)
         self.settle()
 
-    def press(self, key: str) -> None:
+    def press(self, key: str, **more: Any) -> None:
         """Press a key on what has the focus."""
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, **more)
         self.settle()
+
+    def touch(self, *places: tuple[float, float]) -> None:
+        """Put a finger on the first place, move it to the others and lift it."""
+        kinds = ["touchStart"] + ["touchMove"] * (len(places) - 1)
+        for kind, (x, y) in zip(kinds, places, strict=True):
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y}])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        self.settle()
+
+    def choose_file(self, selector: str, path: Path) -> None:
+        """Choose a file in a file input."""
+        found = self.call("Runtime.evaluate", expression=f"document.querySelector({selector!r})")
+        name = found["result"]["objectId"]
+        self.call("DOM.setFileInputFiles", objectId=name, files=[str(path)])
+
+    def drop(self, x: float, y: float, path: Path) -> None:
+        """Drop a file onto a place on the screen."""
+        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
+    def wait_for(self, condition: str) -> None:
+        """Wait until JavaScript is true."""
+        until = time.monotonic() + _PATIENCE
+        while not self.run(condition):
+            if time.monotonic() > until:
+                raise TimeoutError(f"never true: {condition}")
+            time.sleep(0.02)
 
     def picture(self, selector: str = "", save: Path | None = None) -> npt.NDArray[np.float64]:
         """Pixels of an element, or of the whole page, kept as a file if named."""

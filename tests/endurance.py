@@ -11,6 +11,7 @@ matches one pair in many processes, several at a time, and compares the results 
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import shlex
 import shutil
@@ -49,8 +50,8 @@ COMMANDS = {
     "collection add": "collection add OWN good.off --workers 1",
     "collection remove": "collection remove OWN SHAPE",
     "collection match": "collection match STORE --all -o pairs --workers 1",
-    "collection mean": "collection mean STORE --template good.off -o mean --min-confidence 0 "
-    "--workers 1",
+    "collection register": "collection register STORE --template good.off -o out --workers 1",
+    "collection mean": "collection mean REGISTERED -o mean --min-confidence 0",
     "collection export": "collection export STORE -o shapes.parquet",
     "collection groups": "collection groups STORE -n 2 --csv groups.csv",
     "collection matrix": "collection matrix STORE --csv far.csv --figure far.png --report far.html",
@@ -65,6 +66,8 @@ def start(folder: Path, command: str, first: str = ":", **more: str) -> subproce
     The shell does `first` before, in the same process.
     """
     meant = {"STORE": store(), "OWN": "own", "SHAPE": _shape()}
+    if "REGISTERED" in command:
+        meant["REGISTERED"] = _registered()
     environment = os.environ | {
         "PYTHONPATH": str(Path(unbend.__file__).parents[1]),
         "UNBEND_CACHE_DIR": str(folder / "cache"),
@@ -83,6 +86,14 @@ def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
     """Wait for a process; its exit code and what it said."""
     said = process.communicate()[1].decode(errors="replace")
     return process.returncode, said
+
+
+@functools.cache
+def _registered() -> str:
+    """Register the collection of two shapes, in a folder beside it."""
+    out = Path(store()).with_name("registered")
+    unbend.collection.Collection(store()).register(_shape(), out, workers=0)
+    return str(out)
 
 
 def _shape() -> str:

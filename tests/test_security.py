@@ -17,8 +17,7 @@ from unbend import Mesh, canonical_form
 from unbend.datasets import make_sphere
 from unbend.datasets.fetch import TOSCA_REMESHED_URL
 from unbend.matching import Match
-from unbend.report import form_page, match_page
-from unbend.report.pages import mesh_page
+from unbend.report import form_page, match_page, view
 
 SOURCE = Path(unbend.__file__).parent
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)>&lt;--></script>.off"
@@ -108,7 +107,7 @@ def _pages(name: str) -> Iterator[str]:
     every = np.arange(mesh.n_vertices)
     found = Match(every, every, np.eye(3), 1.0, 0.0, 1.0)
     command = f"unbend match {name} {name}"
-    yield mesh_page(mesh).html
+    yield view(mesh, mesh).html
     yield form_page(mesh, canonical_form(mesh), command=command).html
     yield match_page(mesh, mesh, found, command=command).html
 

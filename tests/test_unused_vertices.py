@@ -116,7 +116,8 @@ def registration(case: Case) -> Iterator[Any]:
 
 
 def mean(case: Case) -> Iterator[Any]:
-    found = unbend.collection.mean_shape(case.others, case.mesh)
+    shapes = [unbend.register(case.mesh, other) for other in case.others]
+    found = unbend.collection.mean_shape(shapes, case.mesh)
     yield from (case.rows(found.mean.vertices), found.statistics.variances, found.confidences)
     yield case.rows(found.statistics.variability)
 

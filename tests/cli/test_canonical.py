@@ -69,7 +69,7 @@ def test_prints_aligned_rows_and_the_next_step(mesh):
 @pytest.mark.parametrize("options", [{"n_samples": 50}, {"n_eigenpairs": 30}])
 def test_samples_or_eigenpairs_ask_for_the_form_of_the_paper(mesh, blob, options):
     words = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
-    found = json.loads(run(mesh, "--json", *words).stdout)
+    (found,) = json.loads(run(mesh, "--json", *words).stdout)["files"]
     form = sampled_canonical_form(blob, **options)
     assert found["eigenvalues"] == list(form.eigenvalues)
     assert (found["n_vertices"], found["n_faces"]) == (642, 1280)
@@ -150,7 +150,55 @@ def test_the_surface_in_the_forms_pose_is_written_in_the_forms_unit(
 ):
     out = tmp_path / "posed.npy"
     done = run(mesh, "-o", out, "--detail", "preserved", "--json", *["--keep-scale"] * keep_scale)
-    assert "detail" in json.loads(done.stdout)["steps"]
+    assert "detail" in json.loads(done.stdout)["files"][0]["steps"]
     form = canonical_form(blob)
     unit = 1 if keep_scale else np.sqrt(form.area)
     np.testing.assert_allclose(np.load(out), lay_into_pose(blob, form) / unit, atol=1e-6)
+
+
+def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scans").mkdir()
+    write_mesh("scans/a.off", blob)
+    write_mesh("scans/b.stl", blob)
+    (tmp_path / "scans" / "bad.ply").write_bytes(b"ply\nnothing more")
+    done = run("scans", "-o", "forms")
+    assert done.exit_code == 1, done.output
+    assert [one.name for one in sorted((tmp_path / "forms").iterdir())] == ["a.off", "b.ply"]
+    np.testing.assert_array_equal(read_mesh("forms/a.off").vertices, canonical_form(blob).points)
+    head, *rows, last = done.stdout.splitlines()
+    assert head.split() == ["mesh", "vertices", "faces", "stress", "time"]
+    assert [row.split()[0] for row in rows] == ["scans/a.off", "scans/b.stl", "scans/bad.ply"]
+    assert rows[0].split()[1:3] == ["642", "1,280"]
+    assert rows[2].endswith("failed")
+    assert last == "written: forms"
+    assert "note: scans/b.stl: " in done.stderr
+    assert "failed: scans/bad.ply: bad.ply: truncated" in done.stderr
+    told = json.loads(run("scans", "--json").stdout)
+    assert [one["file"] for one in told["files"]] == ["scans/a.off", "scans/b.stl"]
+    assert [one["path"] for one in told["failed"]] == ["scans/bad.ply"]
+    assert run("scans/a.off", "-o", "forms", "--n-components", 2).exit_code == 0
+    assert np.load("forms/a.npy").shape == (642, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("a.off b/a.off -o forms", "a.off and b/a.off would both be written to forms/a.off"),
+        ("a.off c.off -o form.ply", "2 meshes need a folder to write to, and form.ply is a file"),
+        ("a.off c.off -o .", "./a.off is one of the meshes; give another folder"),
+        ("a.off c.off --report page.html", "--report is for a single mesh"),
+        ("empty", "empty: it is a folder without .off, .obj, .ply or .stl files"),
+    ],
+)
+def test_what_makes_no_sense_for_many_is_refused(blob, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("b", "empty"):
+        (tmp_path / folder).mkdir()
+    for path in ("a.off", "b/a.off", "c.off"):
+        write_mesh(path, blob)
+    before = sorted(tmp_path.rglob("*"))
+    done = run(*arguments.split())
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert sorted(tmp_path.rglob("*")) == before

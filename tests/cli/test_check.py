@@ -167,6 +167,17 @@ def test_many_files_get_one_table_and_a_bad_one_does_not_end_it(folder: Path) ->
     assert check("t.off", "two.off")[0] == 0
 
 
+def test_a_folder_stands_for_its_meshes(folder: Path) -> None:
+    (folder / "scans" / "old").mkdir(parents=True)
+    write_mesh("scans/t.off", (VERTICES, FACES))
+    write_mesh("scans/old/t.ply", (VERTICES, FACES))
+    (folder / "scans" / "notes.txt").write_text("none")
+    code, out, _ = check("scans", "--json")
+    assert code == 0
+    paths = [one["file"] for one in json.loads(out)["files"]]
+    assert paths == [str(Path("scans", "t.off")), str(Path("scans", "old", "t.ply"))]
+
+
 def test_real_shapes(real_data: Path) -> None:
     path = real_data / "tosca_remeshed" / "david0.off"
     code, out, _ = check(str(path))

@@ -126,7 +126,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         ("search", store, query, "--report", tmp_path / "out.html"),
         ("groups", store, "-n", 1, "--report", tmp_path / "out.html"),
         ("match", store, "--all", "-o", tmp_path / "out", "--workers", 0),
-        ("mean", store, "--template", query, "-o", tmp_path / "out"),
+        ("register", store, "--template", query, "-o", tmp_path / "reg", "--workers", 0),
     ):
         done = run(*arguments)
         for stone in stones:
@@ -205,8 +205,11 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("add stones stones", "the folder stones holds other things"),
         ("info shapes --thumbnail a.png", "--thumbnail is the picture of one shape"),
         ("match shapes -o out", "give --pairs PAIRS.csv or --all, one of them"),
-        ("match shapes --pairs stones/stone00.ply -o out", 'unknown suffix ".ply"; use .csv'),
-        ("match shapes --pairs bad.csv -o out", "bad.csv: needs a first line with source,target"),
+        (
+            "match shapes --pairs stones/stone00.ply -o out",
+            'unknown suffix ".ply"; use .csv or .txt',
+        ),
+        ("match shapes --pairs bad.csv -o out", "bad.csv: there is no column source; the first"),
         ("matrix shapes --csv out.txt", 'unknown suffix ".txt"; use .csv'),
         ("matrix shapes --csv shapes/a.csv", "cannot write shapes/a.csv: the folder shapes is the"),
         ("groups shapes --report shapes/a.html", "shapes is the collection's alone; write else"),
@@ -214,8 +217,12 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("info shapes stones/stone00.ply --thumbnail shapes/a.png", "cannot write shapes/a.png"),
         ("export shapes -o shapes/shapes.lance/a.csv", "cannot write shapes/shapes.lance/a.csv"),
         ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
-        ("mean shapes --template absent.ply -o stones/stone00.ply", "cannot make the folder sto"),
-        ("mean shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the folder"),
+        (
+            "register shapes --template absent.ply -o out",
+            "absent.ply is not in the collection shapes: give",
+        ),
+        ("register shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the"),
+        ("mean stones -o out", "stones holds no registered shapes, or not all yet: unbend coll"),
     ],
 )
 def test_mistakes_get_one_sentence(folder: Path, arguments: str, sentence: str) -> None:

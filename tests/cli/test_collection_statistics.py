@@ -1,4 +1,4 @@
-"""``unbend collection evaluate`` and ``mean``."""
+"""``unbend collection evaluate``, ``register`` and ``mean``."""
 
 import json
 
@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from stones import write_stones
 from unbend.cli import app
-from unbend.collection import Collection, Failure, MeanShape, retrieval_measures, shape_statistics
+from unbend.collection import Collection, retrieval_measures
 
 
 def run(*arguments):
@@ -76,46 +76,88 @@ def test_identical_files_take_a_label_together_and_none_where_theirs_differ(
     assert json.loads(done.stdout)["n_shapes"] == before["n_shapes"] - 1
 
 
-def test_mean_gives_all_shapes_to_the_workers_and_writes(shapes, blob, tmp_path, monkeypatch):
-    asked = {}
-
-    def mean(paths, template, **options):
-        asked.update(options, paths=list(paths), template=template)
-        statistics = shape_statistics([blob.vertices, 1.2 * blob.vertices * [1, 1, 1.1]])
-        left_out = (Failure(asked["paths"][2], "the match's confidence is 0.10"),)
-        return MeanShape(blob, statistics, ("a", "b"), np.ones(2), np.ones(2), left_out)
-
-    monkeypatch.setattr("unbend.collection.mean_shape", mean)
-    arguments = ("mean", shapes / "shapes", "--template", "t.ply", "-o", tmp_path / "out")
-    done = run(*arguments, "--workers", 2, "--scale", "--n-components", 3)
-    assert done.exit_code == 0, done.output
-    assert [path.rsplit("/", 1)[-1] for path in asked["paths"]] == sorted(
-        path.name for path in (shapes / "stones").iterdir()
-    )
-    assert (asked["workers"], asked["scale"], asked["n_components"]) == (2, True, 3)
-    assert (tmp_path / "out" / "component_1_plus.ply").exists()
-    assert "confidence is 0.10" in done.stderr
-    assert "2 of 3" in done.stdout
-    found = json.loads(run(*arguments, "--json").stdout)
-    assert found["n_shapes"] == 2
-    assert [one["reason"] for one in found["failed"]] == ["the match's confidence is 0.10"]
-    assert "mean.ply" in found["files"]
-
-
-def test_mean_says_which_file_is_missing_and_how_to_mend_it(shapes, tmp_path, monkeypatch, blob):
-    store, here = tmp_path / "shapes", tmp_path / "stones"
-    write_stones(here, 3)
+@pytest.fixture(scope="module")
+def registered(shapes):
+    """Shapes registered by the command, with a file that is missing."""
+    store, here = shapes / "own", shapes / "own_stones"
+    write_stones(here, 4)
     Collection(store).add(here, workers=0)
     (here / "stone01.ply").unlink()
+    template = here / "stone00.ply"
+    arguments = ("register", store, "--template", template, "-o", shapes / "registered")
+    done = run(*arguments, "--workers", 0)
+    assert done.exit_code == 1, done.output
+    return shapes, arguments, done
 
-    def mean(paths, template, **options):
-        statistics = shape_statistics([blob.vertices, 1.2 * blob.vertices * [1, 1, 1.1]])
-        return MeanShape(blob, statistics, tuple(paths), np.ones(2), np.ones(2), ())
 
-    monkeypatch.setattr("unbend.collection.mean_shape", mean)
-    done = run("mean", store, "--template", "t.ply", "-o", tmp_path / "out")
+def test_register_lists_all_shapes_and_what_to_do(registered):
+    shapes, arguments, done = registered
+    lost = shapes / "own_stones" / "stone01.ply"
+    advice = f"{lost} (there is no such file): run unbend collection add {shapes / 'own'} NEWF"
+    assert advice in done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == [
+        "shape",
+        "confidence",
+        "covered",
+        "mean",
+        "distance",
+        "95",
+        "%",
+        "within",
+    ]
+    assert lines[4].split()[0] == str(lost)
+    assert lines[4].endswith("failed")
+    assert lines[6].startswith("registered 3, there before 0, failed 1 (")
+    again = run(*arguments, "--workers", 0, "--json")
+    told = json.loads(again.stdout)
+    assert (told["n_registered"], told["n_skipped"]) == (0, 3)
+    assert [one["path"] for one in told["failed"]] == [str(lost)]
+    confidences = [one["confidence"] for one in told["shapes"]]
+    shown = [float(line.split()[1]) for line in lines[1:4]]
+    assert shown == sorted(np.round(confidences, 2), reverse=True)
+
+
+def test_register_points_out_doubtful_shapes(registered, monkeypatch):
+    shapes, arguments, _ = registered
+    monkeypatch.setattr("unbend.collection._rows.DOUBTFUL", 1.1)
+    told = run(*arguments, "--workers", 0).stdout.splitlines()
+    assert [line.endswith("  doubtful") for line in told[1:5]] == [True, True, True, False]
+    assert "doubtful 3" in told[6]
+    assert f"unbend match {shapes / 'own_stones' / 'stone00.ply'} " in told[-1]
+    assert "--landmarks" in told[-1]
+
+
+def test_register_reads_landmarks(registered, tmp_path):
+    shapes, arguments, _ = registered
+    stone = shapes / "own_stones" / "stone02.ply"
+    table = tmp_path / "hints.csv"
+    table.write_text("vertex,shape,template\n" + "".join(f"{i},{stone},{i}\n" for i in (0, 50, 90)))
+    done = run(*arguments, "--workers", 0, "--landmarks", table)
+    assert "registered 1, there before 2" in done.stdout, done.output
+    table.write_text(f"shape,template,vertex\n{stone},0,x\n")
+    done = run(*arguments, "--landmarks", table)
+    assert done.exit_code == 2
+    assert (
+        "hints.csv: line 2: vertices are whole numbers counted from 0, not 0 and x" in done.stderr
+    )
+
+
+def test_mean_reads_what_is_registered(registered, tmp_path):
+    shapes, _, _ = registered
+    arguments = ("mean", shapes / "registered", "-o", tmp_path / "out", "--min-confidence", 0)
+    done = run(*arguments, "--scale", "--n-components", 1)
     assert done.exit_code == 0, done.output
-    mend = f"{here}/stone01.ply (there is no such file): run unbend collection add {store} NEWF"
-    assert mend in done.stderr
-    assert mend in (tmp_path / "out" / "left_out.csv").read_text()
-    assert "2 of 3" in done.stdout
+    assert "3 of 4" in done.stdout
+    assert {one.name for one in (tmp_path / "out").iterdir()} >= {
+        "mean.ply",
+        "component_1_plus.ply",
+    }
+    assert "stone01.ply" in (tmp_path / "out" / "left_out.csv").read_text()
+    found = json.loads(run(*arguments, "--json").stdout)
+    assert (found["n_shapes"], len(found["variances"])) == (3, 2)
+    assert [one["path"].rsplit("/", 1)[-1] for one in found["failed"]] == ["stone01.ply"]
+    nothing = run("mean", tmp_path, "-o", tmp_path / "none")
+    assert nothing.exit_code == 2
+    assert "holds no registered shapes" in nothing.stderr
+    assert not (tmp_path / "none").exists()

@@ -42,6 +42,27 @@ WAY = dict.fromkeys(
 PROTOCOL = {"n_rows": int, "mean": MAYBE, "median": MAYBE, "auc": MAYBE, "curve": [NUMBER]}
 SPREAD = dict.fromkeys(("mean", "within_95", "mean_relative", "within_95_relative"), MAYBE)
 FAILED = [{"path": str, "reason": str}]
+FORMS = {
+    "files": [
+        {
+            "file": str, "n_vertices": int, "n_faces": int, "notes": [str], "method": str,
+            "distance": str, "weighting": str, "laplacian": str, "area": NUMBER,
+            "eigenvalues": [NUMBER], "stress": NUMBER, "steps": dict,
+        }
+    ],
+    "failed": FAILED,
+}  # fmt: skip
+FITTED = {
+    "template": str,
+    "scans": [
+        {
+            "scan": str, "file": str, "n_vertices": int, "n_covered": int, "coverage": NUMBER,
+            "tolerance": NUMBER, "distance_covered": SPREAD, "distance_all": SPREAD,
+            "confidence": MAYBE,
+        }
+    ],
+    "failed": FAILED,
+}  # fmt: skip
 COMMON = {"written": [str], "warnings": [str], "seconds": float}
 # What stands on the command line, and what its JSON has beside the common keys.
 SCHEMA: dict[str, dict[str, Any]] = {
@@ -53,11 +74,8 @@ SCHEMA: dict[str, dict[str, Any]] = {
             }
         ]
     },
-    "canonical a.ply --no-cache": {
-        "file": str, "n_vertices": int, "n_faces": int, "method": str, "distance": str,
-        "weighting": str, "laplacian": str, "area": NUMBER, "eigenvalues": [NUMBER],
-        "stress": NUMBER, "steps": dict,
-    },
+    "canonical a.ply --no-cache": FORMS,
+    "canonical a.ply b.ply none.ply -o OUT/forms --no-cache": FORMS,
     "distance a.ply --from 0 --from 5 --no-cache": {
         "file": str, "distance": str,
         "sources": [{"vertex": int, "farthest": int, "distance": NUMBER}],
@@ -81,11 +99,9 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "source": str, "target": str, "values": str, "kind": str, "shape": [int],
         "n_without_preimage": int, "confidence": MAYBE,
     },
-    "register a.ply b.ply --map map.txt -o OUT/fitted.ply": {
-        "template": str, "scan": str, "n_vertices": int, "n_covered": int, "coverage": NUMBER,
-        "tolerance": NUMBER, "distance_covered": SPREAD, "distance_all": SPREAD,
-        "confidence": MAYBE,
-    },
+    "register a.ply b.ply --map map.txt -o OUT/fitted.ply": FITTED,
+    "register a.ply a.ply b.ply none.ply -o OUT/fitted": FITTED,
+    "view a.ply b.ply --no-open -o OUT/view.html": {"a": str, "b": (str, type(None))},
     "similarity a.ply b.ply --known-correspondence --no-cache": {
         "pairs": [{"model": str, "probe": str, "similarity": NUMBER, "confidence": MAYBE}],
     },
@@ -126,8 +142,17 @@ SCHEMA: dict[str, dict[str, Any]] = {
             ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map"), NUMBER
         ),
     },
-    "collection mean store --template a.ply -o OUT/mean --min-confidence 0 --workers 0": {
-        "store": str, "template": str, "files": [str], "n_shapes": int, "failed": FAILED,
+    "collection register store --template a.ply -o OUT/registered --workers 0": {
+        "store": str, "template": str, "n_registered": int, "n_skipped": int, "failed": FAILED,
+        "shapes": [
+            {
+                "name": str, "path": str, "file": str, "confidence": NUMBER, "coverage": NUMBER,
+                "mean_distance": NUMBER, "distance_95": NUMBER, "doubtful": bool,
+            }
+        ],
+    },
+    "collection mean registered -o OUT/mean --min-confidence 0": {
+        "registered": str, "template": str, "files": [str], "n_shapes": int, "failed": FAILED,
         "variances": [NUMBER], "total_variance": NUMBER,
     },
     "collection export store -o OUT/all.csv": {"store": str, "n_rows": int},
@@ -153,6 +178,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Collection(folder / "store").add(folder, workers=0)
     write_map(folder / "map.txt", np.arange(162))
     (folder / "values.csv").write_text("".join(f"{i / 4}\n" for i in range(162)))
+    store = Collection(folder / "store")
+    store.register(folder / "a.ply", folder / "registered", workers=0)
     (folder / "labels.csv").write_text("path,label\na.ply,stone\nb.ply,stone\n")
     return folder
 

@@ -44,6 +44,7 @@ LINES = {
     "evaluate map.txt a.ply map.txt map.txt": "",
     "transfer a.ply b.ply --map map.txt --values values.csv": ".ply",
     "register a.ply b.ply --map map.txt": ".obj",
+    "view a.ply --no-open": ".html",
     "similarity a.ply b.ply --known-correspondence --matrix --no-cache": "",
     "collection search STORE a.ply": "",
     "collection matrix STORE": "",
@@ -52,7 +53,7 @@ LINES = {
     "collection info STORE a.ply": "",
 }
 # One output each, in tests of their own.
-ELSEWHERE = {"demo", "collection match", "collection mean"}
+ELSEWHERE = {"demo", "collection match", "collection register", "collection mean"}
 
 
 def commands(

@@ -39,7 +39,7 @@ def test_it_tells_and_writes_what_came_out(folder: Path) -> None:
     given = ["register", "template.ply", "scan.ply", "--map", "map.npy", "-o", "out.ply"]
     done = run(*given, "--json")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
+    (told,) = json.loads(done.stdout)["scans"]
     assert 0.8 < told["coverage"] < 0.95
     assert told["n_vertices"] == 600
     assert told["confidence"] is None
@@ -82,12 +82,37 @@ def test_it_warns_of_a_doubtful_match(folder: Path) -> None:
     assert "confidence       0.25, of the match" in done.stdout
 
 
+def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Path) -> None:
+    write_mesh("again.off", SCAN.mesh)
+    (folder / "scans").mkdir()
+    for name in ("scan.ply", "again.off", "points.xyz"):
+        (folder / name).rename(folder / "scans" / name)
+    (folder / "scans" / "bad.ply").write_bytes(b"ply\nnothing more")
+    done = run("register", "template.ply", "scans", "scans/points.xyz", "-o", "out")
+    assert done.exit_code == 1, done.output
+    failed = [line for line in done.stderr.splitlines() if line.startswith("failed: ")]
+    assert [line.split(": ")[1] for line in failed] == ["scans/bad.ply", "scans/points.xyz"]
+    lines = done.stdout.splitlines()
+    assert sorted(line.split()[0] for line in lines[1:3]) == ["scans/again.off", "scans/scan.ply"]
+    assert "registered 2, there before 0, failed 2" in lines[6]
+    fitted = sorted(folder.glob("out/*-*.ply"))
+    for path in fitted:
+        np.testing.assert_array_equal(read_mesh(path).faces, TEMPLATE.mesh.faces)
+    assert [path.name.split("-")[0] for path in fitted] == ["again", "scan"]
+    again = run("register", "template.ply", "scans/scan.ply", "-o", "out", "--json")
+    told = json.loads(again.stdout)
+    assert [one["file"] for one in told["scans"]] == [str(Path("out", fitted[1].name))]
+    assert told["scans"][0]["n_vertices"] == 600
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         ("template.ply scan.ply -o out.npy", 'unknown suffix ".npy"'),
         ("points.xyz scan.ply --map map.npy -o out.ply", "this is a point cloud"),
         ("scan.ply template.ply --map map.npy -o out.ply", "map.npy"),
+        ("template.ply scan.ply scan.ply -o out.ply", "2 meshes need a folder to write to"),
+        ("template.ply scan.ply scan.ply --map map.npy -o out", "--map is for a single mesh"),
     ],
 )
 def test_mistakes_get_one_sentence_and_write_nothing(

@@ -18,7 +18,15 @@ import pytest
 
 from stones import BALL, rows_of, write_stones
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.collection import Collection, Failure, _adding, _collection, _store, descriptor
+from unbend.collection import (
+    Collection,
+    Failure,
+    _adding,
+    _collection,
+    _ranking,
+    _store,
+    descriptor,
+)
 from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError, MissingExtraError
 
@@ -212,9 +220,9 @@ def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
 
 def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
     tables = 3 * 8 * 12**2  # so many bytes have three numbers for each pair
-    monkeypatch.setattr(_collection, "available_memory", lambda: tables)
+    monkeypatch.setattr(_ranking, "available_memory", lambda: tables)
     assert filled.distances()[1].shape == (12, 12)
-    monkeypatch.setattr(_collection, "available_memory", lambda: tables - 1)
+    monkeypatch.setattr(_ranking, "available_memory", lambda: tables - 1)
     with pytest.raises(InputError, match="all pairs of 12 shapes need"):
         filled.distances()
 
@@ -271,7 +279,7 @@ def test_mistakes(filled: Collection, tmp_path: Path, monkeypatch: pytest.Monkey
         Collection(tmp_path / "file")
     with pytest.raises(FileError, match="holds other things"):
         Collection(tmp_path)
-    monkeypatch.setattr(_collection, "DESCRIPTOR_VERSION", "another")
+    monkeypatch.setattr(_store, "DESCRIPTOR_VERSION", "another")
     for use in (lambda: filled.add(tmp_path), lambda: filled.search(BALL), filled.distances):
         with pytest.raises(InputError, match="do not compare with those of this unbend, another"):
             use()

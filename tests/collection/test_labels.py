@@ -36,7 +36,7 @@ def test_paths_from_where_we_are(table, tmp_path, monkeypatch):
         ("", "is empty"),
         ("path,label\n9.off,cat\n", "line 2: 9.off is no shape"),
         ("path,label\n0.off,cat\n", "line 2: 0.off is several shapes"),
-        ("path,label\n1.off,\n", "line 2 lacks a path or a label"),
+        ("path,label\n1.off,\n", "line 2 has no label"),
         ("path,label\n1.off,cat\n1.off,dog\n", "line 3 calls .*1.off a dog, an earlier one a cat"),
     ],
 )

@@ -195,7 +195,7 @@ def _labels() -> Iterator[_Row]:
     yield "labels, empty", ".csv", "", "is empty"
     yield "labels, another column", ".csv", "path,name\nstone0.off,a\n", "no column label"
     yield "labels, of no shape", ".csv", "path,label\nnowhere.off,a\n", "line 2: nowhere.off is no"
-    yield "labels, an empty one", ".csv", "path,label\nstone0.off,\n", "line 2 lacks"
+    yield "labels, an empty one", ".csv", "path,label\nstone0.off,\n", "line 2 has no label"
     yield (
         "labels, two for one shape",
         ".csv",

@@ -110,6 +110,28 @@ def test_position_colors_tell_points_apart():
     assert len(np.unique(colors.round(6), axis=0)) == len(rest)
 
 
+def test_position_colors_are_those_of_the_pages():
+    """The shader's values, written out for the middle of the box and for its ends."""
+    line = np.array([[0.0, 0, 0], [2, 4, 1], [1, 2, 0.5], [0, 4, 0], [np.nan, 0, 0]])
+    colors = position_colors(line)
+    np.testing.assert_allclose(colors[4], 0.6)
+    # OKLab of the colours, by Ottosson's formulas from red, green and blue.
+    lms = np.cbrt(
+        np.maximum(colors[:3], 0) ** 2.2
+        @ np.array(
+            [
+                [0.4122214708, 0.5363325363, 0.0514459929],
+                [0.2119034982, 0.6806995451, 0.1073969566],
+                [0.0883024619, 0.2817188376, 0.6299787005],
+            ]
+        ).T
+    )
+    light = lms @ [0.2104542553, 0.7936177850, -0.0040720468]
+    # The longest side, here y, makes them lighter; so does the middle one, x.
+    np.testing.assert_allclose(light, [0.5, 0.9, 0.7], atol=0.02)
+    assert colors[3].sum() > colors[0].sum()
+
+
 def test_canonical_forms_figure(tmp_path):
     shapes = [make_octopus(pose, n_vertices=600) for pose in ("crawling", "curled")]
     columns = [(f"pose {i}", s.mesh, s.rest) for i, s in enumerate(shapes)]

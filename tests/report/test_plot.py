@@ -1,6 +1,5 @@
 """In a notebook results are tables; each is drawn when asked."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from unbend import Mesh, canonical_form, evaluate, match, plot
 from unbend.errors import InputError
 from unbend.matching import Hypothesis
-from unbend.report import mesh_page
 
 
 @pytest.fixture(scope="module")
@@ -57,22 +55,6 @@ def test_a_plotted_match_is_its_functional_map(things):
     np.testing.assert_array_equal(picture.get_array(), things["match"].functional_map)
 
 
-def test_large_meshes_are_thinned_in_notebooks():
-    n = 160
-    x, y = np.meshgrid(np.arange(n), np.arange(n))
-    first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate(
-        [
-            np.stack([first, first + 1, first + n], 1),
-            np.stack([first + 1, first + n + 1, first + n], 1),
-        ]
-    )
-    sheet = Mesh(np.stack([x.ravel(), y.ravel(), np.sin(x / 9).ravel()], 1), faces)
-    assert re.search(r"20,000 of 25,600 vertices are drawn", mesh_page(sheet).html)
-
-
 def test_what_cannot_be_shown_is_refused(things):
     with pytest.raises(InputError, match="not str"):
         plot("text")
-    with pytest.raises(InputError, match="no faces to draw"):
-        mesh_page(things["points"])

@@ -37,6 +37,7 @@ from unbend.cli import (
     similarity,
     symmetry,
     transfer,
+    view,
 )
 from unbend.cli._command import make_group
 from unbend.cli._output import EXIT_REFUSED, say, warning_printer
@@ -108,6 +109,7 @@ app = make_group(
     register.register,
     morph.morph,
     similarity.similarity,
+    view.view,
     demo.demo,
     name="unbend",
     cls=_Group,

@@ -23,6 +23,9 @@ def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
     return check
 
 
+html_file = _writable(".html")
+
+
 def _map_file(path: str | None) -> str | None:
     from unbend.io import MAP_SUFFIXES
 
@@ -52,7 +55,7 @@ def figure(help: str) -> Any:
 
 def report(help: str) -> Any:
     """Make the option that writes a page for a browser."""
-    return typer.Option("--report", metavar="HTML", callback=_writable(".html"), help=help)
+    return typer.Option("--report", metavar="HTML", callback=html_file, help=help)
 
 
 Mesh = Annotated[

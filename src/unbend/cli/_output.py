@@ -225,19 +225,6 @@ def quoted(*words: str) -> str:
     return shlex.join(shown)
 
 
-def write_table(path: str, cells: Iterable[Iterable[Any]]) -> None:
-    """Write rows to a .csv file, which appears once it is complete."""
-    import csv
-    import io
-
-    from unbend.io import atomic_write
-
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(cells)
-    with atomic_write(path) as file:
-        file.write(text.getvalue().encode())
-
-
 def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:
     """Write an array to a .npy file, or with names of its columns to a .csv file."""
     import numpy as np

@@ -1,8 +1,9 @@
-"""``unbend canonical``: the canonical form of a mesh."""
+"""``unbend canonical``: the canonical forms of meshes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,20 +11,25 @@ import typer
 
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
+from unbend.cli._batch import expand_folders, files_in, is_batch, list_failures
 from unbend.cli._input import make_form, parse_component
 from unbend.cli._output import (
+    EXIT_SOME_FAILED,
     command_line,
     lines_to_keep,
     look_at,
     progress_on_stderr,
     rows,
+    say,
+    table,
     tell,
     write_columns,
 )
 
 if TYPE_CHECKING:
-    from unbend._types import FloatArray
+    from unbend._types import FloatArray, Progress
     from unbend.canonical import CanonicalForm
+    from unbend.collection import Failure
     from unbend.mesh import Mesh
 
 _MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
@@ -31,13 +37,18 @@ _TABLE_SUFFIXES = (".npy", ".csv")
 
 
 def canonical(
-    mesh: options.Mesh,
+    meshes: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
+        ),
+    ],
     out: Annotated[
         str | None,
         options.out(
             "Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces "
             "(dimension 3; from .obj to .obj texture, materials, groups and polygons stay), .npy "
-            "or .csv (any dimension)."
+            "or .csv (any dimension). For several meshes, a folder."
         ),
     ] = None,
     figure: Annotated[
@@ -85,14 +96,16 @@ def canonical(
     ] = None,
     cache: options.Cache = True,
 ) -> None:
-    """Compute the canonical form of a mesh: a pose-invariant version of the shape.
+    """Compute the canonical form of meshes: a pose-invariant version of each shape.
 
     The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
-    is given.
+    is given. Several meshes get one table, and a file each in the format of the mesh if that holds
+    the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
 
     Examples
     --------
       unbend canonical cat.off -o cat_canonical.ply
+      unbend canonical scans/ -o forms
       unbend canonical cat.off -o cat_unbent.ply --detail preserved
       unbend canonical cat.off --report form.html --up z
       unbend canonical cat.off --detail preserved --figure form.pdf --up z
@@ -100,22 +113,32 @@ def canonical(
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """
     from unbend.canonical import lay_into_pose
-    from unbend.errors import InputError
+    from unbend.collection import Failure
+    from unbend.errors import InputError, UnbendError
     from unbend.io import check_writable, read_mesh
 
     if detail is not None and n_components < 3:
         raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
-    if out is not None:
-        suffix = check_writable(out, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
+    paths = expand_folders(meshes)
+    batch = is_batch(paths, out, {"--figure": figure, "--report": report})
+
+    def suffix_of(path: str) -> str:
+        own = Path(path).suffix.lower()
+        return ".npy" if n_components != 3 else own if own in _MESH_SUFFIXES else ".ply"
+
+    files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
+    for file in files:
+        suffix = check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
             raise InputError(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
     given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
-    with progress_on_stderr() as progress:
+
+    def compute(i: int, progress: Progress) -> dict[str, Any]:
         progress("reading", 0)
-        shape = read_mesh(mesh)
+        shape = read_mesh(paths[i])
         form = make_form(
             shape,
             distance,
@@ -133,9 +156,9 @@ def canonical(
             posed = lay_into_pose(shape, form, progress=progress)
             form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
             posed = posed if keep_scale else posed / form.area**0.5
-        if out is not None:
+        if files:
             progress("writing", 0)
-            _write(out, mesh, shape, form.points if posed is None else posed)
+            _write(files[i], paths[i], shape, form.points if posed is None else posed)
         if figure is not None:
             from unbend.report.form_figures import draw_form
 
@@ -154,17 +177,37 @@ def canonical(
                 command=command_line(),
                 progress=progress,
             )
+        return _numbers(paths[i], shape, form)
+
+    done: list[dict[str, Any]] = []
+    failures: list[Failure] = []
+    with progress_on_stderr() as progress:
+        for i, path in enumerate(paths):
+            try:
+                done.append(compute(i, progress if not batch else _part(progress, i, paths)))
+            except (UnbendError, MemoryError) as error:
+                if not batch:
+                    raise
+                failures.append(Failure.of(path, error))
+    list_failures(failures)
+    for one in done:
+        for note in one["notes"]:
+            say("note", f"{one['file']}: {note}" if batch else note)
+    hint = "add -o OUT.ply to write the form, --report HTML to look at it"
     tell(
-        {"file": mesh, "n_vertices": shape.n_vertices, "n_faces": shape.n_faces, **_numbers(form)},
-        rows(_summary(shape, form)),
-        shapes=[shape],
+        {"files": done, "failed": [vars(one) for one in failures]},
+        _overview(done, failures) if batch else rows(_summary(done[0])),
         written=[out, figure, report],
-        next_step=look_at(report)
-        or (
-            None
-            if out or figure
-            else "add -o OUT.ply to write the form, --report HTML to look at it"
-        ),
+        next_step=look_at(report) or (None if out or figure or batch else hint),
+    )
+    if failures:
+        raise typer.Exit(EXIT_SOME_FAILED)
+
+
+def _part(progress: Progress, i: int, paths: list[str]) -> Progress:
+    """Progress of one mesh among many."""
+    return lambda stage, share: progress(
+        f"{i + 1} of {len(paths)}, {paths[i]}: {stage}", (i + share) / len(paths)
     )
 
 
@@ -185,19 +228,36 @@ def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
     write_mesh(out, Mesh(points, faces), like=like)
 
 
-def _numbers(form: CanonicalForm) -> dict[str, Any]:
+def _numbers(path: str, shape: Mesh, form: CanonicalForm) -> dict[str, Any]:
     names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
-    return {name: getattr(form, name) for name in names} | {"steps": form.seconds}
-
-
-def _summary(shape: Mesh, form: CanonicalForm) -> dict[str, str]:
-    kind = f"{shape.n_faces:,} faces" if shape.n_faces else "a point cloud"
-    shown = [f"{value:.5g}" for value in form.eigenvalues[:8]]
     return {
-        "mesh": f"{shape.name}, {shape.n_vertices:,} vertices, {kind}",
-        "form": f"{form.method} {form.distance}, {form.weighting} weights, "
-        f"{form.laplacian} Laplacian",
-        "eigenvalues": "  ".join(shown + ["..."] * (len(form.eigenvalues) > len(shown))),
-        "stress": f"{form.stress:.3f}",
-        "time": f"{sum(form.seconds.values()):.2f} s",
+        "file": path,
+        "n_vertices": shape.n_vertices,
+        "n_faces": shape.n_faces,
+        "notes": shape.notes,
+        **{name: getattr(form, name) for name in names},
+        "steps": form.seconds,
     }
+
+
+def _summary(one: dict[str, Any]) -> dict[str, str]:
+    kind = f"{one['n_faces']:,} faces" if one["n_faces"] else "a point cloud"
+    shown = [f"{value:.5g}" for value in one["eigenvalues"][:8]]
+    return {
+        "mesh": f"{Path(one['file']).name}, {one['n_vertices']:,} vertices, {kind}",
+        "form": f"{one['method']} {one['distance']}, {one['weighting']} weights, "
+        f"{one['laplacian']} Laplacian",
+        "eigenvalues": "  ".join(shown + ["..."] * (len(one["eigenvalues"]) > len(shown))),
+        "stress": f"{one['stress']:.3f}",
+        "time": f"{sum(one['steps'].values()):.2f} s",
+    }
+
+
+def _overview(done: list[dict[str, Any]], failures: list[Failure]) -> list[str]:
+    lines = [("mesh", "vertices", "faces", "stress", "time", "")]
+    for one in done:
+        counts = f"{one['n_vertices']:,}", f"{one['n_faces']:,}"
+        seconds = f"{sum(one['steps'].values()):.2f} s"
+        lines.append((one["file"], *counts, f"{one['stress']:.3f}", seconds, ""))
+    lines += [(one.path, "-", "-", "-", "-", "failed") for one in failures]
+    return table("<>>>><", *lines)

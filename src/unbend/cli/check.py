@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from unbend.cli._batch import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, quoted, say, table, tell
 from unbend.errors import UnbendError
 
@@ -36,7 +37,9 @@ class Checked(NamedTuple):
 def check(
     meshes: Annotated[
         list[str],
-        typer.Argument(metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files."),
+        typer.Argument(
+            metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
+        ),
     ],
 ) -> None:
     """Report problems of meshes, and how unbend will handle them.
@@ -48,13 +51,14 @@ def check(
     Examples
     --------
       unbend check cat.off
-      unbend check scans/*.ply
+      unbend check scans/
       unbend check scan.ply --json
     """
+    paths = expand_folders(meshes)
     with progress_on_stderr() as progress:
         found = []
-        for i, path in enumerate(meshes):
-            progress(path, i / len(meshes))
+        for i, path in enumerate(paths):
+            progress(f"{i + 1} of {len(paths)}, {path}", i / len(paths))
             found.append(_checked(path))
     several = len(found) > 1
     tell(

@@ -131,10 +131,11 @@ def match(
         if truth is not None:
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
             known = read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
+        hints = landmarks_of(landmarks, shapes)
         found = find_match(
             *shapes,
             partial=partial,
-            landmarks=landmarks_of(landmarks, shapes),
+            landmarks=hints,
             n_matches=n_matches,
             n_eigenpairs=n_eigenpairs,
             refine=refine,
@@ -161,8 +162,9 @@ def match(
             if report is not None:
                 from unbend.report.pages import match_page
 
-                shown: Any = {"up": up, "truth": known, "command": command_line()}
-                match_page(shapes[0], shapes[1], found, report, progress=progress, **shown)
+                shown: Any = {"up": up, "truth": known, "landmarks": hints}
+                shown |= {"command": command_line(), "progress": progress}
+                match_page(shapes[0], shapes[1], found, report, **shown)
     warn_if_doubtful(found.confidence, seen=report is not None)
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(

@@ -1,32 +1,47 @@
-"""``unbend register``: fit a template to a scan."""
+"""``unbend register``: fit a template to scans."""
 
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from unbend.cli import _options as options
+from unbend.cli._batch import expand_folders, is_batch, list_failures, shown
 from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
+from unbend.cli._output import (
+    EXIT_SOME_FAILED,
+    lines_to_keep,
+    look_at,
+    progress_on_stderr,
+    quoted,
+    rows,
+    table,
+    tell,
+)
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
+    from unbend.collection import Registered
     from unbend.correspondence import Registration
 
 
 def register(
     template: Annotated[str, typer.Argument(metavar="TEMPLATE", help="The mesh to deform.")],
-    scan: Annotated[str, typer.Argument(metavar="SCAN", help="The mesh to fit it to.")],
+    scans: Annotated[
+        list[str],
+        typer.Argument(metavar="SCANS", help="The meshes to fit it to, or folders of them."),
+    ],
     out: Annotated[
         str,
         options.out(
             "The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each "
             "vertex from the scan, yellow where that is not reached (.ply and .vtp have the "
             "distances too), .off, .stl. From .obj to .obj only positions change: texture, "
-            "materials, groups and polygons stay."
+            "materials, groups and polygons stay. For several scans, a folder."
         ),
     ],
     map_file: options.Map = None,
@@ -36,28 +51,53 @@ def register(
     save_match: options.SaveMatch = None,
     min_confidence: options.MinConfidence = None,
     component: options.Component = None,
+    report: Annotated[
+        str | None,
+        options.report(
+            "Write a page for a browser: the fitted template, coloured by its distance from the "
+            "scan, beside the scan."
+        ),
+    ] = None,
+    up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
-    """Register a template to a scan: deform it so that it lies on the scan's surface.
+    """Register a template to scans: deform it so that it lies on the surface of each.
 
     The template keeps its vertices and faces, and its shape over holes of the scan. The result is
-    in the scan's coordinates and unit.
+    in the scan's coordinates and unit. Of several scans, a folder is written with a mesh of each
+    and tables of all; scans that cannot be registered are listed, with exit code 1. The command
+    unbend collection register does the same on all processors.
 
     Examples
     --------
       unbend register template.ply scan.ply -o fitted.ply
+      unbend register template.ply scans/ -o fitted
       unbend register template.obj scan.stl --map template_scan.npz -o fitted.obj
       unbend register template.ply torn.ply --partial target --save-match map.npz -o fitted.ply
       unbend register template.ply scan.ply --landmarks hints.csv -o fitted.glb
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
+    paths = expand_folders(scans)
+    of_one = {
+        "--map": map_file,
+        "--partial": None if partial == "auto" else partial,
+        "--landmarks": landmarks or None,
+        "--save-match": save_match,
+        "--min-confidence": min_confidence,
+        "--component": component,
+        "--report": report,
+    }
+    if is_batch(paths, out, of_one):
+        _register_many(template, paths, out)
+        return
     from unbend.correspondence import register as fit_template
-    from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, check_writable, value_colors, write_mesh
+    from unbend.correspondence import write_registration
+    from unbend.io import COLOR_SUFFIXES, check_writable
 
     check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shapes = read_shapes((template, scan), component)
+        shapes = read_shapes((template, paths[0]), component)
         match = read_or_match(
             shapes,
             map_file,
@@ -70,40 +110,88 @@ def register(
         )
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
-        suffix = Path(out).suffix.lower()
-        scalars = {"distance": found.distances} if suffix in SCALAR_SUFFIXES else None
         like = lines_to_keep(out, template, whole=component is None)
-        colors = None
-        if suffix in COLOR_SUFFIXES and like is None:
-            colors = value_colors(found.distances, limits=(0, found.tolerance))
-        write_mesh(out, found.mesh, scalars=scalars, colors=colors, like=like)
-    on = _spread(found, found.distances[found.covered])
-    everywhere = _spread(found, found.distances)
+        write_registration(out, found, like=like)
+        if report is not None:
+            from unbend.report import view
+
+            view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
+    one = _numbers(paths[0], out, found)
     unknown = math.isnan(found.confidence)
     lines = {
         "covered": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
-        "distance there": _in_words(on),
-        "distance of all": _in_words(everywhere),
+        "distance there": _in_words(one["distance_covered"]),
+        "distance of all": _in_words(one["distance_all"]),
         "confidence": "not estimated" if unknown else f"{found.confidence:.2f}, of the match",
     }
-    legend = "" if colors is None else "; its colours are the distance from the scan"
+    colored = Path(out).suffix.lower() in COLOR_SUFFIXES and like is None
+    legend = "; its colours are the distance from the scan" if colored else ""
     tell(
-        {
-            "template": template,
-            "scan": scan,
-            "n_vertices": found.mesh.n_vertices,
-            "n_covered": int(found.covered.sum()),
-            "coverage": found.coverage,
-            "tolerance": found.tolerance,
-            "distance_covered": on,
-            "distance_all": everywhere,
-            "confidence": found.confidence,
-        },
+        {"template": template, "scans": [one], "failed": []},
         rows(lines),
         shapes=shapes,
-        written=[out, save_match],
-        next_step=f"open {out} and {scan} together in MeshLab or Blender{legend}",
+        written=[out, save_match, report],
+        next_step=look_at(report)
+        or f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
     )
+
+
+def _register_many(template: str, paths: list[str], out: str) -> None:
+    from unbend.collection import read_registrations, register_files
+
+    with progress_on_stderr() as progress:
+        done = register_files(paths, template, out, progress)
+    _, found, _ = read_registrations(out)
+    scans = [
+        _numbers(row.path, os.path.join(out, row.file), one)
+        for row, one in zip(done.shapes, found, strict=True)
+    ]
+    tell_registered(done, {"template": template, "scans": scans}, template, out)
+
+
+def tell_registered(done: Registered, result: dict[str, Any], template: str, out: str) -> None:
+    """Tell how registering many shapes went, the least confident last, where they are seen."""
+    lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
+    for one in sorted(done.shapes, key=lambda one: -one.confidence):
+        numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
+        distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
+        lines.append((shown(one.path), *numbers, *distances, "doubtful" if one.doubtful else ""))
+    lines += [(shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
+    doubtful = [one for one in done.shapes if one.doubtful]
+    counts = (
+        f"registered {done.registered:,}, there before {done.skipped:,}, failed "
+        f"{len(done.failures):,} ({done.seconds:.1f} s); doubtful {len(doubtful):,}"
+    )
+    hint = f"unbend collection mean {quoted(out)} -o OUT, for the mean and the components"
+    if doubtful:
+        worst = min(doubtful, key=lambda one: one.confidence)
+        hint = (
+            f"look at doubtful ones: unbend match {quoted(template, shown(worst.path))} "
+            "--report match.html; where limbs are swapped, register again with --landmarks"
+        )
+    list_failures(done.failures)
+    tell(
+        {**result, "failed": [vars(one) for one in done.failures]},
+        [*table("<>>>><", *lines), "", counts],
+        written=[out],
+        next_step=hint if done.shapes else None,
+    )
+    if done.failures:
+        raise typer.Exit(EXIT_SOME_FAILED)
+
+
+def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:
+    return {
+        "scan": scan,
+        "file": file,
+        "n_vertices": found.mesh.n_vertices,
+        "n_covered": int(found.covered.sum()),
+        "coverage": found.coverage,
+        "tolerance": found.tolerance,
+        "distance_covered": _spread(found, found.distances[found.covered]),
+        "distance_all": _spread(found, found.distances),
+        "confidence": found.confidence,
+    }
 
 
 def _spread(found: Registration, distances: FloatArray) -> dict[str, Any]:

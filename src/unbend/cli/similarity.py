@@ -74,6 +74,8 @@ def similarity(
     """
     if figure is not None and not matrix:
         raise InputError("a heat map shows all pairs; add --matrix to --figure")
+    from unbend.io import write_table
+
     paths = [model, *probes]
     with output.progress_on_stderr() as progress:
         progress("reading", 0)
@@ -87,10 +89,10 @@ def similarity(
         ]
         if csv is not None and square is None:
             head = ["model", "probe", "similarity", "match_confidence"]
-            output.write_table(csv, [head, *(one.values() for one in named)])
+            write_table(csv, [head, *(one.values() for one in named)])
         elif csv is not None and square is not None:
             cells = ([path, *row] for path, row in zip(paths, square, strict=True))
-            output.write_table(csv, [["shape", *paths], *cells])
+            write_table(csv, [["shape", *paths], *cells])
         if figure is not None and square is not None:
             from unbend.report.match_figures import draw_similarities
 

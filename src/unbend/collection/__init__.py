@@ -2,13 +2,23 @@
 
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
-from unbend.collection._files import find_file, make_folder
+from unbend.collection._files import find_file, find_files, make_folder
 from unbend.collection._groups import find_groups
 from unbend.collection._labels import read_labels
 from unbend.collection._mean import MeanShape, mean_shape
 from unbend.collection._mean_files import write_mean
+from unbend.collection._registering import read_registrations, register_files
 from unbend.collection._retrieval import Retrieval, retrieval_measures
-from unbend.collection._rows import Added, Entry, Failure, Hit, Info, Matched
+from unbend.collection._rows import (
+    Added,
+    Entry,
+    Failure,
+    Hit,
+    Info,
+    Matched,
+    Registered,
+    RegisteredShape,
+)
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.collection._store import check_outside
 
@@ -22,15 +32,20 @@ __all__ = [
     "Info",
     "Matched",
     "MeanShape",
+    "Registered",
+    "RegisteredShape",
     "Retrieval",
     "Statistics",
     "check_outside",
     "descriptor",
     "find_file",
+    "find_files",
     "find_groups",
     "make_folder",
     "mean_shape",
     "read_labels",
+    "read_registrations",
+    "register_files",
     "retrieval_measures",
     "shape_statistics",
     "write_mean",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
+import numpy.typing as npt
 
 from unbend._arrays import is_whole
-from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
@@ -20,10 +17,11 @@ from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_bas
 from unbend.collection._entry import sample_form
 from unbend.collection._export import export
 from unbend.collection._pairs import match_pairs
-from unbend.collection._ranking import rank_by_form, rank_by_match
-from unbend.collection._rows import Added, Entry, Hit, Info, Matched
-from unbend.collection._store import Store, among, check_outside
-from unbend.errors import FileError, InputError
+from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
+from unbend.collection._registering import register_collection
+from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
+from unbend.collection._store import Store, check_outside
+from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
 # With fewer rows an index finds nothing sooner.
@@ -87,7 +85,7 @@ class Collection:
             If nothing was added yet.
         """
         if not self.exists:
-            raise self._empty()
+            self._store.check_filled()
         return Info(
             n_shapes=len(self),
             n_files=len(self._store),
@@ -147,7 +145,7 @@ class Collection:
         InputError
             If the collection is of another version, or nobody answers at `scheduler`.
         """
-        self._check_version()
+        self._store.check_version()
         given = [paths] if isinstance(paths, str | os.PathLike) else paths
         return add_files(
             self._store,
@@ -200,7 +198,7 @@ class Collection:
             raise InputError(f"n must be a whole number of at least 1, not {n!r}")
         if rerank not in ("none", "form", "match"):
             raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
-        self._check_filled()
+        self._store.check_filled()
         index = index and len(self._store) >= _LEAST_INDEXED
         if index:
             self._store.build_index()
@@ -230,20 +228,8 @@ class Collection:
             If the collection is empty or of another version, or the table does not fit into
             memory.
         """
-        self._check_filled()
-        n = len(self)
-        free, needed = available_memory(), 3 * 8 * n**2
-        if free is not None and needed > free:
-            raise InputError(
-                f"all pairs of {n:,} shapes need {needed / 2**30:.1f} GiB of memory and "
-                f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
-            )
-        from scipy.spatial.distance import cdist
-
-        rows = {row["id"]: row["descriptor"] for row in self._store.select(["id", "descriptor"])}
-        entries = sorted((one for one in self if one.id in rows), key=lambda one: one.path)
-        descriptors = np.array([rows[one.id] for one in entries])
-        return entries, cdist(descriptors, descriptors)
+        self._store.check_filled()
+        return descriptor_distances(self._store)
 
     def find(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
@@ -253,22 +239,7 @@ class Collection:
         InputError
             If one is not there, or may mean several.
         """
-        return [self._find(name) for name in names]
-
-    def _find(self, name: str | os.PathLike[str]) -> Entry:
-        name = os.fspath(name)
-        conditions = [among("path", [name, os.path.abspath(name)])]
-        if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
-            conditions.append(f"id LIKE '{name}%'")
-        ids = {row["id"] for row in self._store.select(["id"], " OR ".join(conditions))}
-        if len(ids) != 1:
-            what = "is not" if not ids else "may be several shapes"
-            raise InputError(
-                f"{name} {what} in the collection {self.path}: give a path or an id as "
-                "unbend collection list shows them"
-            )
-        (entry,) = self._store.entries(among("id", ids))
-        return entry
+        return [self._store.find(name) for name in names]
 
     def remove(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
@@ -291,7 +262,7 @@ class Collection:
         """
         entries = {}
         for name in names:
-            entry = self._find(name)
+            entry = self._store.find(name)
             named = {entry.path, *entry.also} & {os.fspath(name), os.path.abspath(name)}
             if named:
                 entry = replace(entry, path=named.pop(), also=())
@@ -335,23 +306,66 @@ class Collection:
         FileError
             If the folder cannot be made, or is inside the collection's.
         """
-        check_outside(self.path, out)
+        return match_pairs(
+            self._store, pairs, out, workers=workers, scheduler=scheduler, progress=progress
+        )
+
+    def register(
+        self,
+        template: str | os.PathLike[str],
+        out: str | os.PathLike[str],
+        *,
+        landmarks: Mapping[str, npt.ArrayLike] | None = None,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: Progress | None = None,
+    ) -> Registered:
+        """Register a template to every shape, as :func:`unbend.register` does to one.
+
+        Shapes that are registered already are skipped, so that an interrupted run resumes where it
+        was. A shape that cannot be used stops nothing.
+
+        Parameters
+        ----------
+        template : path
+            The mesh to deform: a file, or a shape of the collection, see :meth:`find`.
+        out : path
+            Folder, of all workers alike and of this template alone, for
+
+            - a mesh per shape with the template's vertices and faces, in its format where that
+              keeps their order, otherwise .ply;
+            - ``vertices.npy``, all positions (n_shapes, n_template, 3), and ``vertices.csv``, the
+              same with the columns shape,vertex,x,y,z;
+            - ``shapes.csv``, a row per shape: those of ``vertices.npy`` in the same order, then
+              those that failed.
+        landmarks : mapping of str to (l, 2) array_like of int, optional
+            For names of shapes, vertices of the template and of the shape that correspond. A shape
+            whose landmarks have changed is registered again.
+        workers, scheduler, progress
+            See :meth:`match`.
+
+        Returns
+        -------
+        Registered
+
+        Raises
+        ------
+        InputError, MeshError
+            If the template cannot be used, or a name is not in the collection.
+        FileError
+            If the folder cannot be made, is inside the collection's, or its shapes are registered
+            to another template.
+
+        See Also
+        --------
+        read_registrations : Reads them again, for :func:`mean_shape`.
+        """
         options: Any = {"workers": workers, "scheduler": scheduler, "progress": progress}
-        if pairs is None:
-            entries = sorted(self, key=lambda entry: entry.path)
-            n = len(entries)
-            every = functools.partial(itertools.combinations, entries, 2)
-            return match_pairs(every, n * (n - 1) // 2, out, store=self.path, **options)
-        named = [tuple(pair) for pair in pairs]
-        if wrong := [pair for pair in named if len(pair) != 2]:
-            raise InputError(f"a pair is a source and a target, not {wrong[0]}")
-        known = {name: self._find(name) for name in dict.fromkeys(itertools.chain(*named))}
-        chosen = list(dict.fromkeys((known[source], known[target]) for source, target in named))
-        return match_pairs(lambda: iter(chosen), len(chosen), out, store=self.path, **options)
+        return register_collection(self._store, template, out, landmarks or {}, **options)
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""
-        row = self._store.of_ids(["thumbnail"], [self._find(name).id])[0]
+        row = self._store.of_ids(["thumbnail"], [self._store.find(name).id])[0]
         return bytes(row["thumbnail"])
 
     def export(self, path: str | os.PathLike[str]) -> int:
@@ -377,25 +391,5 @@ class Collection:
         """
         check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))
-        self._check_filled()
+        self._store.check_filled()
         return export(self._store, path)
-
-    def _check_filled(self) -> None:
-        self._check_version()
-        if not len(self._store):
-            raise self._empty()
-
-    def _empty(self) -> FileError:
-        return FileError(
-            f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES adds "
-            "some"
-        )
-
-    def _check_version(self) -> None:
-        version = self._store.version()
-        if version not in (None, DESCRIPTOR_VERSION):
-            raise InputError(
-                f"the collection {self.path} has descriptors of version {version}, which do not "
-                f"compare with those of this unbend, {DESCRIPTOR_VERSION}: add the shapes to a "
-                "new collection"
-            )

@@ -10,13 +10,15 @@ import queue
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
-from unbend.errors import InputError, MissingExtraError, UnbendError
+from unbend.collection._rows import Failure
+from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning
 
 # Tasks for each thread of the cluster: one is computed while the next waits.
 _TASKS_PER_THREAD = 2
@@ -38,6 +40,34 @@ class Outcome(NamedTuple):
 
 
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
+
+
+def attempt(name: str, work: Callable[[], None]) -> Failure | None:
+    """Do some work without warnings; any error becomes a failure, so that other work goes on."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)
+            work()
+    except Exception as error:
+        return Failure.of(name, error)
+    return None
+
+
+def attempt_all(
+    run: Run,
+    function: Callable[[Any], Failure | None],
+    tasks: Iterable[Any],
+    tell: Callable[[int, int, int], None],
+) -> Iterator[Failure | None]:
+    """Apply a function that returns :func:`attempt` to tasks with a name; report the progress."""
+    done = failed = 0
+    for outcomes in run(function, tasks):
+        for task, failure, reason in outcomes:
+            if reason is not None:
+                failure = Failure(task.name, reason)
+            done, failed = done + 1, failed + (failure is not None)
+            yield failure
+        tell(done, 0, failed)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import glob
 import hashlib
 import itertools
 import os
+import re
 import stat
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -86,6 +87,11 @@ def find_file(shape: Entry | Hit, store: str) -> str:
         f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
         "the folder that it is in now"
     )
+
+
+def stem(shape: Entry) -> str:
+    """Name of a shape's file, without its suffix, that any file system takes."""
+    return re.sub(r"[^\w.-]", "_", Path(shape.path).stem)[:60]
 
 
 def is_gone(path: str) -> bool:

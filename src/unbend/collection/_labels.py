@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from unbend.errors import FileError, warn
-from unbend.io import read_bytes
-
-_COLUMNS = "path", "label"
+from unbend.io import read_table
 
 _File = tuple[int, str]  # number of its shape, and path
 
@@ -55,15 +51,7 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
     ['cat', None]
     """
     table = Path(table)
-    data = read_bytes(table, ())
-    try:
-        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
-        missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
-        rows = [] if missing else [(row["path"], row["label"]) for row in reader]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"cannot read {table}: {error}") from None
-    if missing:
-        raise FileError(f"{table}: there is no column {missing[0]}; it needs path and label")
+    rows = read_table(table, ("path", "label"))
     files = {os.path.abspath(path): (i, path) for i, some in enumerate(shapes) for path in some}
     ends: dict[str, list[_File]] = {}
     for file in files.values():
@@ -72,8 +60,6 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
             ends.setdefault("/".join(parts[start:]), []).append(file)
     labels: list[dict[str, str]] = [{} for _ in shapes]  # by path
     for line, (path, label) in enumerate(rows, start=2):
-        if not path or not label:
-            raise FileError(f"{table}: line {line} lacks a path or a label")
         i, path = _find(path, table, files, ends, line)
         if labels[i].setdefault(path, label) != label:
             raise FileError(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ import numpy as np
 from unbend.collection._files import make_folder
 from unbend.collection._mean import MeanShape
 from unbend.errors import MissingExtraError
-from unbend.io import atomic_write, value_colors, write_mesh
+from unbend.io import value_colors, write_mesh, write_table
 
 DEVIATIONS = 3
 _MOST_DRAWN = 5
@@ -53,7 +51,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
             written.append(folder / f"component_{i + 1}_{word}.ply")
             write_mesh(written[-1], found.at(i, deviations))
     shares = statistics.variances / max(statistics.total_variance, 1e-300)
-    tables: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
+    tables: dict[str, tuple[tuple[str, ...], Iterable[tuple[Any, ...]]]] = {
         "variances.csv": (
             ("component", "variance", "share"),
             zip(range(1, k + 1), statistics.variances.tolist(), shares.tolist(), strict=True),
@@ -76,7 +74,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     }
     for name, (head, rows) in tables.items():
         written.append(folder / name)
-        _write_table(written[-1], head, rows)
+        write_table(written[-1], [head, *rows])
     with suppress(MissingExtraError):
         draw_components(found, folder / "components.png")
         written.append(folder / "components.png")
@@ -101,12 +99,3 @@ def draw_components(found: MeanShape, path: Path) -> None:
     ]
     if rows:
         draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)
-
-
-def _write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    with atomic_write(path) as file:
-        file.write(text.getvalue().encode())

@@ -8,6 +8,8 @@ from typing import Any
 
 from unbend.errors import UnbendError
 
+DOUBTFUL = 0.6  # confidences below it
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -118,6 +120,54 @@ class Matched:
 
     matched: int
     skipped: int
+    failures: tuple[Failure, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class RegisteredShape:
+    """A shape that a template is registered to.
+
+    Attributes
+    ----------
+    name, path, file : str
+        A unique name, the shape's file, and the name of the mesh that was written.
+    confidence, coverage : float
+        See :class:`unbend.correspondence.Registration`.
+    mean_distance, distance_95 : float
+        Mean and 95 % quantile of the vertices' distances from the shape, in its unit.
+    """
+
+    name: str
+    path: str
+    file: str
+    confidence: float
+    coverage: float
+    mean_distance: float
+    distance_95: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the confidence, as it is shown, is below 0.6 or unknown."""
+        return not round(self.confidence, 2) >= DOUBTFUL
+
+
+@dataclass(frozen=True)
+class Registered:
+    """What registering a template to shapes came to.
+
+    Attributes
+    ----------
+    registered, skipped : int
+        Shapes that are new, and those that were there before.
+    shapes : tuple of RegisteredShape
+    failures : tuple of Failure
+    seconds : float
+    """
+
+    registered: int
+    skipped: int
+    shapes: tuple[RegisteredShape, ...]
     failures: tuple[Failure, ...]
     seconds: float
 

@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._parallel import n_cores
+from unbend.collection._descriptor import DESCRIPTOR_VERSION
 from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
 from unbend.collection._rows import Entry, Hit
-from unbend.errors import FileError, MissingExtraError, UnbendError
+from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
 
 _TABLE = "shapes"
 # With this key, two processes that add one path at once get one row.
@@ -163,6 +164,25 @@ class Store:
             rows = query.to_list() if query is not None else []
         return rows[0]["version"] if rows else None
 
+    def check_version(self) -> None:
+        """Raise InputError if the descriptors do not compare with those of this version."""
+        version = self.version()
+        if version not in (None, DESCRIPTOR_VERSION):
+            raise InputError(
+                f"the collection {self.path} has descriptors of version {version}, which do not "
+                f"compare with those of this unbend, {DESCRIPTOR_VERSION}: add the shapes to a "
+                "new collection"
+            )
+
+    def check_filled(self) -> None:
+        """Raise FileError if there are no shapes; check the version."""
+        self.check_version()
+        if not len(self):
+            raise FileError(
+                f"there are no shapes in {self.path}: unbend collection add {self.path} MESHES "
+                "adds some"
+            )
+
     def paths_of(self, ids: Iterable[str]) -> dict[str, list[str]]:
         """Sorted paths of the shapes that are there, by their ids."""
         paths: dict[str, list[str]] = {}
@@ -202,6 +222,22 @@ class Store:
                 found = paths.get(row["id"], [])  # none: another process removed it just now
                 if found[:1] == [row["path"]]:
                     yield Entry(**row, also=tuple(found[1:]))
+
+    def find(self, name: str | os.PathLike[str]) -> Entry:
+        """Entry of an id, the beginning of an id, or a path; see `Collection.find`."""
+        name = os.fspath(name)
+        conditions = [among("path", [name, os.path.abspath(name)])]
+        if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
+            conditions.append(f"id LIKE '{name}%'")
+        ids = {row["id"] for row in self.select(["id"], " OR ".join(conditions))}
+        if len(ids) != 1:
+            what = "is not" if not ids else "may be several shapes"
+            raise InputError(
+                f"{name} {what} in the collection {self.path}: give a path or an id as "
+                "unbend collection list shows them"
+            )
+        (entry,) = self.entries(among("id", ids))
+        return entry
 
     def of_ids(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
         """Rows in the order of their ids."""

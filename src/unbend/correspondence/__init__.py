@@ -8,7 +8,7 @@ from unbend.correspondence._archive import (
 )
 from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
-from unbend.correspondence._register import Registration, register
+from unbend.correspondence._register import Registration, register, write_registration
 from unbend.correspondence._similarity import aligned_cosine, similarity
 from unbend.correspondence._transfer import as_point_map, transfer, value_kind
 
@@ -29,4 +29,5 @@ __all__ = [
     "value_kind",
     "write_functional_map",
     "write_match",
+    "write_registration",
 ]

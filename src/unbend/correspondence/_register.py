@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,14 @@ from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, MeshError
-from unbend.io import MeshLike, as_mesh
+from unbend.io import (
+    COLOR_SUFFIXES,
+    SCALAR_SUFFIXES,
+    MeshLike,
+    as_mesh,
+    value_colors,
+    write_mesh,
+)
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, orient_consistently, vertex_areas
@@ -174,6 +183,30 @@ def register(
         coverage=float(shares[covered].sum() / shares.sum()),
         tolerance=tolerance * size,
         confidence=match.confidence if isinstance(match, Match) else float("nan"),
+    )
+
+
+def write_registration(
+    path: str | os.PathLike[str],
+    registration: Registration,
+    *,
+    like: str | os.PathLike[str] | None = None,
+) -> None:
+    """Write the mesh of a registration, coloured by the distance of its vertices from the scan.
+
+    Vertices farther than the tolerance are yellow. .ply and .vtp files have the values
+    ``distance``, too; .off and .stl files have no colours. With `like`, the template's .obj file,
+    its lines are kept, and there are no colours. Raises FileError if the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    distances, tolerance = registration.distances, registration.tolerance
+    colored = suffix in COLOR_SUFFIXES and like is None
+    write_mesh(
+        path,
+        registration.mesh,
+        scalars={"distance": distances} if suffix in SCALAR_SUFFIXES else None,
+        colors=value_colors(distances, limits=(0, tolerance)) if colored else None,
+        like=like,
     )
 
 

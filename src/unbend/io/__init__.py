@@ -19,6 +19,7 @@ from unbend.io._markups import (
 )
 from unbend.io._meshes import as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
+from unbend.io._tables import read_table, write_table
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
@@ -47,11 +48,13 @@ __all__ = [
     "read_markup_pairs",
     "read_markups",
     "read_mesh",
+    "read_table",
     "read_values",
     "value_colors",
     "whole_numbers",
     "write_map",
     "write_markups",
     "write_mesh",
+    "write_table",
     "write_values",
 ]

@@ -46,9 +46,10 @@ CONFIDENCE = (0.27, 0.022, 0.0275)
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
-# Share of the area, a limb's end: a smaller hole is no missing part, and maps that lead less of it
-# to other limbs are the same.
-SMALLEST_PART = 0.02
+SMALLEST_PART = 0.02  # Share of the area below which a hole is no missing part.
+DIFFERENT = (
+    0.03  # Share of the area, a limb's end, of which different maps lead more to other limbs.
+)
 
 # Floors of the arithmetic, which decide nothing.
 DIGITS = 6  # of costs that are not rounding

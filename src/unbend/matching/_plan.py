@@ -119,16 +119,15 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
-    """Return the map onto the target's mirror image that is far better than the best, if one is.
+    """Return the map onto the target's mirror image if it costs less than half of the best.
 
     It is if one shape is a left hand, and the other a right one. For symmetric bodies the two are
     about as good.
     """
     reflected = sides.reflected()
     found = best(reflected, COARSE, from_spectra(reflected, []))
-    ahead = 1 + (constants.UNAMBIGUOUS[1] - 1) * lead_needed(first.cost)
     found = moved(reflected, found[:1], MEDIUM)
-    return [one for one in found if ahead * one.cost < first.cost]
+    return [one for one in found if (1 + lead_needed(first.cost)) * one.cost < first.cost]
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:

@@ -18,7 +18,7 @@ from unbend.report.match_figures import (
     match_colors,
     pattern_colors,
 )
-from unbend.report.pages import Page, form_page, match_page, mesh_page, search_page, similarity_page
+from unbend.report.pages import Page, form_page, match_page, search_page, similarity_page, view
 from unbend.report.value_figures import draw_values
 from unbend.report.variation_figures import draw_variation
 
@@ -36,7 +36,6 @@ __all__ = [
     "form_page",
     "match_colors",
     "match_page",
-    "mesh_page",
     "new_figure",
     "pattern_colors",
     "plot",
@@ -45,4 +44,5 @@ __all__ = [
     "save_figure",
     "search_page",
     "similarity_page",
+    "view",
 ]

@@ -61,7 +61,7 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
     (2, 3)
     """
     points = np.asarray(vertices, dtype=np.float64)
-    colors = 0.15 + 0.85 * position_colors(points)
+    colors = position_colors(points)
     finite = np.isfinite(points).all(axis=1)
     if finite.any():
         spread = points[finite] - points[finite].min(axis=0)

@@ -7,11 +7,17 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import numbers_of
-from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
-from unbend.report.figures import UPRIGHT, as_written, check_up, draw_mesh, new_figure, save_figure
+from unbend.report.figures import (
+    UPRIGHT,
+    as_written,
+    check_up,
+    check_values,
+    draw_mesh,
+    new_figure,
+    save_figure,
+)
 
 
 def draw_values(
@@ -63,15 +69,10 @@ def draw_values(
     ...     path.exists()
     True
     """
-    mesh, array = as_mesh(mesh), numbers_of(values, "values")
+    mesh = as_mesh(mesh)
     check_up(up)
-    if array.shape != (mesh.n_vertices,):
-        raise InputError(
-            f"{mesh.name} has {mesh.n_vertices} vertices, but values have shape {array.shape}"
-        )
+    array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
-    if not len(finite):
-        raise InputError("none of the values is finite: there is nothing to draw")
     figure = new_figure(8.6, 4.2)
     upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
     for i, azimuth in enumerate((view[0], view[0] + 180)):

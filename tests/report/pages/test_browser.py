@@ -15,8 +15,8 @@ from unbend import Mesh, canonical_form, distance, lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
-from unbend.report import form_page, match_page
-from unbend.report.pages import _match_page, mesh_page
+from unbend.report import form_page, match_page, view
+from unbend.report.pages import _match_page
 from unbend.report.pages._shown import show
 
 N = 900
@@ -90,6 +90,28 @@ def test_a_click_tells_the_partner_on_either_side(browser, match_html, dogs, scr
     browser.click(*browser.middle("#target", 0.0, 0.1))
     ours, theirs = numbers(browser)
     assert ours == backward[theirs]
+
+
+def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path) -> None:
+    browser.open(match_html)
+    plain = [browser.picture(f"#{name}") for name in ("source", "target")]
+    source, target, forward = dogs
+    rows = [(i, forward[i]) for i in (10, 400)]
+    match_page(source, target, forward, tmp_path / "marked.html", landmarks=rows)
+    browser.open(tmp_path / "marked.html")
+    marked = [browser.picture(f"#{name}") for name in ("source", "target")]
+    assert min(map(changed, plain, marked)) > 0
+    assert max(map(changed, plain, marked)) < 0.04
+    labels = "part('{}').view.landmarks.map(l => [l.label, l.vertex])"
+    assert browser.run(labels.format("source")) == [["1", 10], ["2", 400]]
+    assert browser.run(labels.format("target")) == [["1", rows[0][1]], ["2", rows[1][1]]]
+    # They follow the morph.
+    browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')) })(part('morph'))")
+    browser.settle()
+    here = "(v => v.projection()(...row(v.meshes[0].positions, 400)))(part('source').view)"
+    there = f"(v => v.projection()(...row(v.meshes[0].positions, {forward[400]})))"
+    apart = np.subtract(browser.run(here), browser.run(f"{there}(part('target').view)"))
+    assert np.hypot(*apart) < 25
 
 
 def test_the_click_hits_the_vertex_under_the_pointer(browser, match_html, dogs) -> None:
@@ -230,30 +252,18 @@ def test_shape_and_form_are_drawn_and_turn_together(browser, form_html, screensh
     assert min(map(changed, start, [browser.picture(f"#{name}") for name in names])) > 0.01
 
 
-def test_a_mesh_turns_and_tells_its_vertices(browser, dogs, tmp_path) -> None:
-    mesh_page(dogs[0]).write(tmp_path / "mesh.html")
-    browser.open(tmp_path / "mesh.html")
-    start = browser.picture("#shape")
-    assert drawn(start) > 0.01
-    browser.click(*browser.middle("#shape", 0.0, 0.1))
-    number = browser.run("+part('vertex').value")
-    assert browser.run("part('readout').textContent") == f"vertex {number}"
-    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
-    assert changed(start, browser.picture("#shape")) > 0.02
-
-
 def test_large_shapes_are_coarse_while_they_move_without_a_graphics_processor(
     browser, tmp_path
 ) -> None:
     ball = make_sphere(5)
-    mesh_page(ball).write(tmp_path / "ball.html")
+    view(ball, path=tmp_path / "ball.html")
     browser.open(tmp_path / "ball.html")
     browser.run(
         "globalThis.drawn = []; (gl => { const draw = gl.drawElements; gl.drawElements ="
         " (kind, n, ...more) => { drawn.push(n / 3); draw.call(gl, kind, n, ...more) } })"
-        "(part('shape').getContext('webgl2'))"
+        "(stage.gl)"
     )
-    browser.drag(browser.middle("#shape", 0.9, 0.9), 90, 0)
+    browser.drag(browser.middle("#shape-0", 0.9, 0.9), 90, 0)
     still = f"drawn.at(-1) === {ball.n_faces} ? r() : setTimeout(w, 20)"
     browser.run(f"new Promise(r => {{ const w = () => {still}; w() }})")
     assert 100 < browser.run("Math.min(...drawn)") < 0.6 * ball.n_faces
@@ -263,7 +273,8 @@ def test_a_notebook_shows_a_page(browser, dogs, tmp_path, screenshots) -> None:
     cell = tmp_path / "notebook.html"
     ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
     cell.write_text(
-        f"<!doctype html><body>{mesh_page(dogs[0])._repr_html_()}{ready}", encoding="utf-8"
+        f"<!doctype html><body>{view(dogs[0], values=range(N))._repr_html_()}{ready}",
+        encoding="utf-8",
     )
     browser.open(cell)
     for _ in range(100):
@@ -313,7 +324,7 @@ def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, scre
 def test_a_name_is_text_and_nothing_else(browser, tmp_path: Path) -> None:
     name = "<script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
     sphere = make_sphere(2)
-    mesh_page(Mesh(sphere.vertices, sphere.faces, name=name)).write(tmp_path / "name.html")
+    view(Mesh(sphere.vertices, sphere.faces, name=name), path=tmp_path / "name.html")
     browser.open(tmp_path / "name.html")
     assert browser.run("document.querySelector('h1').textContent") == name
     assert browser.run("document.images.length") == 0

@@ -99,6 +99,21 @@ def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
     assert 'id="map"' not in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(("confidence", "doubtful"), [(0.21, True), (0.6, False), (np.nan, False)])
+def test_a_doubtful_match_has_a_warning_above_it(
+    blob: Mesh, confidence: float, doubtful: bool
+) -> None:
+    found = replace(match(blob, blob, refine=False), confidence=confidence, alternatives=())
+    html = match_page(blob, blob, found).html
+    assert ('<p class="band"' in html) == doubtful
+    if doubtful:
+        assert "its confidence is 0.21" in html
+        assert "unbend view" in html
+        several = match_page(blob, blob, replace(found, alternatives=(found,))).html
+        assert "menu Map" in several
+        assert "menu Map" not in html
+
+
 def test_few_partners_leave_no_morph(blob: Mesh, tmp_path: Path) -> None:
     page, nowhere = tmp_path / "match.html", np.full(642, -1)
     nowhere[3] = 5
@@ -145,6 +160,7 @@ def test_a_part_is_as_large_as_what_it_matches(blob: Mesh) -> None:
         ({"match": np.arange(3)}, "the map has 3"),
         ({"source": np.zeros((5, 3))}, "no faces to draw"),
         ({"truth": (np.arange(3), np.arange(4))}, "3 source and 4 target"),
+        ({"landmarks": [(0, 642)]}, "landmark 642 is no vertex"),
     ],
 )
 def test_what_does_not_fit_is_refused(

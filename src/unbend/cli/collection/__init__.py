@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from unbend.cli._command import make_group
 from unbend.cli.collection.compare import evaluate, groups, matrix, search
-from unbend.cli.collection.pairs import match, mean
+from unbend.cli.collection.pairs import match
+from unbend.cli.collection.register import mean, register
 from unbend.cli.collection.shapes import add, export, info, list_, remove
 
 app = make_group(
     "Store many shapes; search, group and match them.",
-    *(add, list_, info, remove, search, matrix, groups, match, evaluate, mean, export),
+    *(add, list_, info, remove, search, matrix, groups, match, register, mean, evaluate, export),
 )

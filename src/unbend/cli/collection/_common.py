@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from unbend.cli._batch import shown
 from unbend.cli._output import command_line, say
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
     from unbend.choices import Axis
-    from unbend.collection import Collection, Entry, Failure, Hit
+    from unbend.collection import Collection, Entry, Hit
     from unbend.mesh import Mesh
 
 SHORT_ID = 12  # digits of an id that are shown
@@ -33,23 +33,10 @@ def opened(store: str, *outputs: str | None) -> Collection:
     return found
 
 
-def shown(path: str) -> str:
-    """Shorten a path that is below the folder we are in."""
-    here = os.path.join(os.getcwd(), "")
-    return path.removeprefix(here)
-
-
 def shown_shape(shape: Entry | Hit) -> str:
     """Show the first path of a shape, and that it has others."""
     more = f" and {len(shape.also) - 1:,} more" if len(shape.also) > 1 else ""
     return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
-
-
-def list_failures(failures: Sequence[Failure]) -> None:
-    """Name on stderr what could not be done, each with its reason."""
-    for failure in failures:
-        name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
-        say("failed", f"{name}: {failure.reason}")
 
 
 def read_found(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:

@@ -18,16 +18,9 @@ from unbend.cli._output import (
     say,
     table,
     tell,
-    write_table,
 )
 from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import (
-    SHORT_ID,
-    opened,
-    read_found,
-    shown_shape,
-    write_page,
-)
+from unbend.cli.collection._common import SHORT_ID, opened, read_found, shown_shape, write_page
 
 if TYPE_CHECKING:
     from unbend.collection import Entry, Hit
@@ -129,6 +122,8 @@ def matrix(
     """
     entries, distances = opened(store, csv, figure, report).distances()
     if csv is not None:
+        from unbend.io import write_table
+
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
         write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
     if figure is not None:
@@ -191,6 +186,8 @@ def groups(
         members[number].append(entry)
     paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
     if csv is not None:
+        from unbend.io import write_table
+
         pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
         write_table(csv, [("path", "group"), *pairs])
     if report is not None:
@@ -198,7 +195,13 @@ def groups(
     lines = []
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
-    tell({"store": store, "groups": paths}, lines, written=[csv, report], next_step=look_at(report))
+    guess = None if n else f"-n N for another number of groups; {len(members)} stand out most"
+    tell(
+        {"store": store, "groups": paths},
+        lines,
+        written=[csv, report],
+        next_step=look_at(report) or guess,
+    )
 
 
 def evaluate(

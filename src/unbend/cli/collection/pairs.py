@@ -1,27 +1,19 @@
-"""Commands that match the shapes of a collection: match, mean."""
+"""``unbend collection match``: pairs of the shapes of a collection."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from unbend.cli import _options as options
+from unbend.cli._batch import list_failures
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     progress_on_stderr,
-    rows,
     tell,
 )
-from unbend.cli.collection._common import (
-    list_failures,
-    opened,
-)
-
-if TYPE_CHECKING:
-    from unbend.collection import Failure, MeanShape
+from unbend.cli.collection._common import opened
 
 
 def match(
@@ -57,11 +49,14 @@ def match(
       unbend collection match shapes --pairs pairs.csv -o matches --workers 4
     """
     from unbend.errors import InputError
+    from unbend.io import read_table
 
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
-    chosen = None if pairs is None else _read_pairs(pairs)
+    chosen = None
+    if pairs is not None:
+        chosen = [(source, target) for source, target in read_table(pairs, ("source", "target"))]
     with progress_on_stderr() as progress:
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
@@ -83,118 +78,3 @@ def match(
     )
     if done.failures:
         raise typer.Exit(EXIT_SOME_FAILED)
-
-
-def _read_pairs(path: str) -> list[tuple[str, str]]:
-    import csv
-
-    from unbend.errors import FileError
-    from unbend.io import read_bytes
-
-    try:
-        text = read_bytes(Path(path), (".csv",)).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise FileError(f"{path} is not text in UTF-8") from None
-    rows = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
-    if not rows or not {"source", "target"} <= set(rows[0]):
-        raise FileError(f"{path}: needs a first line with source,target, and a line a pair")
-    for i, row in enumerate(rows):
-        if not row["source"] or not row["target"]:
-            raise FileError(f"{path}, line {i + 2}: needs a source and a target")
-    return [(row["source"], row["target"]) for row in rows]
-
-
-def mean(
-    store: options.Store,
-    template: Annotated[
-        str,
-        typer.Option(
-            "--template",
-            metavar="MESH",
-            help="The template: a shape of the same kind in about the same pose.",
-        ),
-    ],
-    out: Annotated[str, options.out("The folder to write to.", "DIR")],
-    n_components: Annotated[
-        int,
-        typer.Option("--n-components", metavar="N", min=1, help="How many components to keep."),
-    ] = 5,
-    scale: Annotated[
-        bool, typer.Option("--scale/--keep-scale", help="Scale all shapes to one size first.")
-    ] = False,
-    min_confidence: Annotated[
-        float, typer.Option("--min-confidence", help="Leave out less confident matches.")
-    ] = 0.5,
-    min_coverage: Annotated[
-        float,
-        typer.Option("--min-coverage", help="Least share of the template that is covered."),
-    ] = 0.5,
-    workers: options.Workers = None,
-    scheduler: options.Scheduler = None,
-) -> None:
-    """Register all shapes to a template; write their mean, components and variability.
-
-    Into DIR go mean.ply (with the variability of each vertex, in colours too),
-    component_K_minus.ply and component_K_plus.ply (the mean moved by 3 standard deviations),
-    variances.csv, scores.csv, left_out.csv (shapes left out, and why) and, with matplotlib,
-    components.png.
-
-    Examples
-    --------
-      unbend collection mean people --template anna.ply -o statistics
-      unbend collection mean skulls --template skull.ply -o form --scale --n-components 10
-    """
-    from unbend.collection import Failure, find_file, make_folder, mean_shape, write_mean
-    from unbend.errors import FileError
-
-    collection = opened(store, out)
-    make_folder(out)
-    paths: list[str] = []
-    missing: list[Failure] = []
-    for entry in sorted(collection, key=lambda entry: entry.path):
-        try:
-            paths.append(find_file(entry, store))
-        except FileError as error:
-            missing.append(Failure(entry.path, str(error)))
-    list_failures(missing)
-    with progress_on_stderr() as progress:
-        found = mean_shape(
-            paths,
-            template,
-            n_components=n_components,
-            scale=scale,
-            min_confidence=min_confidence,
-            min_coverage=min_coverage,
-            workers=workers,
-            scheduler=scheduler,
-            progress=progress,
-        )
-    list_failures(found.left_out)
-    found = replace(found, left_out=(*missing, *found.left_out))
-    written = write_mean(out, found)
-    shares = found.statistics.variances / found.statistics.total_variance
-    tell(
-        {
-            "store": store,
-            "template": template,
-            "files": [path.name for path in written],
-            "n_shapes": len(found.names),
-            "failed": [vars(one) for one in found.left_out],
-            "variances": found.statistics.variances,
-            "total_variance": found.statistics.total_variance,
-        },
-        rows(_told(found, shares.tolist())),
-        written=[out],
-    )
-
-
-def _told(found: MeanShape, shares: list[float]) -> dict[str, str]:
-    n = len(found.names) + len(found.left_out)
-    return {
-        "shapes": f"{len(found.names):,} of {n:,}; the others are listed in left_out.csv"
-        if found.left_out
-        else f"{n:,}",
-        "components": ", ".join(f"{share:.1%}" for share in shares) + " of the variance",
-        "variability": f"{found.statistics.total_variance**0.5:.4g} on average, in the unit of "
-        "the shapes",
-    }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from unbend.cli import _options as options
+from unbend.cli._batch import list_failures, shown
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     progress_on_stderr,
@@ -16,13 +17,7 @@ from unbend.cli._output import (
     rows,
     tell,
 )
-from unbend.cli.collection._common import (
-    SHORT_ID,
-    list_failures,
-    opened,
-    shown,
-    shown_shape,
-)
+from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
 
 if TYPE_CHECKING:
     from unbend.collection import Entry

@@ -7,11 +7,14 @@ import hashlib
 import json
 import math
 import os
+import tempfile
+import webbrowser
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +26,7 @@ from unbend.io import atomic_write, check_writable
 SUFFIXES = (".html",)
 
 # Scripts that every page runs before its own.
-_SCRIPTS = ("data.js", "shaders.js", "geometry.js", "scene.js", "page.js")
+_SCRIPTS = ("data.js", "shaders.js", "geometry.js", "stage.js", "scene.js", "page.js")
 
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -35,7 +38,7 @@ _PAGE = """<!doctype html>
 <style>{style}</style>
 </head>
 <body>
-<header>
+{band}<header>
 <h1>{heading}</h1>
 <p class="lead">{lead}</p>
 <p class="trouble" id="trouble" role="alert" hidden></p>
@@ -84,11 +87,38 @@ class Page:
         with atomic_write(path) as file:
             file.write(self.html.encode("utf-8"))
 
+    def open(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the page and open it in the browser that the system prefers.
+
+        Parameters
+        ----------
+        path : path, optional
+            The file to write, .html; by default a temporary one, which stays.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        if path is None:
+            number, path = tempfile.mkstemp(".html", "unbend-")
+            os.close(number)
+        self.write(path)
+        webbrowser.open(Path(path).resolve().as_uri())
+        return Path(path)
+
     def __repr__(self) -> str:
         return f"Page({self.title!r}, {len(self.html) / 1e6:.1f} MB)"
 
     def _repr_html_(self) -> str:
-        frame = 'sandbox="allow-scripts" style="width: 100%; height: 45rem; border: 0"'
+        frame = (
+            'sandbox="allow-scripts allow-downloads" style="width: 100%; height: 45rem; border: 0"'
+        )
         return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
@@ -100,11 +130,13 @@ def make_page(
     body: str,
     data: dict[str, Any],
     scripts: Sequence[str],
+    band: str = "",
     path: str | os.PathLike[str] | None = None,
 ) -> Page:
     """Put a page together, and write it if there is a path.
 
-    Title and lead are plain text; heading and body are HTML in which the user's names are escaped.
+    Title, lead and band, a warning above all, are plain text; heading and body are HTML in which
+    the user's names are escaped.
     The scripts are files beside this one, and find the data unpacked.
     """
     folder = files("unbend.report.pages")
@@ -115,6 +147,7 @@ def make_page(
         title=escape(title),
         heading=heading,
         lead=escape(lead),
+        band=f'<p class="band" role="alert">{escape(band)}</p>\n' if band else "",
         body=body,
         version=version("unbend"),
         # Nothing in JSON needs "<" as it is, and HTML would end the script at "</script>".
@@ -145,14 +178,15 @@ def how_made(rows: Sequence[Sequence[str]], command: str) -> str:
     return section("How it was made", table(rows), made)
 
 
-def canvas(name: str, caption: str, description: str, box: str = "") -> str:
-    """Canvas with a caption, alternative text and, if named, an input for a vertex number."""
+def canvas(name: str, caption: str, description: str, box: str = "", more: str = "") -> str:
+    """Canvas with a caption, alternative text, perhaps an input for a vertex number, and more."""
     entry = ""
     if box:
         entry = f'<label>vertex <input type="number" id="{box}" min="0" step="1"></label>'
     return (
-        f'<figure><canvas id="{name}" tabindex="0" role="img" aria-label="{escape(description)}">'
-        f"</canvas><figcaption><b>{escape(caption)}</b>{entry}</figcaption></figure>"
+        f'<figure><canvas id="{name}" tabindex="0" role="application" '
+        f'aria-roledescription="3-D view" aria-label="{escape(description)}">'
+        f"</canvas><figcaption><b>{escape(caption)}</b>{entry}{more}</figcaption></figure>"
     )
 
 
@@ -162,9 +196,11 @@ def controls(own: str, up: str, *, grid: bool = True, several: bool = True) -> s
     return (
         f'<div class="controls" role="group" aria-label="Controls">{own}'
         + '<label><input type="checkbox" id="grid" checked> grid</label>' * grid
+        + '<label><input type="checkbox" id="wire"> mesh edges</label>'
         + '<label><input type="checkbox" id="linked" checked> turn together</label>' * several
         + f'<label>up <select id="up">{axes}</select></label>'
-        '<button type="button" id="reset">Reset view</button></div>\n'
+        '<button type="button" id="reset">Reset view</button>'
+        '<button type="button" id="picture">Save picture</button></div>\n'
     )
 
 

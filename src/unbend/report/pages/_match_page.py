@@ -24,7 +24,13 @@ from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import SUFFIXES, Page, make_page
 from unbend.report.pages._maps import pack_map
 from unbend.report.pages._packing import pack_places
-from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+from unbend.report.pages._shown import (
+    cells_of,
+    checked_landmarks,
+    faces_within,
+    places_as_colors,
+    show,
+)
 
 # The error at the end of the colour scale.
 _WORST = 0.1
@@ -38,6 +44,7 @@ def match_page(
     *,
     up: Axis = "y",
     truth: Sequence[npt.ArrayLike] | None = None,
+    landmarks: npt.ArrayLike | None = None,
     command: str = "",
     progress: Progress | None = None,
 ) -> Page:
@@ -62,6 +69,8 @@ def match_page(
     truth : sequence of 2 or 3 (r,) array_like of int, optional
         Source vertices, their true target vertices and perhaps the mirrored ones, as for
         :func:`unbend.evaluate`: the page then shows the errors.
+    landmarks : (l, 2) array_like of int, optional
+        Source and target vertices that were given to :func:`unbend.match`, shown with numbers.
     command : str, default=""
         What made the match, shown on the page.
     progress : callable, optional
@@ -75,7 +84,8 @@ def match_page(
     Raises
     ------
     InputError
-        If a shape has no faces, the map or the truth does not fit, or there is no such axis.
+        If a shape has no faces, the map, the truth or the landmarks do not fit, or there is no such
+        axis.
     FileError
         If the file cannot be written.
 
@@ -113,6 +123,7 @@ def match_page(
     rows = shown[0].ids
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
+    pairs = checked_landmarks(landmarks, [source, target])
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
@@ -138,6 +149,7 @@ def match_page(
         title=f"{source.name} to {target.name}",
         heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
         lead=_lead(first, target),
+        band=words.doubt(known),
         body="\n".join(blocks),
         data={
             "source": shown[0].packed(source.vertices)
@@ -151,6 +163,10 @@ def match_page(
                 for side, form, part in zip(("source", "target"), forms, shown, strict=True)
             },
             "maps": packed,
+            "landmarks": [
+                [int(part.stand_ins[i]) for part, i in zip(shown, pair, strict=True)]
+                for pair in pairs
+            ],
             "worst": _WORST,
             "cells": cells_of(source.vertices[rows]),
         },

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from unbend._arrays import snap
+from unbend._arrays import array_of, snap
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.mesh.decimation import decimate
 from unbend.report.pages._packing import pack_places, pack_whole
@@ -82,3 +85,23 @@ def faces_within(places: FloatArray, faces: IntArray) -> dict[str, Any] | None:
     """Pack the faces whose corners are finite; None where all are."""
     inside = np.asarray(np.isfinite(places).all(axis=1))[faces].all(axis=1)
     return None if inside.all() else pack_whole(faces[inside])
+
+
+def checked_landmarks(landmarks: npt.ArrayLike | None, meshes: Sequence[Mesh]) -> list[list[int]]:
+    """Rows of landmarks, with a vertex of each mesh; InputError if they are not on faces."""
+    if landmarks is None or not np.size(landmarks):
+        return []
+    rows = array_of(landmarks, "landmarks")
+    if rows.shape[1:] != (2,) * (len(meshes) - 1) or rows.ndim < 1 or rows.dtype.kind not in "iu":
+        wanted = "pairs of vertices" if len(meshes) > 1 else "vertices"
+        raise InputError(f"landmarks must be {wanted}, not {rows.dtype} of shape {rows.shape}")
+    rows = rows.reshape(len(rows), -1)
+    for mesh, column in zip(meshes, rows.T, strict=True):
+        wrong = np.setdiff1d(column, mesh.faces)
+        if len(wrong):
+            raise InputError(
+                f"landmark {wrong[0]} is no vertex of a face of {mesh.name}, which has "
+                f"{plural(mesh.n_vertices, 'vertex')}, counted from 0"
+            )
+    found: list[list[int]] = rows.tolist()
+    return found

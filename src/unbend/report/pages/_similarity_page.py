@@ -265,7 +265,7 @@ def _heat_map(measure: str) -> str:
     )
     return section(
         measure.capitalize(),
-        f'<canvas id="heat" tabindex="0" role="img" aria-label="{described}"></canvas>',
+        f'<canvas id="heat" tabindex="0" role="application" aria-label="{described}"></canvas>',
         hint(
             '<span id="least"></span> <span class="scale viridis"></span> <span id="most"></span>. '
             "Point at a cell to read it, click it to see both shapes; or go from cell to cell with "

@@ -59,10 +59,10 @@ start(async (data) => {
       if (data.unit) far += `, straight in the form ${straight.toFixed(4)}`;
     }
     readout.textContent = marked.length
-      ? marked.map((vertex) => `vertex ${count(number(vertex))}`).join(" \u2194 ") + far
+      ? marked.map((vertex) => `vertex ${number(vertex)}`).join(" \u2194 ") + far
       : readout.dataset.hint;
     for (const view of views) {
-      view.marks = marked.map((vertex) => ({ spot: row(view.meshes[0].positions, vertex), tint }));
+      view.marks = marked.map((vertex) => ({ mesh: view.meshes[0], vertex, tint }));
       view.draw();
     }
   }

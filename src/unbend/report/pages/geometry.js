@@ -1,4 +1,4 @@
-// What is computed of places and faces: normals, fewer faces, the face along a ray.
+// What is computed of places and faces: normals, fewer faces, edges, the face along a ray.
 "use strict";
 
 function normalsOf(positions, faces) {
@@ -41,6 +41,15 @@ function fewerFaces(positions, faces, cell) {
     if (a !== b && b !== c && c !== a) kept.push(a, b, c);
   }
   return new Uint32Array(kept);
+}
+
+// Both ends of every side of every face.
+function edgesOf(faces) {
+  const ends = new Uint32Array(2 * faces.length);
+  for (let f = 0; f < faces.length; f += 3) {
+    ends.set([faces[f], faces[f + 1], faces[f + 1], faces[f + 2], faces[f + 2], faces[f]], 2 * f);
+  }
+  return ends;
 }
 
 // The first face along a ray (Möller and Trumbore, 1997), by the place of its first corner.

@@ -16,6 +16,11 @@ start(async (data) => {
   const all = [...views, ...forms.views];
   listenToControls(all, views);
 
+  views.forEach((view, i) => {
+    view.landmarks = data.landmarks.map((pair, k) => (
+      { mesh: view.meshes[0], vertex: pair[i], tint: colorOf("--source"), label: `${k + 1}` }));
+  });
+
   // The map that is shown: for each side, per shown vertex, the partner's number on the other and
   // the shown vertex in whose place it is seen; -1 for none.
   let map = null;
@@ -39,11 +44,11 @@ start(async (data) => {
       numbers[1 - side] = links.partners[vertex];
     }
     readout.textContent = !chosen ? readout.dataset.hint : names.map((name, i) =>
-      numbers[i] < 0 ? `no ${name} vertex` : `${name} vertex ${count(numbers[i])}`).join("  \u2194  ");
+      numbers[i] < 0 ? `no ${name} vertex` : `${name} vertex ${numbers[i]}`).join("  \u2194  ");
     boxes.forEach((box, i) => { box.value = numbers[i] < 0 ? "" : numbers[i]; });
     all.forEach((view, v) => {
       view.marks = (v < 2 ? [v] : [0, 1]).filter((i) => shown[i] >= 0).map((i) => (
-        { spot: row(view.meshes[v < 2 ? 0 : i].positions, shown[i]), tint }));
+        { mesh: view.meshes[v < 2 ? 0 : i], vertex: shown[i], tint }));
       view.draw();
     });
   }
@@ -86,10 +91,7 @@ start(async (data) => {
   }
   paint.addEventListener("change", color);
 
-  const morph = listenToMorph((places) => {
-    ours.set(ours.meshes[0], "positions", places);
-    if (pinned) mark(pinned);
-  });
+  const morph = listenToMorph((places) => ours.set(ours.meshes[0], "positions", places));
 
   function choose(index) {
     map = data.maps[index];

@@ -2,7 +2,6 @@
 "use strict";
 
 const part = (id) => document.getElementById(id);
-const count = (number) => number.toLocaleString("en");
 
 // The room that some places take: the middle of the box around them, the distance from it of the
 // farthest, and for each axis the farthest across it and along it.
@@ -68,13 +67,46 @@ function listenToControls(views, shapes) {
       view.draw();
     }
   });
-  if (part("grid")) part("grid").addEventListener("change", (event) => {
-    for (const view of views) {
-      view.grid = event.target.checked;
-      view.draw();
-    }
-  });
+  for (const name of ["grid", "wire"]) {
+    if (part(name)) part(name).addEventListener("change", (event) => {
+      for (const view of views) {
+        view[name] = event.target.checked;
+        view.draw();
+      }
+    });
+  }
+  part("picture").addEventListener("click", () => savePicture(shapes));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => views.forEach((view) => view.draw()));
+}
+
+// Views side by side as a picture on nothing, with twice the pixels of the screen.
+function savePicture(views) {
+  const ratio = 2 * (window.devicePixelRatio || 1), whole = document.createElement("canvas");
+  const parts = views.map((view) => {
+    const one = document.createElement("canvas");
+    view.paintInto(one, ratio);
+    return one;
+  });
+  whole.width = parts.reduce((sum, one) => sum + one.width, 0);
+  whole.height = Math.max(...parts.map((one) => one.height));
+  let x = 0;
+  for (const one of parts) {
+    if (one.width) whole.getContext("2d").drawImage(one, x, 0);
+    x += one.width;
+  }
+  whole.toBlob((blob) => save(`${document.title}.png`, blob));
+}
+
+// Hand a file to the browser, which downloads it.
+function save(name, blob) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+}
+
+function complain(message) {
+  part("trouble").hidden = false;
+  part("trouble").textContent = message;
 }
 
 async function start(show) {
@@ -83,8 +115,7 @@ async function start(show) {
     await show(await unpackAll(JSON.parse(part("data").textContent)));
     document.documentElement.dataset.ready = "yes"; // for whoever waits for the drawing
   } catch (error) {
-    part("trouble").hidden = false;
-    part("trouble").textContent = error.message;
+    complain(error.message);
     throw error;
   }
 }

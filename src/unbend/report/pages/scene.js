@@ -1,31 +1,11 @@
-// A small WebGL 2 viewer: lit meshes, marks on their vertices, and what lies under the pointer.
+// Views of lit meshes with marks on their vertices, and the vertex under the pointer.
 "use strict";
 
+const HIDDEN = -0.3; // how little a vertex may face the viewer while its mark is still seen
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
 // Without a graphics processor, larger meshes have fewer faces until nothing moved for so many
 // milliseconds.
 const MANY_FACES = 20000, STILL = 300;
-const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-
-function program(gl, vertex, fragment) {
-  const made = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-  }
-  ["position", "normal", "place", "value", "known"].forEach((name, i) =>
-    gl.bindAttribLocation(made, i, name));
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw Error(gl.getProgramInfoLog(made));
-  const uniforms = {};
-  for (let i = 0; i < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); i++) {
-    const { name } = gl.getActiveUniform(made, i);
-    uniforms[name] = gl.getUniformLocation(made, name);
-  }
-  return { made, uniforms };
-}
 
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
 // share one turn together.
@@ -68,8 +48,8 @@ class Camera {
   }
 }
 
-// One canvas. `meshes` are drawn; marks are {spot: [x, y, z], tint}; `pointed(vertex, clicked)` is
-// called with the vertex of the first mesh under the pointer, or -1.
+// One canvas. `meshes` are drawn, and on them marks: {mesh, vertex, tint, label}. `pointed(vertex,
+// clicked)` is called with the vertex of the first mesh under the pointer, or -1.
 class View {
   // `room` is what roomFor says of everything that will be drawn.
   constructor(canvas, camera, room) {
@@ -77,42 +57,25 @@ class View {
     this.camera = camera;
     Object.assign(this, room);
     this.meshes = [];
-    this.marks = [];
+    this.marks = []; // of what is pointed at
+    this.landmarks = [];
     this.fat = 0;
     this.paint = 0;
     this.grid = true;
+    this.wire = false;
     this.cells = [14, 10]; // of the grid, along the longest side and the middle one
     this.pointed = () => {};
-    const gl = this.gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
-    if (!gl) throw Error("This browser shows no WebGL 2, which the pictures need.");
-    this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
-    this.mark = program(gl, MARK_VERTEX, MARK_FRAGMENT);
-    const told = gl.getExtension("WEBGL_debug_renderer_info");
-    this.slow = SOFTWARE.test(gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    openStage();
     camera.views.push(this);
+    canvas.view = this; // for tests
+    canvas.addEventListener("contextrestored", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);
     this.listen();
   }
 
   // positions, faces, and per vertex perhaps place (3), value and known; tint where paint is 2.
-  add({ positions, faces, place, value, known, tint = [0.74, 0.77, 0.82] }) {
-    const gl = this.gl, n = positions.length / 3;
-    const mesh = { positions, faces, tint, buffers: [], array: gl.createVertexArray() };
-    gl.bindVertexArray(mesh.array);
-    const columns = [
-      positions, normalsOf(positions, faces), place || new Float32Array(3 * n),
-      value || new Float32Array(n), known || new Float32Array(n).fill(1),
-    ];
-    columns.forEach((column, i) => {
-      mesh.buffers.push(gl.createBuffer());
-      gl.bindBuffer(gl.ARRAY_BUFFER, mesh.buffers[i]);
-      gl.bufferData(gl.ARRAY_BUFFER, column, gl.DYNAMIC_DRAW);
-      gl.enableVertexAttribArray(i);
-      gl.vertexAttribPointer(i, column.length / n, gl.FLOAT, false, 0, 0);
-    });
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.corners = gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(faces), gl.STATIC_DRAW);
-    gl.bindVertexArray(null);
+  add(columns) {
+    const mesh = new Surface(columns);
     this.meshes.push(mesh);
     this.draw();
     return mesh;
@@ -120,29 +83,12 @@ class View {
 
   // Take all meshes away.
   clear() {
-    const { gl } = this;
-    for (const mesh of this.meshes) {
-      gl.deleteVertexArray(mesh.array);
-      for (const buffer of [...mesh.buffers, mesh.corners, mesh.few || null]) gl.deleteBuffer(buffer);
-    }
+    for (const mesh of this.meshes) mesh.close();
     this.meshes = [];
   }
 
-  addFew(mesh) {
-    const { gl } = this, few = fewerFaces(mesh.positions, mesh.faces, this.radius / 20);
-    mesh.nFew = few.length;
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.few = gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, few, gl.STATIC_DRAW);
-  }
-
   set(mesh, column, values) {
-    const gl = this.gl, i = ["positions", "normals", "place", "value", "known"].indexOf(column);
-    gl.bindBuffer(gl.ARRAY_BUFFER, mesh.buffers[i]);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, values);
-    if (column === "positions") {
-      mesh.positions = values;
-      this.set(mesh, "normals", normalsOf(values, mesh.faces));
-    }
+    mesh.set(column, values);
     this.draw();
   }
 
@@ -151,7 +97,7 @@ class View {
     if (this.waiting) return;
     this.waiting = requestAnimationFrame(() => {
       this.waiting = 0;
-      const many = this.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
+      const many = stage.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
       this.paintNow(many);
       this.painted = true;
       if (many) this.rest();
@@ -175,13 +121,31 @@ class View {
   }
 
   paintNow(moving = false) {
-    const { gl, canvas, camera } = this, ratio = window.devicePixelRatio || 1;
-    const width = Math.round(canvas.clientWidth * ratio);
-    const height = Math.round(canvas.clientHeight * ratio);
-    if (canvas.width !== width || canvas.height !== height) {
-      canvas.width = width;
-      canvas.height = height;
+    const { canvas } = this, ratio = window.devicePixelRatio || 1;
+    try {
+      this.paintInto(canvas, ratio, moving);
+    } catch (error) {
+      complain(error.message);
     }
+  }
+
+  // Draw into a canvas, so many pixels to a pixel of the style sheet.
+  paintInto(canvas, ratio, moving = false) {
+    const width = Math.round(this.canvas.clientWidth * ratio);
+    const height = Math.round(this.canvas.clientHeight * ratio);
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    if (!width || !height) return;
+    const { canvas: from } = openStage(), context = canvas.getContext("2d");
+    if (from.width < width) from.width = width;
+    if (from.height < height) from.height = height;
+    this.render(stage, width, height, ratio, moving);
+    context.clearRect(0, 0, width, height);
+    context.drawImage(from, 0, from.height - height, width, height, 0, 0, width, height);
+    this.writeLabels(context, ratio);
+  }
+
+  render({ gl, mesh: faces, mark: disc }, width, height, ratio, moving) {
+    const { camera } = this;
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -195,30 +159,35 @@ class View {
       gl.uniform2f(uniforms.pan, camera.x, camera.y);
       gl.uniform1f(uniforms.size, 1 / this.radius);
     };
-    gl.useProgram(this.mesh.made);
+    gl.useProgram(faces.made);
+    gl.polygonOffset(1, 1); // edges lie in front of the faces
     for (const mesh of this.meshes) {
-      const { uniforms } = this.mesh;
-      share(this.mesh);
-      gl.uniform1f(uniforms.fat, 2 * this.fat / (canvas.clientHeight * focal[1]));
+      const { uniforms } = faces;
+      mesh.open(gl);
+      share(faces);
+      gl.uniform1f(uniforms.fat, 2 * this.fat / (this.canvas.clientHeight * focal[1]));
       gl.uniform1i(uniforms.paint, this.paint);
       gl.uniform1i(uniforms.grid, this.grid);
       gl.uniform2fv(uniforms.cells, this.cells);
       gl.uniform3fv(uniforms.tint, mesh.tint);
-      gl.bindVertexArray(mesh.array);
-      const few = moving && mesh.faces.length > 3 * MANY_FACES;
-      if (few && !mesh.few) this.addFew(mesh);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, few ? mesh.few : mesh.corners);
-      gl.drawElements(gl.TRIANGLES, few ? mesh.nFew : mesh.faces.length, gl.UNSIGNED_INT, 0);
+      const few = moving && mesh.faces.length > 3 * MANY_FACES, wire = this.wire && !few;
+      if (wire) gl.enable(gl.POLYGON_OFFSET_FILL);
+      if (few) mesh.draw(gl, "few", gl.TRIANGLES, () => fewerFaces(mesh.positions, mesh.faces, this.radius / 20));
+      else mesh.draw(gl, "all", gl.TRIANGLES, () => mesh.faces);
+      gl.disable(gl.POLYGON_OFFSET_FILL);
+      if (!wire) continue;
+      gl.uniform1i(uniforms.paint, 2);
+      gl.uniform3f(uniforms.tint, 0.1, 0.11, 0.13);
+      mesh.draw(gl, "edges", gl.LINES, () => edgesOf(mesh.faces));
     }
-    gl.bindVertexArray(null);
-    gl.useProgram(this.mark.made);
+    gl.useProgram(disc.made);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    for (const { spot, tint } of this.marks) {
-      const { uniforms } = this.mark;
-      share(this.mark);
-      gl.uniform3fv(uniforms.spot, spot);
+    share(disc);
+    for (const { mesh, vertex, tint } of [...this.landmarks, ...this.marks]) {
+      const { uniforms } = disc;
+      gl.uniform3fv(uniforms.spot, row(mesh.positions, vertex));
       gl.uniform3fv(uniforms.tint, tint);
       gl.uniform1f(uniforms.pixels, 17 * ratio);
       for (const [test, strength] of [[gl.LEQUAL, 1], [gl.GREATER, 0.35]]) {
@@ -229,6 +198,42 @@ class View {
     }
     gl.depthFunc(gl.LEQUAL);
     gl.depthMask(true);
+  }
+
+  // The landmarks' labels beside them, faint on the far side.
+  writeLabels(context, ratio) {
+    context.font = `600 ${13 * ratio}px system-ui, sans-serif`;
+    context.lineWidth = 3 * ratio;
+    context.lineJoin = "round";
+    const project = this.projection();
+    for (const { mesh, vertex, label } of this.landmarks) {
+      const [x, y] = project(...row(mesh.positions, vertex)).map((value) => value * ratio);
+      context.globalAlpha = this.facing(mesh, vertex) > HIDDEN ? 1 : 0.35;
+      context.strokeStyle = "#fff";
+      context.fillStyle = "#111";
+      context.strokeText(label, x + 9 * ratio, y - 8 * ratio);
+      context.fillText(label, x + 9 * ratio, y - 8 * ratio);
+    }
+    context.globalAlpha = 1;
+  }
+
+  // How much a vertex faces the viewer: 1 straight on, below 0 on the far side.
+  facing(mesh, vertex) {
+    const m = this.camera.matrix(), normal = row(mesh.columns.normals, vertex);
+    return m[6] * normal[0] + m[7] * normal[1] + m[8] * normal[2];
+  }
+
+  // From a place to pixels from the upper left of the canvas.
+  projection() {
+    const m = this.camera.matrix(), [fx, fy] = this.focal(), s = 1 / this.radius, { centre, camera } = this;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return (x, y, z) => {
+      const a = (x - centre[0]) * s, b = (y - centre[1]) * s, c = (z - centre[2]) * s;
+      const w = EYE - (m[6] * a + m[7] * b + m[8] * c);
+      const right = (m[0] * a + m[1] * b + m[2] * c) * fx / w + camera.x;
+      const up = (m[3] * a + m[4] * b + m[5] * c) * fy / w + camera.y;
+      return [(1 + right) * width / 2, (1 - up) * height / 2];
+    };
   }
 
   // The vertex of the first mesh at a place on the page: the nearest corner of the face that is
@@ -250,15 +255,11 @@ class View {
       }
       return best;
     }
-    let best = -1, least = NEAREST ** 2;
-    const p = mesh.positions, s = 1 / this.radius;
+    const project = this.projection(), p = mesh.positions;
+    let best = -1, least = NEAREST;
     for (let i = 0; i < p.length; i += 3) {
-      const a = (p[i] - this.centre[0]) * s, b = (p[i + 1] - this.centre[1]) * s;
-      const c = (p[i + 2] - this.centre[2]) * s;
-      const w = EYE - (m[6] * a + m[7] * b + m[8] * c);
-      const dx = (m[0] * a + m[1] * b + m[2] * c) * fx / w + this.camera.x - x;
-      const dy = (m[3] * a + m[4] * b + m[5] * c) * fy / w + this.camera.y - y;
-      const apart = (dx * box.width / 2) ** 2 + (dy * box.height / 2) ** 2;
+      const [right, down] = project(p[i], p[i + 1], p[i + 2]);
+      const apart = Math.hypot(right - (clientX - box.left), down - (clientY - box.top));
       if (apart < least) [best, least] = [i / 3, apart];
     }
     return best;
@@ -297,7 +298,8 @@ class View {
       held.set(event.pointerId, event);
     });
     const release = (event) => {
-      const clicked = held.delete(event.pointerId) && moved < 4 && event.type === "pointerup";
+      const still = moved < (event.pointerType === "touch" ? 12 : 4); // fingers tremble
+      const clicked = held.delete(event.pointerId) && still && event.type === "pointerup";
       if (clicked) this.pointed(this.vertexAt(event.clientX, event.clientY), true);
     };
     canvas.addEventListener("pointerup", release);

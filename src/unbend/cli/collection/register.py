@@ -1,0 +1,174 @@
+"""``unbend collection register`` and ``mean``: shapes in correspondence, and their statistics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from unbend.cli import _options as options
+from unbend.cli._batch import list_failures
+from unbend.cli._output import progress_on_stderr, rows, tell
+from unbend.cli.collection._common import opened
+from unbend.cli.register import tell_registered
+
+if TYPE_CHECKING:
+    from unbend.collection import MeanShape
+
+
+def register(
+    store: options.Store,
+    template: Annotated[
+        str,
+        typer.Option(
+            "--template",
+            metavar="MESH",
+            help="The mesh to deform: a file, or a path or id of the collection.",
+        ),
+    ],
+    out: Annotated[
+        str,
+        options.out(
+            "The folder to write to, for this template alone: a mesh per shape, shapes.csv, "
+            "vertices.npy and vertices.csv.",
+            "DIR",
+        ),
+    ],
+    landmarks: Annotated[
+        str | None,
+        typer.Option(
+            "--landmarks",
+            metavar="CSV",
+            help="Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex "
+            "of the template, and the corresponding vertex of the shape, counted from 0.",
+        ),
+    ] = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+) -> None:
+    """Register a template to all shapes, as unbend register does to one.
+
+    Every written mesh has the template's vertices, in its order, and its faces. vertices.npy
+    (shapes, vertices, 3) and vertices.csv (shape,vertex,x,y,z) hold all positions; shapes.csv lists
+    confidence, coverage and distances. Registered shapes are skipped, so run the same command again
+    to resume. Shapes that cannot be registered are listed at the end, with exit code 1.
+
+    Examples
+    --------
+      unbend collection register people --template anna.ply -o registered
+      unbend collection register people --template anna.ply --landmarks hints.csv -o registered
+    """
+    collection = opened(store, out)
+    pairs = None if landmarks is None else _read_landmarks(landmarks)
+    with progress_on_stderr() as progress:
+        done = collection.register(
+            template,
+            out,
+            landmarks=pairs,
+            workers=workers,
+            scheduler=scheduler,
+            progress=progress,
+        )
+    result = {
+        "store": store,
+        "template": template,
+        "n_registered": done.registered,
+        "n_skipped": done.skipped,
+        "shapes": [vars(one) | {"doubtful": one.doubtful} for one in done.shapes],
+    }
+    tell_registered(done, result, template, out)
+
+
+def _read_landmarks(path: str) -> dict[str, list[tuple[int, int]]]:
+    from unbend.errors import FileError
+    from unbend.io import read_table
+
+    found: dict[str, list[tuple[int, int]]] = {}
+    columns = ("shape", "template", "vertex")
+    for line, (shape, *vertices) in enumerate(read_table(path, columns), start=2):
+        if not all(word.isdecimal() and len(word) < 19 for word in vertices):
+            raise FileError(
+                f"{path}: line {line}: vertices are whole numbers counted from 0, not "
+                f"{' and '.join(vertices)}"
+            )
+        found.setdefault(shape, []).append((int(vertices[0]), int(vertices[1])))
+    return found
+
+
+def mean(
+    registered: Annotated[
+        str,
+        typer.Argument(metavar="DIR", help="The folder that unbend collection register wrote."),
+    ],
+    out: Annotated[str, options.out("The folder to write to.", "OUT")],
+    n_components: Annotated[
+        int,
+        typer.Option("--n-components", metavar="N", min=1, help="How many components to keep."),
+    ] = 5,
+    scale: Annotated[
+        bool, typer.Option("--scale/--keep-scale", help="Scale all shapes to one size first.")
+    ] = False,
+    min_confidence: Annotated[
+        float, typer.Option("--min-confidence", help="Leave out less confident matches.")
+    ] = 0.5,
+    min_coverage: Annotated[
+        float,
+        typer.Option("--min-coverage", help="Least share of the template that is covered."),
+    ] = 0.5,
+) -> None:
+    """Compute the mean, components and variability of shapes that are registered to a template.
+
+    Into OUT go mean.ply (with the variability of each vertex, in colours too),
+    component_K_minus.ply and component_K_plus.ply (the mean moved by 3 standard deviations),
+    variances.csv, scores.csv, left_out.csv (shapes left out, and why) and, with matplotlib,
+    components.png.
+
+    Examples
+    --------
+      unbend collection mean registered -o statistics
+      unbend collection mean skulls_registered -o form --scale --n-components 10
+    """
+    from unbend.collection import mean_shape, read_registrations, write_mean
+
+    with progress_on_stderr() as progress:
+        progress("reading", 0)
+        template, shapes, failures = read_registrations(registered)
+        found = mean_shape(
+            shapes,
+            template,
+            n_components=n_components,
+            scale=scale,
+            min_confidence=min_confidence,
+            min_coverage=min_coverage,
+        )
+        found = replace(found, left_out=(*failures, *found.left_out))
+        progress("writing", 0)
+        written = write_mean(out, found)
+    list_failures(found.left_out)
+    shares = found.statistics.variances / found.statistics.total_variance
+    tell(
+        {
+            "registered": registered,
+            "template": template.name,
+            "files": [path.name for path in written],
+            "n_shapes": len(found.names),
+            "failed": [vars(one) for one in found.left_out],
+            "variances": found.statistics.variances,
+            "total_variance": found.statistics.total_variance,
+        },
+        rows(_told(found, shares.tolist())),
+        written=[out],
+    )
+
+
+def _told(found: MeanShape, shares: list[float]) -> dict[str, str]:
+    n = len(found.names) + len(found.left_out)
+    return {
+        "shapes": f"{len(found.names):,} of {n:,}; the others are listed in left_out.csv"
+        if found.left_out
+        else f"{n:,}",
+        "components": ", ".join(f"{share:.1%}" for share in shares) + " of the variance",
+        "variability": f"{found.statistics.total_variance**0.5:.4g} on average, in the unit of "
+        "the shapes",
+    }

@@ -1,0 +1,101 @@
+"""``unbend view``: look at shapes and place landmarks on them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from unbend.cli import _options as options
+from unbend.cli._input import landmarks_of, read_shapes
+from unbend.cli._output import look_at, progress_on_stderr, quoted, tell
+
+if TYPE_CHECKING:
+    from unbend.mesh import Mesh
+
+
+def view(
+    a: options.Mesh,
+    b: Annotated[
+        str | None, typer.Argument(metavar="[MESH]", help="A second mesh, for pairs of landmarks.")
+    ] = None,
+    out: Annotated[
+        str | None,
+        options.out(
+            "The page to write, .html; by default a temporary file.", "HTML", options.html_file
+        ),
+    ] = None,
+    landmarks: options.Landmarks = None,
+    values: Annotated[
+        str | None,
+        typer.Option("--values", metavar="FILE", help="Numbers per vertex of the first mesh."),
+    ] = None,
+    show: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
+    ] = True,
+    up: options.Up = "y",
+) -> None:
+    """Show one or two meshes in a browser, and place landmarks on them.
+
+    The page shows the number of the vertex under the pointer, counted from 0. A click places a
+    landmark; on two meshes landmarks are pairs. The page saves them for --landmarks of other
+    commands, and for 3D Slicer.
+
+    Examples
+    --------
+      unbend view cat.off
+      unbend view cat0.off cat1.off
+      unbend view cat0.off cat1.off --landmarks landmarks.csv -o cats.html --no-open
+      unbend view scan.ply --landmarks scan.mrk.json --values distances.npy
+    """
+    from unbend.errors import InputError
+    from unbend.io import read_values
+    from unbend.report import view as make_view
+
+    if out is None and not show:
+        raise InputError("--no-open needs -o: name the page to write")
+    with progress_on_stderr() as progress:
+        progress("reading", 0)
+        shapes = read_shapes([a] if b is None else [a, b])
+        hints = _landmarks(landmarks, shapes) if landmarks else None
+        scalars = None
+        if values is not None:
+            scalars = read_values(values, n_vertices=shapes[0].n_vertices)
+        progress("drawing", 0)
+        page = make_view(
+            shapes[0],
+            None if b is None else shapes[1],
+            hints,
+            values=scalars,
+            up=up,
+        )
+        if out is None or show:
+            out = str(page.open(out))
+        else:
+            page.write(out)
+    tell(
+        {"a": a, "b": b},
+        [],
+        shapes=shapes,
+        written=[out],
+        next_step=look_at(out)
+        if b is None
+        else f"{quoted('unbend', 'match', a, b)} --landmarks landmarks.csv, once they are saved",
+    )
+
+
+def _landmarks(paths: list[str], shapes: list[Mesh]) -> Any:
+    """Read landmarks of one mesh by name, or pairs of vertices of two."""
+    from unbend.errors import InputError
+    from unbend.io import MARKUP_SUFFIXES, read_markups
+
+    if len(shapes) == 2:
+        return landmarks_of(paths, shapes)
+    if len(paths) > 1 or not paths[0].lower().endswith(MARKUP_SUFFIXES):
+        raise InputError(
+            "--landmarks of one mesh is one .mrk.json or .fcsv file; drop a .csv file onto the page"
+        )
+    labels, vertices = read_markups(paths[0], shapes[0])
+    if len(set(labels)) < len(labels):
+        raise InputError(f"{paths[0]}: give each point a label of its own")
+    return dict(zip(labels, vertices.tolist(), strict=True))

@@ -1,0 +1,244 @@
+"""A template registered to many shapes, in a folder of files."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import IntArray, Progress
+from unbend.collection._engine import attempt, attempt_all, engine
+from unbend.collection._files import find_file, find_files, hashed, make_folder, stem
+from unbend.collection._progress import counted
+from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
+from unbend.collection._store import Store, check_outside
+from unbend.correspondence import Registration, register, write_registration
+from unbend.errors import FileError, InputError
+from unbend.io import atomic_write, read_bytes, read_mesh, read_table, write_table
+from unbend.matching import match, prepare_spectrum
+from unbend.mesh import Mesh
+
+_RESULTS = "registrations"  # folder of a file per shape, written after its mesh
+_KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
+_DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
+_FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
+
+
+class Task(NamedTuple):
+    """A shape to register the template to, and where to write the results."""
+
+    shape: Entry
+    store: str | None  # path of the collection; None for a file of its own
+    template: Path
+    landmarks: IntArray
+    mesh: Path
+    result: Path
+
+    @property
+    def name(self) -> str:
+        return self.shape.path
+
+
+def register_collection(
+    store: Store,
+    template: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    landmarks: Mapping[str, npt.ArrayLike],
+    **options: Any,
+) -> Registered:
+    """Register a template to all shapes of a collection; see `Collection.register`."""
+    check_outside(store.path, out)
+    store.check_filled()
+    if not os.path.exists(template):
+        template = find_file(store.find(template), store.path)
+    known = {store.find(name).id: pairs for name, pairs in landmarks.items()}
+    shapes = sorted(store.entries(), key=lambda one: one.path)
+    return _register(shapes, template, out, known, store=store.path, **options)
+
+
+def register_files(
+    paths: Sequence[str], template: str, out: str, progress: Progress | None = None
+) -> Registered:
+    """Register a template to files, in this process; identical files are one shape."""
+    found = list(itertools.chain.from_iterable(hashed(find_files(paths))))
+    files = {one[1]: one[0] for one in found if not isinstance(one, Failure)}
+    shapes = [Entry(digest, path, 0, 0, 0, "") for digest, path in files.items()]
+    failures = [one for one in found if isinstance(one, Failure)]
+    return _register(shapes, template, out, {}, failures, workers=0, progress=progress)
+
+
+def _register(
+    shapes: Iterable[Entry],
+    template: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    landmarks: Mapping[str, npt.ArrayLike],  # by id
+    failures: Sequence[Failure] = (),
+    *,
+    store: str | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Registered:
+    start = time.monotonic()
+    mesh = read_mesh(template)
+    if mesh.is_point_cloud:
+        raise InputError(f"{mesh.name}: a template needs faces, and this is a point cloud")
+    prepare_spectrum(mesh)  # before anything is written: the template may be unusable
+    folder = make_folder(out).absolute()  # workers elsewhere have another current folder
+    original = Path(template).absolute()
+    _copy(original, folder)
+    make_folder(folder / _RESULTS)
+    suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
+    tasks = []
+    for one in shapes:
+        pairs = np.asarray(landmarks.get(one.id, ()), dtype=np.int64).reshape(-1, 2)
+        name = f"{stem(one)}-{one.id[:8]}"
+        files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
+        tasks.append(Task(one, store, original, pairs, *files))
+    left = [task for task in tasks if not _done(task)]
+    failed: list[Failure] = []
+    if left:
+        with engine(workers=workers, scheduler=scheduler) as run:
+            tell = counted(progress, "shapes", len(left))
+            failed += filter(None, attempt_all(run, register_shape, left, tell))
+    bad = {one.path for one in failed}
+    every = (*failures, *failed)
+    rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
+    seconds = time.monotonic() - start
+    return Registered(len(left) - len(failed), len(tasks) - len(left), rows, every, seconds)
+
+
+def _copy(template: Path, folder: Path) -> None:
+    """Copy the template into the folder, whose shapes are registered to no other."""
+    copy, data = folder / f"template{template.suffix}", read_bytes(template, ())
+    for other in folder.glob("template.*"):
+        if other.name != copy.name or read_bytes(other, ()) != data:
+            raise FileError(
+                f"the shapes in {folder} are registered to another template, {other.name} there; "
+                "give another folder"
+            )
+    if not copy.exists():
+        with atomic_write(copy) as file:
+            file.write(data)
+
+
+def _done(task: Task) -> bool:
+    """Whether both files are there, made with these landmarks."""
+    try:
+        with np.load(task.result) as arrays:
+            same = np.array_equal(arrays["landmarks"], task.landmarks)
+    except _DAMAGED:
+        return False
+    return same and task.mesh.exists()
+
+
+def register_shape(task: Task) -> Failure | None:
+    """Register the template to a shape and write the result."""
+
+    def work() -> None:
+        store = task.store
+        path = task.shape.path if store is None else find_file(task.shape, store)
+        template, scan = read_mesh(task.template), read_mesh(path)
+        landmarks = task.landmarks if len(task.landmarks) else None
+        given = match(template, scan, landmarks=landmarks, barycentric=True)
+        found = register(template, scan, given)
+        keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
+        write_registration(task.mesh, found, like=task.template if keeps_lines else None)
+        fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
+        with atomic_write(task.result) as file:
+            np.savez(file, vertices=found.mesh.vertices, landmarks=task.landmarks, **fields)
+
+    return attempt(task.name, work)
+
+
+def _load(path: Path, template: Mesh, name: str) -> Registration:
+    try:
+        with np.load(path) as arrays:
+            mesh = Mesh(arrays["vertices"], template.faces, name=name)
+            return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS})
+    except _DAMAGED as error:
+        raise FileError(
+            f"cannot read {path}: remove it, and run unbend collection register again"
+        ) from error
+
+
+def _write_tables(
+    folder: Path, template: Mesh, tasks: Sequence[Task], failures: Iterable[Failure]
+) -> tuple[RegisteredShape, ...]:
+    """Write all positions and a row for each shape, in bounded memory."""
+    shapes = []
+    with atomic_write(folder / "vertices.npy") as file:
+        shape = len(tasks), template.n_vertices, 3
+        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(file, header)
+        for task in tasks:
+            found = _load(task.result, template, task.name)
+            file.write(found.mesh.vertices.astype("<f8").tobytes())
+            distances = found.distances[np.isfinite(found.distances)]
+            numbers = (
+                found.confidence,
+                found.coverage,
+                distances.mean(),
+                np.quantile(distances, 0.95),
+            )
+            files = task.result.stem, task.name, task.mesh.name
+            shapes.append(RegisteredShape(*files, *map(float, numbers)))
+    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
+    rows = [(*vars(one).values(), "doubtful" if one.doubtful else "registered") for one in shapes]
+    bad = [(Path(one.path).stem, one.path, *[""] * 5, f"failed: {one.reason}") for one in failures]
+    write_table(folder / "shapes.csv", [(*head, "status"), *rows, *bad])
+    write_table(folder / "vertices.csv", _vertices(folder, shapes))
+    return tuple(shapes)
+
+
+def _vertices(folder: Path, shapes: Iterable[RegisteredShape]) -> Iterator[Iterable[Any]]:
+    yield "shape", "vertex", "x", "y", "z"
+    for one, points in zip(shapes, np.load(folder / "vertices.npy", mmap_mode="r"), strict=True):
+        for i, place in enumerate(points.tolist()):
+            yield one.name, i, *place
+
+
+def read_registrations(
+    folder: str | os.PathLike[str],
+) -> tuple[Mesh, list[Registration], list[Failure]]:
+    """Read the shapes that :meth:`Collection.register` wrote.
+
+    Parameters
+    ----------
+    folder : path
+
+    Returns
+    -------
+    template : Mesh
+    registrations : list of Registration
+        In the order of ``vertices.npy``; ``mesh.name`` is the path of the shape.
+    failures : list of Failure
+        Shapes that could not be registered.
+
+    Raises
+    ------
+    FileError
+        If the folder has no such shapes, or a file in it cannot be read.
+    """
+    folder = Path(folder)
+    templates = list(folder.glob("template.*"))
+    if len(templates) != 1 or not (folder / "shapes.csv").exists():
+        raise FileError(
+            f"{folder} holds no registered shapes, or not all yet: unbend collection register "
+            f"STORE --template MESH -o {folder} writes them"
+        )
+    template = read_mesh(templates[0])
+    shapes, failures = [], []
+    for name, path, status in read_table(folder / "shapes.csv", ("shape", "path", "status")):
+        if status.startswith("failed: "):
+            failures.append(Failure(path, status.removeprefix("failed: ")))
+        else:
+            shapes.append(_load(folder / _RESULTS / f"{name}.npz", template, path))
+    return template, shapes, failures

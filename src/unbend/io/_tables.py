@@ -1,0 +1,50 @@
+"""Reading and writing tables of text and numbers (.csv)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from unbend.errors import FileError
+from unbend.io._files import atomic_write, read_bytes
+
+
+def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[list[str]]:
+    """Read the values of these columns; row i is line i + 2 of a file without empty lines.
+
+    The first line names the columns, which may be in any order and among others.
+
+    Raises FileError if the file cannot be read, or lacks a column or a value.
+    """
+    path = Path(path)
+    data = read_bytes(path, (".csv", ".txt"))
+    try:
+        reader = csv.DictReader(
+            io.StringIO(data.decode("utf-8-sig"), newline=""), skipinitialspace=True
+        )
+        missing = [name for name in columns if name not in (reader.fieldnames or ())]
+        rows = [] if missing else [[row[name] for name in columns] for row in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {path}: {error}") from None
+    if missing:
+        raise FileError(
+            f"{path}: there is no column {missing[0]}; the first line must name the columns "
+            f"{', '.join(columns)}"
+        )
+    for line, row in enumerate(rows, start=2):
+        for name, value in zip(columns, row, strict=True):
+            if not value:
+                raise FileError(f"{path}: line {line} has no {name}")
+    return rows
+
+
+def write_table(path: str | os.PathLike[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write rows, the first being the names of the columns; the file appears once complete."""
+    with atomic_write(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        text.detach()

@@ -1,0 +1,184 @@
+"""A page with one or two meshes, on which landmarks are placed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._text import plural
+from unbend._types import FloatArray
+from unbend.choices import Axis
+from unbend.errors import InputError
+from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.mesh import Mesh
+from unbend.report.figures import check_up, check_values
+from unbend.report.pages._document import (
+    SUFFIXES,
+    Page,
+    canvas,
+    controls,
+    hint,
+    make_page,
+    readout,
+    section,
+)
+from unbend.report.pages._packing import pack_places, pack_whole
+from unbend.report.pages._shown import cells_of, checked_landmarks, places_as_colors, show
+
+# Saved positions and values are exact to this share of the widest range.
+_STEPS = 2**20
+_HINT = (
+    "Point at a place to read its vertex; click to place a landmark, drag a landmark to move it. "
+    "Drag elsewhere to turn, shift-drag to shift, wheel or + and - to zoom, 0 to start over."
+)
+
+
+def view(
+    a: MeshLike,
+    b: MeshLike | None = None,
+    landmarks: npt.ArrayLike | Mapping[str, int] | None = None,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    values: npt.ArrayLike | None = None,
+    up: Axis = "y",
+) -> Page:
+    """Write a page that shows one or two meshes, their vertex numbers and landmarks.
+
+    Landmarks are placed on the page by mouse, touch or keyboard, and saved as the .csv file that
+    ``unbend match --landmarks`` reads, or as .mrk.json files for 3D Slicer.
+
+    Parameters
+    ----------
+    a : mesh-like
+        Anything :func:`unbend.as_mesh` accepts, with faces.
+    b : mesh-like, optional
+        A second shape: landmarks are then pairs of vertices that correspond.
+    landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping of str to int
+        Vertices of both shapes, counted from 0; of one shape, its vertices, perhaps by name.
+    path : path, optional
+        The file to write, .html. In a notebook the page that is returned shows itself, and
+        its method :meth:`Page.open` opens it in a browser.
+    values : (n,) array_like of float, optional
+        A number for each vertex of `a`, shown as colours; NaN is grey.
+    up : {"x", "y", "z"}, default="y"
+        The axis that points upward.
+
+    Returns
+    -------
+    Page
+
+    Raises
+    ------
+    InputError
+        If a mesh has no faces, there is no such axis, or landmarks or values do not fit.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Of a shape with more than 60,000 vertices so many are drawn, and can become landmarks.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.report import view
+    >>> view(make_sphere(2))
+    Page('sphere', 0.1 MB)
+    >>> view(make_sphere(2), make_sphere(3), landmarks=[(0, 0), (5, 7)])
+    Page('sphere and sphere', 0.1 MB)
+    """
+    if path is not None:
+        check_writable(path, SUFFIXES)
+    check_up(up)
+    meshes = [as_mesh(one) for one in (a, b) if one is not None]
+    for mesh in meshes:
+        if mesh.is_point_cloud:
+            raise InputError(f"{mesh.name} has no faces to draw")
+    names = [mesh.name for mesh in meshes]
+    scalars = None if values is None else check_values(values, meshes[0])
+    packed = [_packed(mesh, scalars if mesh is meshes[0] else None) for mesh in meshes]
+    return make_page(
+        title=" and ".join(names),
+        heading='<span class="arrow">and</span>'.join(map(escape, names)),
+        lead=" ".join(
+            f"{name}: {'; '.join(facts)}." for name, (_, facts) in zip(names, packed, strict=True)
+        ),
+        body="\n".join([_pictures(names, up, scalars), _table(names)]),
+        data={"shapes": [one for one, _ in packed], "landmarks": _landmarks(landmarks, meshes)},
+        scripts=("landmarks.js", "view.js"),
+        path=path,
+    )
+
+
+def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], list[str]]:
+    shown = show(mesh)
+    places = mesh.vertices[shown.ids]
+    packed = shown.packed(mesh.vertices) | {
+        "name": mesh.name,
+        "n": mesh.n_vertices,
+        "places": pack_places(places, float(np.ptp(places, axis=0).max()) / _STEPS or None),
+        "colors": pack_places(places_as_colors(mesh, shown)[shown.ids]),
+        "cells": cells_of(places),
+        "standIns": pack_whole(shown.stand_ins),
+    }
+    facts = [f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}", *mesh.notes]
+    facts += shown.facts(mesh)
+    if scalars is not None:
+        low, high = np.nanmin(scalars), np.nanmax(scalars)
+        facts.append(f"values from {low:.5g} to {high:.5g}")
+        seen = scalars[shown.ids, None]
+        packed["values"] = pack_places(seen, float(high - low) / _STEPS or None)
+        packed["known"] = pack_whole(np.isfinite(seen).astype(np.int64))
+    return packed, facts
+
+
+def _landmarks(
+    given: npt.ArrayLike | Mapping[str, int] | None, meshes: list[Mesh]
+) -> list[dict[str, Any]]:
+    """Names of landmarks, and the vertex of each on each shape."""
+    names = None
+    if isinstance(given, Mapping):
+        names, given = list(given), list(given.values())
+    rows = checked_landmarks(given, meshes)
+    names = names or [str(i + 1) for i in range(len(rows))]
+    return [{"name": name, "at": at} for name, at in zip(names, rows, strict=True)]
+
+
+def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
+    by_value = "" if scalars is None else '<option value="1" selected>by value</option>'
+    own = (
+        f'<label>Colours <select id="paint">{by_value}<option value="2">plain</option>'
+        '<option value="0">by place</option></select></label>'
+    )
+    views = "".join(
+        canvas(
+            f"shape-{side}",
+            name,
+            f"The shape {name} in three dimensions. Arrow keys move a cursor over its vertices, "
+            "Enter places a landmark.",
+            f"vertex-{side}",
+            f'<button type="button" id="markups-{side}">Save .mrk.json</button><label>'
+            f'Load .mrk.json <input type="file" id="load-{side}" accept=".json"></label>',
+        )
+        for side, name in enumerate(names)
+    )
+    legend = ""
+    if scalars is not None:
+        low, high = np.nanmin(scalars), np.nanmax(scalars)
+        legend = hint(f'Values: {low:.5g} <span class="scale"></span> {high:.5g}.')
+    return (
+        controls(own, up, several=len(names) > 1)
+        + f'<div class="pair">{views}</div>\n{readout("")}{legend}{hint(_HINT)}'
+    )
+
+
+def _table(names: list[str]) -> str:
+    heads = "".join(f'<th scope="col">vertex of {escape(name)}</th>' for name in names)
+    html = files("unbend.report.pages").joinpath("landmarks.html").read_text("utf-8")
+    return section("Landmarks", html.replace("{heads}", heads))

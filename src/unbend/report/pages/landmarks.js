@@ -1,0 +1,137 @@
+// Landmarks: a list that is edited and undone, and the files that it is saved in.
+"use strict";
+
+const SCHEMA = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#";
+const FARTHEST = 0.03; // from the mesh, of its size, where a loaded point may lie
+
+// Each landmark is {name, at}, `at` its vertex on each shape, by the numbers of the files, -1 for none.
+class Landmarks {
+  constructor(shapes, list, changed) {
+    Object.assign(this, { shapes, list, changed, past: [], selected: null });
+  }
+
+  // Edit the list by a function, so that it can be undone.
+  edit(change) {
+    const before = JSON.stringify(this.list);
+    change();
+    if (JSON.stringify(this.list) === before) return;
+    this.past.push(before);
+    this.changed();
+  }
+
+  undo() {
+    if (!this.past.length) return false;
+    this.list = JSON.parse(this.past.pop());
+    this.selected = null;
+    this.changed();
+    return true;
+  }
+
+  freshName() {
+    let i = 1;
+    while (this.list.some(({ name }) => name === `${i}`)) i++;
+    return `${i}`;
+  }
+
+  // A landmark's vertex on a shape: of the first landmark that lacks one there, or of a new one.
+  place(side, vertex) {
+    this.edit(() => {
+      let one = this.list.find(({ at }) => at[side] < 0);
+      if (!one) this.list.push(one = { name: this.freshName(), at: this.shapes.map(() => -1) });
+      one.at[side] = vertex;
+      this.selected = one;
+    });
+    return this.selected;
+  }
+
+  remove(one) {
+    this.edit(() => this.list.splice(this.list.indexOf(one), 1));
+    this.selected = null;
+  }
+
+  // Landmarks on every shape, which alone are saved as a table.
+  complete() {
+    return this.list.filter(({ at }) => at.every((vertex) => vertex >= 0));
+  }
+
+  csv() {
+    const pairs = this.shapes.length > 1;
+    const quoted = (name) => (/[",;\s]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name);
+    const rows = this.complete().map(({ name, at }) => (pairs ? at.join() : `${quoted(name)},${at[0]}`));
+    return `${[pairs ? "source,target" : "label,vertex", ...rows].join("\n")}\n`;
+  }
+
+  loadCsv(text) {
+    const wanted = this.shapes.length, loaded = [];
+    let lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
+    if (lines.length && !/\d/.test(lines[0])) lines = lines.slice(1);
+    for (const [i, line] of lines.entries()) {
+      const words = line.trim().match(wanted > 1 ? /^(\d+)[\s,;]+(\d+)$/ : /^(?:(.*)[\s,;]+)?(\d+)$/);
+      if (!words) throw Error(`row ${i} is ${line.slice(0, 40)}; a landmark is ${wanted > 1 ? "two vertex numbers" : "a name and a vertex number"}`);
+      const at = words.slice(-wanted).map(Number);
+      at.forEach((vertex, side) => this.check(vertex, side));
+      const name = wanted > 1 || words[1] === undefined ? `${i + 1}` : words[1].trim().replace(/^"(.*)"$/, "$1").replaceAll('""', '"');
+      loaded.push({ name, at });
+    }
+    if (!loaded.length) throw Error("it holds no landmarks");
+    this.edit(() => { this.list = loaded; });
+  }
+
+  check(vertex, side) {
+    const { name, n, seen } = this.shapes[side];
+    if (!(vertex < n)) throw Error(`vertex ${vertex} is not on ${name}, which has the vertices 0 to ${n - 1}`);
+    if (seen(vertex) < 0) throw Error(`vertex ${vertex} of ${name} is in no face, and cannot be shown`);
+  }
+
+  // The landmarks on one shape, as 3D Slicer reads them.
+  markups(side) {
+    const { seen, places } = this.shapes[side];
+    const controlPoints = this.list.filter(({ at }) => at[side] >= 0).map(({ name, at }, i) => ({
+      id: `${i + 1}`, label: name, description: `vertex ${at[side]}`, position: row(places, seen(at[side])),
+    }));
+    const markups = [{ type: "Fiducial", coordinateSystem: "LPS", controlPoints }];
+    return JSON.stringify({ "@schema": SCHEMA, markups }, null, 1);
+  }
+
+  // Points of 3D Slicer on one shape, in place of those that are there; paired by their labels.
+  loadMarkups(text, side) {
+    let points;
+    try {
+      points = JSON.parse(text).markups.flatMap(({ coordinateSystem, controlPoints }) => controlPoints.map(
+        ({ label = "", description = "", position, positionStatus }) => ({
+          name: label, description, place: [0, 1, 2].map((k) => (positionStatus === "undefined" ? NaN
+            : coordinateSystem === "RAS" && k < 2 ? -position[k] : position[k])),
+        })));
+    } catch {
+      throw Error("it is no .mrk.json file of 3D Slicer");
+    }
+    if (!points.length) throw Error("it holds no points");
+    const loaded = points.map(({ name, description, place }) => {
+      const number = description.match(/^vertex (\d+)$/);
+      const vertex = number ? +number[1] : this.nearest(name, place, side);
+      this.check(vertex, side);
+      return { name: name || this.freshName(), vertex };
+    });
+    this.edit(() => {
+      for (const one of this.list) one.at[side] = -1;
+      for (const { name, vertex } of loaded) {
+        let one = this.list.find((other) => other.name === name && other.at[side] < 0);
+        if (!one) this.list.push(one = { name, at: this.shapes.map(() => -1) });
+        one.at[side] = vertex;
+      }
+      this.list = this.list.filter(({ at }) => at.some((vertex) => vertex >= 0));
+    });
+  }
+
+  nearest(name, place, side) {
+    const { places, number, size } = this.shapes[side];
+    if (!place.every(Number.isFinite)) throw Error(`point ${name} has no position`);
+    let best = -1, least = FARTHEST * size;
+    for (let i = 0; i < places.length; i += 3) {
+      const apart = Math.hypot(places[i] - place[0], places[i + 1] - place[1], places[i + 2] - place[2]);
+      if (apart < least) [best, least] = [i / 3, apart];
+    }
+    if (best < 0) throw Error(`point ${name} is far from ${this.shapes[side].name}: is it of another mesh, unit or axes (RAS or LPS)?`);
+    return number(best);
+  }
+}

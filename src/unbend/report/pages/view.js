@@ -1,0 +1,249 @@
+// The page of one or two meshes: vertex numbers, and landmarks placed by mouse, touch or keys.
+"use strict";
+
+const STEP = 12, FINE = 2; // pixels that an arrow key moves the cursor, and with Shift
+const GRASP = { mouse: 10, pen: 14, touch: 24 }; // pixels from a landmark that still grasp it
+const TURNS = { ArrowLeft: [-15, 0], ArrowRight: [15, 0], ArrowUp: [0, 15], ArrowDown: [0, -15] };
+const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const LETTERS = { a: [10, 0], d: [-10, 0], w: [0, 10], s: [0, -10] };
+
+start(async ({ shapes, landmarks: given }) => {
+  const readout = part("readout"), paint = part("paint");
+  const tint = colorOf("--target"), plain = colorOf("--source"), camera = new Camera();
+  camera.up = part("up").value;
+  const views = shapes.map((shape, side) => {
+    const room = roomFor(shape.places);
+    Object.assign(shape, numbering(shape.ids, shape.places.length / 3), { size: 2 * room.radius, cursor: -1 });
+    shape.seen = (id) => (id < shape.n ? shape.standIns[id] : -1);
+    const view = new View(part(`shape-${side}`), camera, room), { places, faces, colors, values } = shape;
+    let value;
+    if (values) {
+      const known = Float32Array.from(shape.known), seen = values.filter((_, i) => known[i]);
+      const low = seen.reduce((a, b) => Math.min(a, b)), high = seen.reduce((a, b) => Math.max(a, b));
+      value = values.map((one) => (one - low) / (high - low || 1));
+      shape.known = known;
+    }
+    view.cells = shape.cells;
+    view.add({ positions: places, faces, place: colors, value, known: shape.known });
+    return view;
+  });
+  listenToControls(views, views);
+  function color() {
+    views.forEach((view, side) => {
+      view.paint = paint.value === "1" && !shapes[side].values ? 2 : +paint.value;
+      view.draw();
+    });
+  }
+  paint.addEventListener("change", color);
+  color();
+
+  const landmarks = new Landmarks(shapes, given, show);
+  const say = (text) => { part("status").textContent = text; };
+
+  // The landmarks on the shapes and in the table.
+  function show() {
+    views.forEach((view, side) => {
+      view.landmarks = landmarks.list.filter(({ at }) => at[side] >= 0).map((one) => ({
+        mesh: view.meshes[0], vertex: shapes[side].seen(one.at[side]), label: one.name, one, tint: plain,
+      }));
+      view.draw();
+    });
+    part("landmarks").replaceChildren(...landmarks.list.map((one) => {
+      const line = document.createElement("tr"), add = (what) => line.insertCell().append(what);
+      const name = Object.assign(document.createElement("input"), { value: one.name, ariaLabel: "Name" });
+      name.addEventListener("change", () => landmarks.edit(() => { one.name = name.value.trim() || one.name; }));
+      add(name);
+      for (const vertex of one.at) add(vertex < 0 ? "\u2013" : `${vertex}`);
+      const button = Object.assign(document.createElement("button"), {
+        type: "button", textContent: "Delete", ariaLabel: `Delete landmark ${one.name}`,
+      });
+      button.addEventListener("click", () => remove(one));
+      add(button);
+      return line;
+    }));
+    part("undo").disabled = !landmarks.past.length;
+  }
+
+  // What is under the pointer or the cursor.
+  function mark(side, vertex) {
+    views.forEach((view, other) => {
+      const marked = other === side && vertex >= 0 ? vertex : shapes[other].cursor;
+      view.marks = marked < 0 ? [] : [{ mesh: view.meshes[0], vertex: marked, tint }];
+      view.draw();
+    });
+    const { name, number, places, values, known } = shapes[side];
+    if (vertex < 0) vertex = shapes[side].cursor;
+    part(`vertex-${side}`).value = vertex < 0 ? "" : number(vertex);
+    if (vertex < 0) {
+      readout.textContent = "";
+      return;
+    }
+    const place = row(places, vertex).map((x) => +x.toPrecision(5)).join(", ");
+    const value = values ? `, value ${known[vertex] ? +values[vertex].toPrecision(5) : "unknown"}` : "";
+    readout.textContent = `${name}: vertex ${number(vertex)} at (${place})${value}`;
+  }
+
+  function place(side, vertex) {
+    const number = shapes[side].number(vertex), { name } = landmarks.place(side, number);
+    say(`Landmark ${name} placed on ${shapes[side].name}, vertex ${number}.`);
+  }
+
+  function remove(one) {
+    if (!one) return say("No landmark is selected: place one, click one, or press N.");
+    landmarks.remove(one);
+    say(`Landmark ${one.name} deleted.`);
+  }
+
+  function undo() {
+    say(landmarks.undo() ? "Undone." : "There is nothing to undo.");
+  }
+
+  function saveCsv() {
+    const complete = landmarks.complete(), left = landmarks.list.length - complete.length;
+    if (!complete.length) return say("There is nothing to save: place a landmark on every shape first.");
+    save("landmarks.csv", new Blob([landmarks.csv()], { type: "text/csv" }));
+    const without = left ? ` Left out, because a shape lacks them: ${left}.` : "";
+    say(`Saved landmarks: ${complete.length}.${without}`);
+  }
+
+  // Load a file onto a shape, or onto both.
+  async function load(file, side) {
+    try {
+      const text = await file.text();
+      if (/\.json$/i.test(file.name)) landmarks.loadMarkups(text, side);
+      else landmarks.loadCsv(text);
+      say(`Loaded ${file.name}.`);
+    } catch (error) {
+      say(`${file.name} was not loaded: ${error.message}.`);
+    }
+  }
+
+  part("undo").addEventListener("click", undo);
+  part("save").addEventListener("click", saveCsv);
+  const chosen = (input, side) => input.addEventListener("change", async () => {
+    if (input.files.length) await load(input.files[0], side);
+    input.value = "";
+  });
+  chosen(part("load"), 0);
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    const side = views.findIndex(({ canvas }) => canvas.parentElement.contains(event.target));
+    for (const file of event.dataTransfer.files) {
+      if (side < 0 && shapes.length > 1 && /\.json$/i.test(file.name)) say(`Drop ${file.name} onto one of the shapes.`);
+      else load(file, Math.max(side, 0));
+    }
+  });
+  document.addEventListener("keydown", (event) => {
+    const key = event.key.toLowerCase();
+    if (!(event.ctrlKey || event.metaKey) || !["s", "z"].includes(key)) return;
+    if (key === "z" && event.target.matches("input")) return; // which undo what is typed
+    event.preventDefault();
+    if (key === "s") saveCsv();
+    else undo();
+  });
+
+  views.forEach((view, side) => {
+    const shape = shapes[side], { canvas } = view, box = part(`vertex-${side}`);
+    part(`markups-${side}`).addEventListener("click", () => {
+      const count = landmarks.list.filter(({ at }) => at[side] >= 0).length;
+      if (!count) return say(`There is no landmark on ${shape.name}.`);
+      save(`${shape.name}.mrk.json`, new Blob([landmarks.markups(side)], { type: "application/json" }));
+      say(`Saved landmarks on ${shape.name}: ${count}.`);
+    });
+    chosen(part(`load-${side}`), side);
+    box.addEventListener("change", () => {
+      const vertex = shape.shown(box.valueAsNumber);
+      shape.cursor = vertex;
+      mark(side, vertex);
+      if (vertex < 0) readout.textContent = "that vertex is not shown";
+    });
+    view.pointed = (vertex, clicked) => {
+      if (clicked && vertex >= 0) place(side, vertex);
+      mark(side, vertex);
+    };
+
+    // A landmark under the pointer is dragged instead of the shape.
+    let held = null;
+    const local = (event) => [event.offsetX, event.offsetY];
+    canvas.addEventListener("pointerdown", (event) => {
+      const [x, y] = local(event), project = view.projection();
+      const near = view.landmarks.map((landmark) => {
+        const [right, down] = project(...row(shape.places, landmark.vertex));
+        return { landmark, apart: Math.hypot(right - x, down - y) };
+      }).filter(({ landmark, apart }) => apart < GRASP[event.pointerType || "mouse"]
+        && view.facing(landmark.mesh, landmark.vertex) > HIDDEN).sort((a, b) => a.apart - b.apart)[0];
+      if (!near || event.button || event.shiftKey) return;
+      event.stopImmediatePropagation();
+      canvas.setPointerCapture(event.pointerId);
+      held = { ...near, id: event.pointerId, x, y, moved: false };
+      landmarks.selected = near.landmark.one;
+    }, true);
+    canvas.addEventListener("pointermove", (event) => {
+      if (!held || event.pointerId !== held.id) return;
+      event.stopImmediatePropagation();
+      const [x, y] = local(event);
+      held.moved = held.moved || Math.hypot(x - held.x, y - held.y) > 3;
+      const vertex = held.moved ? view.vertexAt(event.clientX, event.clientY) : -1;
+      if (vertex < 0) return;
+      held.landmark.vertex = vertex;
+      mark(side, vertex);
+    }, true);
+    for (const kind of ["pointerup", "pointercancel"]) {
+      canvas.addEventListener(kind, (event) => {
+        if (!held || event.pointerId !== held.id) return;
+        event.stopImmediatePropagation();
+        const { landmark: { one, vertex }, moved } = held;
+        held = null;
+        if (!moved) return say(`Landmark ${one.name} selected.`);
+        if (kind === "pointerup") move(one, vertex);
+        else show();
+      }, true);
+    }
+
+    function move(one, vertex) {
+      landmarks.edit(() => { one.at[side] = shape.number(vertex); });
+      say(`Landmark ${one.name} moved on ${shape.name}, vertex ${shape.number(vertex)}.`);
+    }
+
+    // Move the cursor to the next vertex seen in a direction; where there is none, turn the shape.
+    function step(key, pixels) {
+      const box = canvas.getBoundingClientRect(), start = shape.cursor < 0;
+      const [x, y] = start ? [box.width / 2, box.height / 2] : view.projection()(...row(shape.places, shape.cursor));
+      for (let d = start ? 0 : pixels; d < Math.max(box.width, box.height); d += pixels) {
+        const right = x + d * WAYS[key][0], down = y + d * WAYS[key][1];
+        if (right < 0 || down < 0 || right > box.width || down > box.height) break;
+        const vertex = view.vertexAt(box.left + right, box.top + down);
+        if (vertex >= 0 && vertex !== shape.cursor) {
+          shape.cursor = vertex;
+          return;
+        }
+      }
+      view.camera.turn(...TURNS[key]);
+    }
+
+    canvas.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (key in WAYS) step(key, event.shiftKey ? FINE : STEP);
+      else if (key in LETTERS) view.camera.turn(...LETTERS[key]);
+      else if (key === "Escape") shape.cursor = -1;
+      else if (key === "Enter" || key === " ") {
+        if (shape.cursor < 0) step("ArrowUp", STEP);
+        else place(side, shape.cursor);
+      } else if (key === "Delete" || key === "Backspace") remove(landmarks.selected);
+      else if (key === "m" && landmarks.selected && shape.cursor >= 0) move(landmarks.selected, shape.cursor);
+      else if (key === "n" && view.landmarks.length) {
+        const now = view.landmarks.findIndex(({ one }) => one === landmarks.selected);
+        const { one, vertex } = view.landmarks[(now + 1) % view.landmarks.length];
+        landmarks.selected = one;
+        shape.cursor = vertex;
+        say(`Landmark ${one.name} selected.`);
+      } else return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      mark(side, shape.cursor);
+    }, true);
+  });
+  show();
+});

@@ -1,0 +1,222 @@
+"""A collection registered to a template: one connectivity, resumed, with bad shapes listed."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from unbend import Mesh, read_mesh, write_mesh
+from unbend.collection import Collection, _registering, mean_shape, read_registrations
+from unbend.datasets import make_quadruped
+from unbend.errors import FileError, InputError
+
+TEMPLATE = make_quadruped("standing", n_vertices=500).mesh
+TURN = Rotation.from_rotvec([0.4, 1.0, -0.3]).as_matrix()
+ORDER = np.random.default_rng(0).permutation(TEMPLATE.n_vertices)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registered collection of the template, a permuted copy, another pose and points."""
+    folder = tmp_path_factory.mktemp("registering")
+    scans = folder / "scans"
+    scans.mkdir()
+    write_mesh(folder / "template.obj", TEMPLATE)
+    shutil.copy(folder / "template.obj", scans / "itself.obj")
+    permuted = Mesh((TEMPLATE.vertices @ TURN.T + 3)[ORDER], np.argsort(ORDER)[TEMPLATE.faces])
+    write_mesh(scans / "permuted.ply", permuted)
+    write_mesh(scans / "walking.off", make_quadruped("walking", n_vertices=500, meshing=1).mesh)
+    write_mesh(scans / "points.ply", TEMPLATE.vertices)
+    collection = Collection(folder / "store")
+    collection.add(scans, workers=0)
+    done = collection.register(folder / "template.obj", folder / "out", workers=0)
+    assert (done.registered, done.skipped) == (3, 0)
+    return folder
+
+
+@pytest.fixture
+def own(made: Path, tmp_path: Path) -> tuple[Collection, Path]:
+    """The collection, and a copy of what is registered, to change."""
+    shutil.copytree(made / "out", tmp_path / "out")
+    return Collection(made / "store"), tmp_path / "out"
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with open(folder / "shapes.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
+    files = [one for one in folder.rglob("*") if one.is_file()]
+    return {
+        str(one.relative_to(folder)): (one.read_bytes(), one.stat().st_mtime_ns) for one in files
+    }
+
+
+def test_all_shapes_have_the_templates_vertices_and_faces(made: Path) -> None:
+    out = made / "out"
+    table = rows(out)
+    assert [Path(row["path"]).name for row in table] == [
+        "itself.obj", "permuted.ply", "walking.off", "points.ply"
+    ]  # fmt: skip
+    vertices = np.load(out / "vertices.npy")
+    assert (vertices.shape, vertices.dtype) == ((3, 500, 3), np.float64)
+    for row, points in zip(table, vertices, strict=False):
+        mesh = read_mesh(out / row["file"])
+        assert mesh.notes == ()
+        np.testing.assert_array_equal(mesh.faces, TEMPLATE.faces)
+        np.testing.assert_array_equal(mesh.vertices, points)
+    size = np.ptp(TEMPLATE.vertices)
+    np.testing.assert_allclose(vertices[0], TEMPLATE.vertices, atol=1e-6 * size)
+    np.testing.assert_allclose(vertices[1], TEMPLATE.vertices @ TURN.T + 3, atol=1e-6 * size)
+
+
+def test_tables_agree_with_the_array(made: Path) -> None:
+    out = made / "out"
+    with open(out / "vertices.csv", newline="") as file:
+        long = list(csv.DictReader(file))
+    vertices = np.load(out / "vertices.npy")
+    places = [[float(row[axis]) for axis in "xyz"] for row in long]
+    np.testing.assert_array_equal(np.reshape(places, vertices.shape), vertices)
+    assert [row["shape"] for row in long[::500]] == [row["shape"] for row in rows(out)[:3]]
+    assert [int(row["vertex"]) for row in long] == 3 * list(range(500))
+    template, found, failures = read_registrations(out)
+    np.testing.assert_array_equal(template.vertices, TEMPLATE.vertices)
+    for row, one in zip(rows(out), found, strict=False):
+        assert float(row["confidence"]) == one.confidence
+        assert float(row["coverage"]) == one.coverage
+        assert float(row["mean_distance"]) == pytest.approx(np.nanmean(one.distances))
+        assert row["status"] == ("doubtful" if round(one.confidence, 2) < 0.6 else "registered")
+    (failure,) = failures
+    assert Path(failure.path).name == "points.ply"
+    assert "point cloud" in failure.reason
+    assert rows(out)[3]["status"] == f"failed: {failure.reason}"
+    assert mean_shape(found, template, min_confidence=0, n_components=1).names == tuple(
+        row["path"] for row in rows(out)[:3]
+    )
+
+
+def test_what_is_there_is_not_touched_again_and_what_is_missing_is_made_again(
+    own: tuple[Collection, Path],
+) -> None:
+    collection, out = own
+    whole = contents(out)
+    walking = next(out.glob("walking-*.obj"))
+    result = out / "registrations" / f"{walking.stem}.npz"
+    for lost in (result, walking):  # as a run that was killed leaves them
+        lost.unlink()
+        (out / "vertices.npy").unlink(missing_ok=True)
+        done = collection.register(out / "template.obj", out, workers=0)
+        assert (done.registered, done.skipped) == (1, 2)
+        again = contents(out)
+        assert {name: data for name, (data, _) in again.items()} == {
+            name: data for name, (data, _) in whole.items()
+        }
+        made_again = {name for name in whole if again[name][1] != whole[name][1]}
+        tables = {"shapes.csv", "vertices.npy", "vertices.csv"}
+        assert made_again - tables == {walking.name, f"registrations/{result.name}"}
+    result.write_bytes(b"damaged")
+    with pytest.raises(FileError, match=r"walking.*npz: remove it, and run unbend collection"):
+        read_registrations(out)
+    assert collection.register(out / "template.obj", out, workers=0).registered == 1
+    done = collection.register(out / "template.obj", out, workers=0)
+    assert (done.registered, done.skipped, len(done.failures)) == (0, 3, 1)
+
+
+def test_new_landmarks_register_a_shape_again_and_only_that(
+    own: tuple[Collection, Path],
+) -> None:
+    collection, out = own
+    (permuted,) = (row["path"] for row in rows(out) if row["shape"].startswith("permuted"))
+    inverse = np.argsort(ORDER)
+    hints = {permuted: [(i, inverse[i]) for i in (0, 100, 200)]}
+    options = {"landmarks": hints, "workers": 0}
+    assert collection.register(out / "template.obj", out, **options).registered == 1
+    assert collection.register(out / "template.obj", out, **options).registered == 0
+    expected = TEMPLATE.vertices @ TURN.T + 3
+    np.testing.assert_allclose(np.load(out / "vertices.npy")[1], expected, atol=1e-5)
+    hints[permuted] = [(0, 500)]
+    done = collection.register(out / "template.obj", out, **options)
+    assert [Path(one.path).name for one in done.failures] == ["permuted.ply", "points.ply"]
+    assert len(np.load(out / "vertices.npy")) == len(done.shapes) == 2
+    with pytest.raises(InputError, match=r"nobody.ply is not in the collection"):
+        collection.register(out / "template.obj", out, landmarks={"nobody.ply": []}, workers=0)
+
+
+def test_a_textured_template_keeps_its_lines(made: Path, tmp_path: Path) -> None:
+    lines = (made / "template.obj").read_text().splitlines()
+    lines = ["mtllib coat.mtl", *lines, "g all", "usemtl fur"]
+    lines = [f"vt 0.{i} 0.5" for i in range(3)] + [
+        " ".join(["f", *(f"{word}/{i + 1}" for i, word in enumerate(line.split()[1:]))])
+        if line.startswith("f ")
+        else line
+        for line in lines
+    ]
+    (tmp_path / "textured.obj").write_text("\n".join(lines))
+    collection = Collection(tmp_path / "store")
+    collection.add(made / "scans" / "permuted.ply", workers=0)
+    done = collection.register(tmp_path / "textured.obj", tmp_path / "out", workers=0)
+    written = (tmp_path / "out" / done.shapes[0].file).read_text().splitlines()
+    for line, wanted in zip(written, lines, strict=True):
+        if wanted.startswith("mtllib"):  # it is still found from the other folder
+            assert line == "mtllib ../coat.mtl"
+        elif not wanted.startswith("v "):
+            assert line == wanted
+
+
+def test_the_template_may_be_a_shape_of_the_collection(made: Path, tmp_path: Path) -> None:
+    collection = Collection(made / "store")
+    (entry,) = (one for one in collection if one.path.endswith("itself.obj"))
+    shutil.copytree(made / "out", tmp_path / "out")
+    done = collection.register(entry.id, tmp_path / "out", workers=0)  # it has the same bytes
+    assert (done.registered, done.skipped) == (0, 3)
+
+
+def test_mistakes_leave_nothing(made: Path, tmp_path: Path) -> None:
+    collection, out = Collection(made / "store"), tmp_path / "out"
+    for template, message in (
+        (made / "scans" / "points.ply", "a template needs faces, and this is a point cloud"),
+        ("nobody.ply", "nobody.ply is not in the collection"),
+    ):
+        with pytest.raises((FileError, InputError), match=message):
+            collection.register(template, out, workers=0)
+        assert not out.exists()
+    with pytest.raises(FileError, match=r"registered to another template, template.obj there"):
+        collection.register(made / "scans" / "walking.off", made / "out", workers=0)
+    with pytest.raises(FileError, match="cannot write"):
+        collection.register(made / "template.obj", made / "store" / "out", workers=0)
+    with pytest.raises(FileError, match="holds no registered shapes, or not all yet"):
+        read_registrations(tmp_path)
+
+
+def test_workers_are_those_asked_for(
+    made: Path, tmp_path: Path, idle_engine: Callable[[object], dict]
+) -> None:
+    asked = idle_engine(_registering)
+    where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
+    (tmp_path / "out").mkdir()
+    with pytest.raises(FileError, match="cannot read"):  # for nothing was done
+        Collection(made / "store").register(made / "template.obj", tmp_path / "out", **where)
+    assert asked == where
+
+
+def test_a_missing_file_is_listed(made: Path, own: tuple[Collection, Path]) -> None:
+    collection, out = own
+    for result in (out / "registrations").glob("walking-*"):
+        result.unlink()
+    path, aside = made / "scans" / "walking.off", made / "aside.off"
+    os.rename(path, aside)
+    try:
+        done = collection.register(out / "template.obj", out, workers=0)
+    finally:
+        os.rename(aside, path)
+    assert (
+        "there is no such file" in {Path(o.path).name: o.reason for o in done.failures}[path.name]
+    )

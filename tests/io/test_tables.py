@@ -1,0 +1,43 @@
+"""Tables: what is written is read again, and a line that does not fit is named."""
+
+import pytest
+
+from unbend.errors import FileError
+from unbend.io import read_table, write_table
+
+
+def test_what_is_written_is_read_again_in_any_order_of_columns(tmp_path):
+    write_table(tmp_path / "a.csv", [("b", "a", "c"), ('say "x, y"', 0.1, 1), ("é", 2, 3)])
+    assert read_table(tmp_path / "a.csv", ("a", "b")) == [["0.1", 'say "x, y"'], ["2", "é"]]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_may_end_as_on_any_system_and_begin_with_a_byte_order_mark(tmp_path, end):
+    (tmp_path / "a.csv").write_bytes(f"\ufeffa, b{end}1, 2{end}".encode())
+    assert read_table(tmp_path / "a.csv", ("b", "a")) == [["2", "1"]]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"a,c\n1,2\n", "there is no column b; the first line must name the columns a, b"),
+        (b"a,b\n1,2\n3\n", "line 3 has no b"),
+        (b"a,b\n1,2\n,2\n", "line 3 has no a"),
+        (b"a,b\n\xff,2\n", "cannot read .*a.csv"),
+        (b"", "is empty"),
+    ],
+)
+def test_what_does_not_fit_is_named(tmp_path, data, message):
+    (tmp_path / "a.csv").write_bytes(data)
+    with pytest.raises(FileError, match=message):
+        read_table(tmp_path / "a.csv", ("a", "b"))
+
+
+def test_a_failed_write_leaves_nothing(tmp_path):
+    def rows():
+        yield ("a",)
+        raise ValueError("none")
+
+    with pytest.raises(ValueError, match="none"):
+        write_table(tmp_path / "a.csv", rows())
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,373 @@
+"""Landmarks in a real browser: placed, moved, deleted, undone, saved and loaded, in every way."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import Browser, changed
+from unbend import Mesh
+from unbend.datasets import make_quadruped
+from unbend.io import read_landmarks, read_markups
+from unbend.report import view
+from unbend.report.pages import _view_page
+from unbend.report.pages._shown import show
+
+CTRL = {"modifiers": 2}
+STATUS = "part('status').textContent"
+
+
+@pytest.fixture(scope="module")
+def dogs() -> tuple[Mesh, Mesh]:
+    first, second = (make_quadruped(pose, n_vertices=900).mesh for pose in ("standing", "walking"))
+    return Mesh(first.vertices, first.faces, name="a"), Mesh(
+        second.vertices, second.faces, name="b"
+    )
+
+
+@pytest.fixture(scope="module")
+def html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pages") / "view.html"
+    view(*dogs, path=path)
+    return path
+
+
+@pytest.fixture
+def page(browser: Browser, html: Path, tmp_path: Path) -> Browser:
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    browser.open(html)
+    return browser
+
+
+def table(browser: Browser) -> list[list[int]]:
+    """Vertices of each landmark, as the table shows them."""
+    cells = "[...r.cells].slice(1, -1).map(c => c.textContent === '\u2013' ? -1 : +c.textContent)"
+    return browser.run(f"[...part('landmarks').rows].map(r => {cells})")
+
+
+def spot(browser: Browser, side: int, vertex: int) -> tuple[float, float]:
+    """Where a vertex is on the screen; the page draws all vertices here."""
+    canvas = f"part('shape-{side}')"
+    browser.run(f"{canvas}.scrollIntoView({{block: 'center'}})")
+    found = browser.run(
+        f"(v => {{ const b = v.canvas.getBoundingClientRect(), p = v.projection()(...row("
+        f"v.meshes[0].positions, {vertex})); return [b.left + p[0], b.top + p[1]] }})"
+        f"({canvas}.view)"
+    )
+    return tuple(found)
+
+
+def downloaded(browser: Browser, path: Path) -> str:
+    for _ in range(400):
+        if path.exists() and path.stat().st_size:
+            return path.read_text("utf-8")
+        browser.settle()
+    raise AssertionError(f"{path.name} was not downloaded: {browser.run(STATUS)}")
+
+
+def test_pairs_are_placed_dragged_deleted_and_undone_with_the_mouse(page, dogs) -> None:
+    page.click(*page.middle("#shape-0", 0.0, 0.1))
+    ((first, nothing),) = table(page)
+    assert first >= 0
+    assert nothing == -1
+    page.click(*page.middle("#shape-1", 0.1, 0.1))
+    page.click(*page.middle("#shape-1", -0.3, 0.1))
+    placed = table(page)
+    assert placed[0][0] == first
+    assert min(placed[0]) >= 0
+    assert placed[1][0] == -1
+    # The same place on the shape is grasped, and the landmark follows the pointer.
+    before = page.picture("#shape-1")
+    page.drag(spot(page, 1, placed[0][1]), 40, 8)
+    moved = table(page)
+    assert moved[0][1] not in (placed[0][1], -1)
+    assert moved[1] == placed[1]
+    assert changed(before, page.picture("#shape-1")) < 0.02, "the shape was turned"
+    x, y = spot(page, 1, placed[0][1])
+    there = spot(page, 1, moved[0][1])
+    assert np.hypot(there[0] - x - 40, there[1] - y - 8) < 20
+    page.click(*page.middle("#landmarks tr:first-child button"))
+    assert table(page) == moved[1:]
+    for expected in (moved, placed, placed[:1], [[first, -1]], [], []):
+        page.press("z", **CTRL)
+        assert table(page) == expected
+    assert page.run(STATUS) == "There is nothing to undo."
+
+
+def test_everything_can_be_done_with_the_keyboard(page, tmp_path) -> None:
+    def tab_to(name: str) -> None:
+        for _ in range(40):
+            page.press("Tab", windowsVirtualKeyCode=9)
+            if page.run("document.activeElement.id") == name:
+                return
+        raise AssertionError(f"Tab does not reach {name}")
+
+    for side in (0, 1):
+        tab_to(f"shape-{side}")
+        page.press("ArrowRight")  # the cursor appears
+        seen = []
+        for key in ("ArrowRight", "ArrowRight", "ArrowUp", "ArrowLeft"):
+            page.press(key)
+            seen.append(page.run(f"+part('vertex-{side}').value"))
+        assert len(set(seen)) > 2
+        page.press("Enter")
+        assert table(page)[0][side] == seen[-1]
+        page.press("ArrowDown")
+        page.press("Enter")
+    pairs = table(page)
+    assert len(pairs) == 2
+    page.press("n")
+    page.press("ArrowUp")
+    page.press("m")
+    assert table(page) != pairs
+    page.press("z", **CTRL)
+    page.press("n")
+    page.press("Delete")
+    assert len(table(page)) == 1
+    page.press("z", **CTRL)
+    assert table(page) == pairs
+    page.press("s", **CTRL)
+    downloaded(page, tmp_path / "landmarks.csv")
+    np.testing.assert_array_equal(read_landmarks(tmp_path / "landmarks.csv"), pairs)
+
+
+def test_arrow_keys_go_around_the_shape(page) -> None:
+    """Where the surface ends on the screen, the shape turns: every side can be reached."""
+    page.run("part('shape-0').focus()")
+    page.press("ArrowRight")
+    sides = set()
+    for _ in range(60):
+        page.press("ArrowRight")
+        normal = page.run(
+            "(v => row(v.meshes[0].columns.normals, v.marks[0].vertex))(part('shape-0').view)"
+        )
+        sides.add(tuple(np.sign(np.round(normal, 1)[[0, 2]])))
+    assert {(1, 1), (-1, -1)} <= sides or {(1, -1), (-1, 1)} <= sides
+
+
+def test_a_finger_places_turns_and_drags(page) -> None:
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    try:
+        x, y = page.middle("#shape-0", 0.0, 0.1)
+        page.touch((x, y), (x + 3, y + 2))
+        ((vertex, _),) = table(page)
+        assert vertex >= 0
+        before = page.picture("#shape-0")
+        x, y = spot(page, 0, vertex)
+        page.touch((x + 8, y), (x + 30, y), (x + 40, y + 4))
+        ((moved, _),) = table(page)
+        assert moved not in (vertex, -1)
+        assert changed(before, page.picture("#shape-0")) < 0.02
+        x, y = page.middle("#shape-0", 0.9, 0.9)
+        page.touch((x, y), (x - 60, y), (x - 90, y))
+        assert changed(before, page.picture("#shape-0")) > 0.02
+        assert table(page) == [[moved, -1]]
+    finally:
+        page.call("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+def test_the_page_fits_a_telephone(page, screenshots) -> None:
+    size = {"height": 720, "deviceScaleFactor": 1}
+    page.call("Emulation.setDeviceMetricsOverride", width=390, mobile=True, **size)
+    page.click(*page.middle("#shape-0", 0.0, 0.1))
+    wide = page.run("document.documentElement.scrollWidth")
+    page.picture(save=screenshots / "view-narrow.png")
+    page.call("Emulation.setDeviceMetricsOverride", width=940, mobile=False, **size)
+    assert wide == 390
+
+
+def test_a_page_of_pictures_scrolls_under_a_finger(browser, dogs, tmp_path) -> None:
+    from unbend.report import search_page
+
+    search_page(dogs[0], [dogs[1]] * 3, [0.1, 0.2, 0.3], tmp_path / "found.html")
+    browser.open(tmp_path / "found.html")
+    action = "getComputedStyle(document.querySelector('{}')).touchAction"
+    assert browser.run(action.format(".card canvas")) == "auto"
+    assert browser.run(action.format("figure canvas")) == "none"
+
+
+def test_saved_landmarks_are_loaded_again(page, dogs, tmp_path) -> None:
+    rows = [[12, 40], [345, 7], [899, 0]]
+    pairs = tmp_path / "pairs.csv"
+    pairs.write_text("source,target\n" + "".join(f"{i},{j}\n" for i, j in rows), "utf-8")
+    page.choose_file("#load", pairs)
+    page.wait_for("part('landmarks').rows.length === 3")
+    assert table(page) == rows
+    for side, mesh in enumerate(dogs):
+        page.click(*page.middle(f"#markups-{side}"))
+        saved = json.loads(downloaded(page, tmp_path / f"{mesh.name}.mrk.json"))
+        (markup,) = saved["markups"]
+        assert saved["@schema"].endswith("markups-schema-v1.0.3.json#")
+        assert (markup["type"], markup["coordinateSystem"]) == ("Fiducial", "LPS")
+        points = markup["controlPoints"]
+        assert [one["label"] for one in points] == ["1", "2", "3"]
+        assert [one["description"] for one in points] == [f"vertex {row[side]}" for row in rows]
+        size = np.ptp(mesh.vertices, axis=0).max()
+        there = np.array([one["position"] for one in points])
+        expected = mesh.vertices[[row[side] for row in rows]]
+        np.testing.assert_allclose(there, expected, atol=2e-6 * size)
+        _, vertices = read_markups(tmp_path / f"{mesh.name}.mrk.json", mesh)
+        assert vertices.tolist() == [row[side] for row in rows]
+        # Points that another program placed have no vertex, and perhaps the other axes.
+        for one in points:
+            one["position"] = (np.array(one["position"]) * (-1, -1, 1) + 1e-4 * size).tolist()
+            one["description"] = ""
+        markup["coordinateSystem"] = "RAS"
+        (tmp_path / f"{mesh.name}.mrk.json").write_text(json.dumps(saved), "utf-8")
+    while table(page):
+        page.press("z", **CTRL)
+    page.drop(*page.middle("#shape-1"), tmp_path / "b.mrk.json")
+    page.wait_for("part('landmarks').rows.length === 3")
+    page.choose_file("#load-0", tmp_path / "a.mrk.json")
+    page.wait_for(f"{STATUS} === 'Loaded a.mrk.json.'")
+    assert table(page) == rows
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("1,900\n", "vertex 900 is not on b, which has the vertices 0 to 899"),
+        ("1,2\n3\n", "row 1 is 3; a landmark is two vertex numbers"),
+        ("", "it holds no landmarks"),
+    ],
+)
+def test_files_that_do_not_fit_change_nothing(page, tmp_path, text, told) -> None:
+    page.click(*page.middle("#shape-0", 0.0, 0.1))
+    before = table(page)
+    (tmp_path / "bad.csv").write_text(text, "utf-8")
+    page.choose_file("#load", tmp_path / "bad.csv")
+    page.wait_for(f"{STATUS}.includes({told!r})")
+    assert table(page) == before
+
+
+@pytest.mark.parametrize(
+    ("point", "told"),
+    [
+        ({"label": "nose", "position": [99, 0, 0]}, "point nose is far from a"),
+        ({"label": "nose", "position": [0, 0, 0], "positionStatus": "undefined"}, "no position"),
+        ({"label": "nose"}, "no .mrk.json file"),
+        ({"description": "vertex 900", "position": [0, 0, 0]}, "vertex 900 is not on a"),
+    ],
+)
+def test_points_that_do_not_fit_are_refused(page, tmp_path, point, told) -> None:
+    (tmp_path / "bad.json").write_text(
+        json.dumps({"markups": [{"controlPoints": [point]}]}), "utf-8"
+    )
+    page.drop(*page.middle("#shape-0"), tmp_path / "bad.json")
+    page.wait_for(f"{STATUS}.includes({told!r})")
+    assert table(page) == []
+
+
+def test_landmarks_of_one_shape_have_names(browser, dogs, tmp_path) -> None:
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    view(dogs[0], landmarks={"nose tip": 5, 'the "other"': 6}, path=tmp_path / "one.html")
+    browser.open(tmp_path / "one.html")
+    browser.click(*browser.middle("#shape-0", 0.0, 0.1))
+    (_, _, (placed,)) = table(browser)
+    browser.click(*browser.middle("#save"))
+    text = downloaded(browser, tmp_path / "landmarks.csv")
+    assert text == f'label,vertex\n"nose tip",5\n"the ""other""",6\n1,{placed}\n'
+    browser.open(tmp_path / "one.html")
+    browser.drop(*browser.middle("#shape-0"), tmp_path / "landmarks.csv")
+    browser.wait_for("part('landmarks').rows.length === 3")
+    names = browser.run("[...part('landmarks').querySelectorAll('input')].map(e => e.value)")
+    assert names == ["nose tip", 'the "other"', "1"]
+    assert table(browser) == [[5], [6], [placed]]
+
+
+def test_thinned_shapes_have_the_numbers_of_the_files(
+    browser, dogs, tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_view_page, "show", lambda mesh: show(mesh, 300))
+    shown = show(dogs[0], 300).ids
+    (lost,) = np.setdiff1d(np.arange(900), shown)[:1]
+    view(dogs[0], landmarks=[lost], path=tmp_path / "thin.html")
+    browser.open(tmp_path / "thin.html")
+    browser.click(*browser.middle("#shape-0", 0.0, 0.1))
+    ((first,), (second,)) = table(browser)
+    assert first == lost
+    assert second in shown
+
+
+def test_values_and_edges_are_drawn_and_told(browser, dogs, tmp_path, screenshots) -> None:
+    values = dogs[0].vertices[:, 1].copy()
+    values[:50] = np.nan
+    view(dogs[0], values=values, path=tmp_path / "values.html")
+    browser.open(tmp_path / "values.html")
+    start = browser.picture("#shape-0", save=screenshots / "values.png")
+    browser.click(*browser.middle("#shape-0", 0.0, 0.1))
+    vertex = browser.run("+part('vertex-0').value")
+    shown = f"{float(f'{values[vertex]:.5g}'):g}" if vertex >= 50 else "unknown"
+    told = browser.run("part('readout').textContent")
+    assert told.startswith(f"a: vertex {vertex} at (")
+    assert f"value {shown[:5]}" in told
+    browser.press("z", **CTRL)
+    browser.run("part('wire').click()")
+    browser.settle()
+    assert changed(start, browser.picture("#shape-0", save=screenshots / "edges.png")) > 0.03
+
+
+def test_a_picture_is_saved(page, tmp_path) -> None:
+    import matplotlib.image
+
+    width, height = page.run("[part('shape-0').width, part('shape-0').height]")
+    page.click(*page.middle("#picture"))
+    path = tmp_path / "a and b.png"
+    page.wait_for("true")
+    for _ in range(400):
+        if path.exists() and path.stat().st_size:
+            break
+        page.settle()
+    picture = matplotlib.image.imread(path)
+    assert picture.shape == (2 * height, 4 * width, 4)
+    opaque = picture[..., 3] > 0.99
+    assert opaque[:, : 2 * width].mean() > 0.02
+    assert opaque[:, 2 * width :].mean() > 0.02
+    assert picture[0, 0, 3] == 0
+
+
+def test_a_lost_context_is_replaced(page) -> None:
+    before = page.picture("#shape-0")
+    page.run("stage.gl.getExtension('WEBGL_lose_context').loseContext()")
+    page.settle()
+    assert changed(before, page.picture("#shape-0")) == 0
+    page.drag(page.middle("#shape-0", 0.9, 0.9), 60, 0)
+    assert changed(before, page.picture("#shape-0")) > 0.02
+    page.run("part('reset').click(); document.activeElement.blur()")
+    page.settle()
+    assert changed(before, page.picture("#shape-0")) < 0.001
+
+
+def test_without_graphics_one_sentence_is_shown(page) -> None:
+    before = page.picture("#shape-0")
+    page.run("stage.gl.getExtension('WEBGL_lose_context').loseContext()")
+    page.run(
+        "HTMLCanvasElement.prototype.getContext = (own => function (kind, more) {"
+        " return kind === 'webgl2' ? null : own.call(this, kind, more) })"
+        "(HTMLCanvasElement.prototype.getContext)"
+    )
+    page.drag(page.middle("#shape-0", 0.9, 0.9), 60, 0)
+    assert "Reload" in page.run("part('trouble').textContent")
+    assert page.run("!part('trouble').hidden")
+    assert changed(before, page.picture("#shape-0")) < 0.01
+
+
+def test_many_pages_in_one_notebook_stay_visible(browser, dogs, tmp_path, screenshots) -> None:
+    cell = tmp_path / "notebook.html"
+    frame = view(dogs[0], values=range(900))._repr_html_()
+    ready = "<script>document.documentElement.dataset.ready = 'yes'</script>"
+    cell.write_text(f"<!doctype html><body>{frame * 18}{ready}", encoding="utf-8")
+    browser.open(cell)
+    pictures = []
+    for i in (*range(18), 0, 1, 17):
+        browser.run(f"document.querySelectorAll('iframe')[{i}].scrollIntoView()")
+        for _ in range(100):
+            picture = browser.picture(f"iframe:nth-of-type({i + 1})")
+            if (np.ptp(picture, axis=2) > 0.1).mean() > 0.01:
+                break
+        else:
+            pytest.fail(f"frame {i} is blank")
+        pictures.append(picture)
+    browser.problems[:] = [one for one in browser.problems if "Too many active WebGL" not in one]
+    assert changed(pictures[0], pictures[18]) < 0.01

@@ -1,0 +1,103 @@
+"""The page of one or two meshes holds what it shows, and refuses what does not fit."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from unbend import Mesh
+from unbend.cli import app
+from unbend.errors import FileError, InputError
+from unbend.io import write_markups, write_mesh
+from unbend.report import view
+from unbend.report.pages import _document
+
+
+def test_large_meshes_are_thinned() -> None:
+    n = 250
+    x, y = np.meshgrid(np.arange(n), np.arange(n))
+    first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([first, first + 1, first + n], 1),
+            np.stack([first + 1, first + n + 1, first + n], 1),
+        ]
+    )
+    sheet = Mesh(np.stack([x.ravel(), y.ravel(), np.sin(x / 9).ravel()], 1), faces)
+    assert re.search(r"60,000 of 62,500 vertices are drawn", view(sheet).html)
+
+
+def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no faces to draw"):
+        view(Mesh(blob.vertices))
+    with pytest.raises(InputError, match="up must be"):
+        view(blob, up="w")
+    for values in (np.zeros(5), np.zeros((642, 2)), np.full(642, np.nan)):
+        with pytest.raises(InputError, match="values"):
+            view(blob, values=values)
+    loose = Mesh(np.vstack([blob.vertices, [[9, 9, 9]]]), blob.faces, name="loose")
+    for wrong in ([(0, 642)], [(0, -1)], [(0, 700)]):
+        with pytest.raises(InputError, match=rf"landmark {wrong[0][1]} .* loose, .* 643 vertices"):
+            view(blob, loose, landmarks=wrong)
+    for wrong in ([1, 2], [(1, 2, 3)], [(0.5, 1)]):
+        with pytest.raises(InputError, match="pairs of vertices"):
+            view(blob, blob, landmarks=wrong)
+    with pytest.raises(InputError, match="must be vertices"):
+        view(blob, landmarks=[(0, 1)])
+    with pytest.raises(FileError, match=r"\.html"):
+        view(blob, path=tmp_path / "page.txt")
+
+
+def test_constant_values_are_shown(blob: Mesh) -> None:
+    assert "values from 3 to 3" in view(blob, values=np.full(642, 3.0)).html
+
+
+def test_a_page_opens_in_a_browser(
+    blob: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(_document.webbrowser, "open", opened.append)
+    page = view(blob)
+    assert page.open(tmp_path / "blob.html") == tmp_path / "blob.html"
+    monkeypatch.setattr(_document.tempfile, "tempdir", str(tmp_path))
+    elsewhere = page.open()
+    assert elsewhere.parent == tmp_path
+    assert opened == [(tmp_path / "blob.html").as_uri(), elsewhere.as_uri()]
+    assert elsewhere.read_text("utf-8") == page.html
+
+
+def test_the_command_writes_and_opens_a_page(
+    blob: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(_document.webbrowser, "open", opened.append)
+    monkeypatch.chdir(tmp_path)
+    write_mesh("a.ply", blob)
+    write_mesh("b.ply", blob)
+    Path("pairs.csv").write_text("source,target\n3,4\n", "utf-8")
+    np.save("values.npy", np.arange(642.0))
+    run = CliRunner().invoke
+    arguments = ["view", "a.ply", "b.ply", "--landmarks", "pairs.csv", "--values", "values.npy"]
+    result = run(app, [*arguments, "-o", "page.html", "--no-open"])
+    assert result.exit_code == 0
+    assert "written: page.html" in result.stdout
+    assert "unbend match a.ply b.ply --landmarks landmarks.csv" in result.stdout
+    html = Path("page.html").read_text("utf-8")
+    assert '"landmarks": [{"name": "1", "at": [3, 4]}]' in html
+    assert "values from 0 to 641" in html
+    assert not opened
+    assert run(app, ["view", "a.ply", "-o", "one.html"]).exit_code == 0
+    assert opened == [Path("one.html").resolve().as_uri()]
+    write_markups("nose.mrk.json", blob, [7], ["nose"])
+    result = run(app, ["view", "a.ply", "--landmarks", "nose.mrk.json", "-o", "n.html"])
+    assert '"landmarks": [{"name": "nose", "at": [7]}]' in Path("n.html").read_text("utf-8")
+    write_markups("twice.mrk.json", blob, [7, 8], ["nose", "nose"])
+    for refused in ("pairs.csv", "twice.mrk.json"):
+        result = run(app, ["view", "a.ply", "--landmarks", refused, "-o", "refused.html"])
+        assert result.exit_code == 2
+        assert not Path("refused.html").exists()
+    result = run(app, ["view", "a.ply", "--no-open"])
+    assert result.exit_code == 2
+    assert "-o" in str(result.exception) + result.output
