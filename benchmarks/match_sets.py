@@ -16,6 +16,7 @@ A set is a function of the folder, a seed and a number of pairs; it lists what d
 from __future__ import annotations
 
 from becos import species
+from cloud_sets import clouds
 from match_cases import Set
 from own_sets import HARM, bodies, different
 from public_sets import SHREC07, all_pairs, listed, sequences, shrec07, shrec19
@@ -41,6 +42,11 @@ SETS: dict[str, Set] = {
     "proportions": bodies("own", "proportions"),
     "octopuses": bodies("octopuses", "proportions"),
     "different": different,
+    "clouds": clouds(0.0),
+    "clouds-noise": clouds(0.005),
+    "clouds-views": clouds(0.0, view=True),
+    "clouds-2000": clouds(0.0, 2000),
+    "clouds-100000": clouds(0.005, 100_000),
 } | {
     f"{shapes}{done}": bodies(of, done)
     for shapes, of in (("", "own"), ("octopus-", "octopuses"), ("tosca-", "tosca"))

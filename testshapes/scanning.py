@@ -1,4 +1,4 @@
-"""What a scanner makes of a surface: one side of it, noise, separate pieces."""
+"""What a scanner makes of a surface: one side of it, noise, separate pieces, points."""
 
 from __future__ import annotations
 
@@ -105,6 +105,42 @@ def add_noise(
     if direction is not None:
         ways = np.asarray(direction) / np.linalg.norm(direction) + np.zeros((mesh.n_vertices, 1))
     return unchanged(Mesh(mesh.vertices + offsets[:, None] * ways, mesh.faces, name=mesh.name))
+
+
+def sample_points(
+    mesh: Mesh, n_points: int, *, noise: float = 0.0, random_state: int | None = None
+) -> Damaged:
+    """Sample points uniformly by area.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    n_points : int
+    noise : float, default=0.0
+        Standard deviation of each coordinate, in diagonals of the mesh's bounding box.
+    random_state : int or None, default=None
+
+    Returns
+    -------
+    Damaged
+        A point cloud. The origin of a point is the vertex nearest to where it was drawn.
+
+    Examples
+    --------
+    >>> from unbend.datasets import make_sphere
+    >>> from testshapes.scanning import sample_points
+    >>> sample_points(make_sphere(2), 500, random_state=0).mesh
+    Mesh(500 points)
+    """
+    chance = np.random.default_rng(random_state)
+    areas = np.linalg.norm(face_normals(mesh), axis=1)
+    corners = mesh.vertices[mesh.faces[chance.choice(len(areas), n_points, p=areas / areas.sum())]]
+    weights = chance.dirichlet(np.ones(3), n_points)
+    places = np.einsum("ij,ijk->ik", weights, corners)
+    diagonal = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
+    cloud = Mesh(places + noise * diagonal * chance.standard_normal(places.shape), name=mesh.name)
+    origin = cKDTree(mesh.vertices).query(places)[1]
+    return Damaged(cloud, origin, cKDTree(places).query(mesh.vertices)[1])
 
 
 def add_components(

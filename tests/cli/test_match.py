@@ -327,6 +327,7 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply b.ply --landmarks words.txt", "a landmark is two vertex numbers"),
         ("match a.ply b.ply --n-matches 0", "n_matches must be a whole number of at least 1"),
         ("match a.ply b.ply --component x", "--component must be"),
+        ("match points.xyz b.ply -o new.npz --report r.html", "a point cloud has no faces to draw"),
         ("evaluate b.vts b.ply a.vts a.vts", "row 700 is"),
         (
             "evaluate b.vts b.ply long.vts b.vts",
@@ -376,6 +377,7 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     write_map("long.vts", np.append(np.arange(799), 800))
     write_map("none.txt", [0, -1] * 400)
     Path("few.txt").write_text("1\n2\n")
+    Path("points.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
     Path("words.txt").write_text("a\n" * 800)
     Path("other.txt").write_text("1\n" * 700)
     Path("other800.txt").write_text("1\n" * 800)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from testshapes.bodies import make_body
 from testshapes.damage import cut_discs, damaged_truth
-from testshapes.scanning import add_components, seen_from
+from testshapes.scanning import add_components, sample_points, seen_from
 from unbend import Mesh, register
 from unbend.datasets import make_quadruped, make_sphere, rest_map
 from unbend.errors import InputError, MeshError
@@ -205,11 +205,18 @@ def test_parts_without_a_partner_stay_where_they_belong() -> None:
         assert np.linalg.norm(found[middle] - center) < 0.5 * rest.mean()
 
 
+def test_onto_points_it_lies_on_their_surface() -> None:
+    cloud = sample_points(SCAN.mesh, 3000, random_state=0)
+    match = cloud.image[TRUTH]
+    found = register(TEMPLATE.mesh, cloud.mesh, match)
+    assert found.coverage > 0.9
+    assert np.median(distance_to_faces(found.mesh.vertices, SCAN.mesh)) < 0.2 * mean_edge(SCAN.mesh)
+
+
 def test_what_does_not_fit(moebius_strip: Mesh) -> None:
     body = TEMPLATE.mesh
     for template, scan, mapping, kind, sentence in (
-        (body.vertices, body, EVERY, InputError, "this is a point cloud"),
-        (body, body.vertices, None, InputError, "this is a point cloud"),
+        (body.vertices, body, EVERY, InputError, "a template needs faces"),
         (body, body, EVERY[1:], InputError, "the map has 999 source vertices, but .* has 1000"),
         (body, body, EVERY + 1, InputError, "names target vertex 1000"),
         (body, body, np.full(1000, -1), InputError, "fewer than 4 vertices"),

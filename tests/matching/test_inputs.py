@@ -54,7 +54,7 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     np.testing.assert_array_equal(found.local(found.kept), np.arange(42))
     nearest = np.linalg.norm(mesh.vertices[:12, None] - large.vertices, axis=2).argmin(axis=1)
     np.testing.assert_array_equal(found.local(np.arange(12)), nearest)
-    with pytest.raises(InputError, match="both: no face uses vertex 12; name another"):
+    with pytest.raises(InputError, match="both: vertex 12 is not on its surface; name another"):
         found.local([0, 12])
     assert found.representatives[12] == -1
     np.testing.assert_array_equal(found.own_faces, len(small.faces) + np.arange(80))
@@ -65,7 +65,7 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
 
 def test_what_cannot_be_matched_is_refused(moebius_strip: Mesh) -> None:
     cloud = Mesh(make_sphere(0).vertices, name="cloud")
-    with pytest.raises(InputError, match="cloud: matching needs faces, and this is a point cloud"):
+    with pytest.raises(MeshError, match="cloud: 12 points at different positions are too few"):
         prepare_shape(cloud, 10)
     with pytest.raises(MeshError, match="only one side, like a Möbius strip"):
         prepare_shape(moebius_strip, 10)

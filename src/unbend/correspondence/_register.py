@@ -27,6 +27,7 @@ from unbend.io import (
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, orient_consistently, vertex_areas
+from unbend.preparation import surface_of_points
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
 
@@ -81,7 +82,8 @@ def register(
     Parameters
     ----------
     template, scan : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces. Units, positions, poses and
+        Anything :func:`unbend.as_mesh` accepts. The template needs faces; a surface is
+        reconstructed for a scan that is a point cloud. Units, positions, poses and
         proportions may differ.
     match : Match or (n_template,) array_like of int, optional
         From template to scan; or the scan's vertex of each template vertex, -1 where there is
@@ -98,7 +100,7 @@ def register(
     MeshError
         If a mesh cannot be used, or has only one side.
     InputError
-        If a shape has no faces, or the match does not fit the shapes.
+        If the template has no faces, or the match does not fit the shapes.
 
     Warns
     -----
@@ -126,15 +128,19 @@ def register(
     (Mesh(642 vertices, 1280 faces), 1.0)
     """
     template, scan = as_mesh(template), as_mesh(scan)
-    for mesh in (template, scan):
-        if mesh.is_point_cloud:
-            raise InputError(f"{mesh.name}: registering needs faces, and this is a point cloud")
+    if template.is_point_cloud:
+        raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
+    points = surface_of_points(scan) if scan.is_point_cloud else None
     if match is None:
+        scan = scan if points is None else points.mesh
         match = find_match(template, scan, barycentric=True, progress=progress)
     elif isinstance(match, Match):
         warn_of_disorder(match)
     goal = positions_on_target(match, scan, template)
     images = as_point_map(match)
+    if points is not None and scan.is_point_cloud:
+        images = np.where(images < 0, -1, points.vertex_of_point[images])
+        scan = points.mesh
     on_surface = np.zeros(scan.n_vertices, dtype=bool)
     on_surface[scan.faces] = True
     used = np.unique(template.faces)

@@ -160,7 +160,7 @@ def _preimages(
     vertices = match.target_to_source
     if match.faces is not None and (source is None) != (target is None):
         raise InputError("to average within faces, give both the source and the target, or neither")
-    if match.faces is None or source is None or target is None:
+    if match.faces is None or source is None or target is None or source.is_point_cloud:
         return vertices[:, None], np.ones((len(vertices), 1))
     places = positions_on_target(match, target)
     there = np.flatnonzero(vertices >= 0)

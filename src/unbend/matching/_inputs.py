@@ -17,7 +17,7 @@ from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
 from unbend.mesh import Mesh, find_components, orient_consistently, vertex_ids
-from unbend.preparation import restrict
+from unbend.preparation import restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
@@ -26,30 +26,31 @@ _SIDE_BY_SIDE = 200_000
 
 
 class Input(NamedTuple):
-    """A mesh that is to be matched.
+    """A mesh or a point cloud that is to be matched.
 
     Attributes
     ----------
     surface : Surface
-        Its largest component, checked.
+        Its largest component, checked; of a point cloud, the surface of its points.
     shape : Shape
         The same, as the matcher takes it.
     kept : (k,) ndarray of int64
-        Its vertices among those of the mesh.
-    stands_for : (n,) ndarray of int64
+        Its vertices among those of the mesh; of a point cloud, the point nearest to each.
+    representatives : (n,) ndarray of int64
         The vertex of `shape` that stands for each vertex of the mesh: itself, or on smaller
-        components the nearest one; -1 at vertices that no face uses.
-    own_faces : (m,) ndarray of int64
-        The face of the mesh that each face of `shape` is.
+        components and in a point cloud the nearest one; -1 at vertices that no face uses, and at
+        outliers.
+    own_faces : (m,) ndarray of int64, or None
+        The face of the mesh that each face of `shape` is; None for a point cloud.
     own_corners : (m, 3) ndarray of int64
-        Its corners, vertices of the mesh in the mesh's winding.
+        Its corners, vertices of the mesh in the mesh's winding; of a point cloud, points.
     """
 
     surface: Surface
     shape: Shape
     kept: IntArray
     representatives: IntArray
-    own_faces: IntArray
+    own_faces: IntArray | None
     own_corners: IntArray
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
@@ -58,24 +59,28 @@ class Input(NamedTuple):
         ids = vertex_ids(vertices, len(self.representatives), name)
         found = self.representatives[ids]
         if (found < 0).any():
-            raise InputError(f"{name}: no face uses vertex {ids[found < 0][0]}; name another")
+            raise InputError(
+                f"{name}: vertex {ids[found < 0][0]} is not on its surface; name another"
+            )
         return found
 
     def on_own_faces(self, faces: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Turn points on faces of `shape` into points on faces of the mesh."""
+        """Turn points on faces of `shape` into points on faces of a mesh that has faces."""
+        assert self.own_faces is not None
         corners = self.kept[self.shape.faces[faces]]
         moved = self.own_corners[faces][:, :, None] == corners[:, None, :]
         return self.own_faces[faces], np.einsum("ijk,ik->ij", moved, weights)
 
 
 class _Checked(NamedTuple):
-    """A mesh, the surface of its largest component, and where that is in the mesh."""
+    """The surface of a mesh's largest component or of points, and where that is in the mesh."""
 
-    mesh: Mesh
     surface: Surface
     faces: IntArray  # of the surface, wound alike
     kept: IntArray
-    own_faces: IntArray
+    representatives: IntArray
+    own_faces: IntArray | None
+    own_corners: IntArray
 
 
 def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
@@ -99,27 +104,44 @@ def prepare_shapes(
 
 def _check(mesh: Mesh) -> _Checked:
     if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name}: matching needs faces, and this is a point cloud")
+        return _check_points(mesh)
     largest, kept, own_faces = _largest(mesh)
     surface = make_surface(largest)
+    kept = kept[surface.prepared.kept]
+    own_faces = own_faces[surface.prepared.kept_faces]
     faces = orient_consistently(surface.mesh.vertices, surface.mesh.faces)
     if faces is None:
         raise MeshError(
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "
             "cannot be told apart on it; repair the mesh"
         )
-    return _Checked(mesh, surface, faces, kept, own_faces)
+    corners = mesh.faces[own_faces]
+    return _Checked(surface, faces, kept, _stand_ins(mesh, kept), own_faces, corners)
+
+
+def _check_points(cloud: Mesh) -> _Checked:
+    found = surface_of_points(cloud)
+    faces, point = found.mesh.faces, found.point_of_vertex
+    if n_outliers := int((found.vertex_of_point < 0).sum()):
+        verb = "point is" if n_outliers == 1 else "points are"
+        warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
+    return _Checked(
+        make_surface(found.mesh), faces, point, found.vertex_of_point, None, point[faces]
+    )
 
 
 def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
-    mesh, surface, faces, kept, own_faces = checked
+    surface = checked.surface
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
     shape = make_shape(
-        surface.mesh.vertices, faces, pairs.areas, pairs.eigenvalues, pairs.eigenfunctions, partial
+        surface.mesh.vertices,
+        checked.faces,
+        pairs.areas,
+        pairs.eigenvalues,
+        pairs.eigenfunctions,
+        partial,
     )
-    kept = kept[surface.prepared.kept]
-    own_faces = own_faces[surface.prepared.kept_faces]
-    return Input(surface, shape, kept, _stand_ins(mesh, kept), own_faces, mesh.faces[own_faces])
+    return Input(surface, shape, *checked[2:])
 
 
 def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:

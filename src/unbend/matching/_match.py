@@ -55,9 +55,10 @@ def match(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, with two sides, open or closed; faces wound
-        unlike their neighbours are turned. The vertex counts, units, and positions in space may
-        differ. Of several components the largest is matched; the vertices of the others take the
-        partner of the nearest vertex of the largest.
+        unlike their neighbours are turned. A surface is reconstructed for a point cloud, and
+        outliers get no partner, -1. The vertex counts, units, and positions in space may differ.
+        Of several components the largest is matched; the vertices of the others take the partner
+        of the nearest vertex of the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may be a part of what it shows, torn, cut off or seen from one side: what the
         other one has beyond its boundary gets no partner, -1. A closed surface is whole.
@@ -78,7 +79,7 @@ def match(
         Whether a map may turn the surface inside out when that explains more, as from a left hand
         to a right one. Without it, no map does, and a warning says if it would fit far better.
     barycentric : bool, default=False
-        Whether to give faces and weights, for accuracy below a vertex.
+        Whether to give faces and weights, for accuracy below a vertex, if the target has faces.
     mirrored : bool, default=False
         Whether to give the best orientation-reversing map too.
     progress : callable, optional
@@ -91,9 +92,9 @@ def match(
     Raises
     ------
     MeshError
-        If a mesh cannot be used, or has only one side.
+        If a mesh cannot be used or has only one side, or a point cloud is too sparse or too noisy.
     InputError
-        If an option is out of range, or a shape has no faces.
+        If an option is out of range.
 
     Warns
     -----
@@ -154,7 +155,9 @@ def match(
         chosen = with_partners(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])
         result = _result(ours, theirs, chosen, float(trust), ranks)
-        results.append(_below_vertices(result, ours, theirs, chosen) if barycentric else result)
+        if barycentric and theirs.own_faces is not None:
+            result = _below_vertices(result, ours, theirs, chosen)
+        results.append(result)
         if progress is not None:
             progress("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))

@@ -35,7 +35,7 @@ class Match:
     ----------
     source_to_target : (n_source,) ndarray of int64
         Target vertex of each source vertex; -1 where there is no partner: at source vertices that
-        no face uses, and at what only the source has.
+        no face uses, outliers of a point cloud, and what only the source has.
     target_to_source : (n_target,) ndarray of int64
         Source vertex of each target vertex, likewise.
     functional_map : (k, k) ndarray of float64
@@ -59,8 +59,8 @@ class Match:
     hypotheses : tuple of Hypothesis
         The one that was taken, then the runners-up as ranked.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
-        When asked for: the target face that each source vertex falls on, and its barycentric
-        coordinates there; -1 and NaN at source vertices that no face uses.
+        When asked for, and the target has faces: the face that each source vertex falls on, and
+        its barycentric coordinates there; -1 and NaN at source vertices without partner.
     mirrored : (n_source,) ndarray of int64, or None
         When asked for: the best map that turns the surface inside out, for a symmetric shape the
         map composed with its left-right symmetry.

@@ -9,9 +9,11 @@ from unbend.preparation._prepare import (
     prepare,
     restrict,
 )
+from unbend.preparation._surface import PointSurface, surface_of_points
 
 __all__ = [
     "Diagnosis",
+    "PointSurface",
     "Prepared",
     "check_area",
     "check_size",
@@ -19,4 +21,5 @@ __all__ = [
     "only_component",
     "prepare",
     "restrict",
+    "surface_of_points",
 ]

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from unbend import Mesh, diagnose
+from unbend._types import FloatArray
+from unbend.errors import MeshError
+from unbend.preparation import surface_of_points
+
+TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
+
+
+def sphere(n: int, noise: float = 0) -> FloatArray:
+    chance = np.random.default_rng(n)
+    points = chance.standard_normal((n, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return np.asarray(points + noise * chance.standard_normal((n, 3)))
+
+
+def torus(n: int, noise: float = 0) -> FloatArray:
+    """Of radii 1 and 0.4, uniform by area."""
+    chance = np.random.default_rng(n)
+    around, across = 2 * np.pi * chance.random((2, 4 * n))
+    kept = chance.random(4 * n) < (1 + 0.4 * np.cos(across)) / 1.4
+    around, across = around[kept][:n], across[kept][:n]
+    radius = 1 + 0.4 * np.cos(across)
+    points = np.stack([radius * np.cos(around), radius * np.sin(around), 0.4 * np.sin(across)], 1)
+    return np.asarray(points + noise * chance.standard_normal((n, 3)))
+
+
+@pytest.mark.parametrize(("n", "noise"), [(600, 0), (3000, 0), (3000, 0.03)])
+def test_a_sphere(n: int, noise: float) -> None:
+    found = surface_of_points(Mesh(sphere(n, noise)))
+    health = diagnose(found.mesh)
+    assert health.closed
+    assert health.genus == 0
+    assert health.n_components == 1
+    assert health.area == pytest.approx(4 * np.pi, rel=0.04)
+    radius = np.linalg.norm(found.mesh.vertices, axis=1)
+    assert radius == pytest.approx(1, abs=0.04 + noise)
+    volume = np.linalg.det(found.mesh.vertices[found.mesh.faces]).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi, rel=0.05)  # not minus that: faces point outward
+    assert (found.vertex_of_point >= 0).all()
+
+
+@pytest.mark.parametrize("noise", [0, 0.02])
+def test_a_torus(noise: float) -> None:
+    health = diagnose(surface_of_points(Mesh(torus(4000, noise))).mesh)
+    assert health.closed
+    assert health.genus == 1
+    assert health.area == pytest.approx(4 * np.pi**2 * 0.4, rel=0.04)
+
+
+def test_uneven_density() -> None:
+    points = sphere(6000)
+    dense = points[np.random.default_rng(1).random(6000) < np.where(points[:, 2] > 0, 1, 0.25)]
+    health = diagnose(surface_of_points(Mesh(dense)).mesh)
+    assert health.closed
+    assert health.genus == 0
+    assert health.area == pytest.approx(4 * np.pi, rel=0.04)
+
+
+def test_one_side_has_a_boundary_where_the_points_end() -> None:
+    points = sphere(6000)
+    health = diagnose(surface_of_points(Mesh(points[points[:, 2] > 0])).mesh)
+    assert health.boundary_loops == 1
+    assert health.genus == 0
+    assert health.area == pytest.approx(2 * np.pi, rel=0.1)
+
+
+def test_a_large_hole_stays_open_and_a_small_gap_is_closed() -> None:
+    points = sphere(3000)
+    for height, loops in ((0.9, 1), (0.996, 0)):
+        rest = points[points[:, 2] < height]
+        assert len(rest) < 3000
+        assert diagnose(surface_of_points(Mesh(rest)).mesh).boundary_loops == loops
+
+
+def test_outliers_are_left_out() -> None:
+    n = 2000
+    stray = np.random.default_rng(2).uniform(-2, 2, (40, 3))
+    stray = stray[np.abs(np.linalg.norm(stray, axis=1) - 1) > 0.5]
+    found = surface_of_points(Mesh(np.vstack([sphere(n), stray])))
+    assert diagnose(found.mesh).area == pytest.approx(4 * np.pi, rel=0.04)
+    assert (found.vertex_of_point[:n] >= 0).all()
+    assert (found.vertex_of_point[n:] == -1).all()
+    assert (found.point_of_vertex < n).all()
+
+
+def test_parts_that_nearly_touch_are_not_joined() -> None:
+    """Two balls of 3,000 points, 2.5 times as far apart as their points are."""
+    gap = 2.5 * np.sqrt(4 * np.pi / 3000)
+    other = sphere(2900) + np.array([2 + gap, 0, 0])
+    found = surface_of_points(Mesh(np.vstack([sphere(3000), other])))
+    health = diagnose(found.mesh)
+    assert health.genus == 0
+    assert health.area == pytest.approx(4 * np.pi, rel=0.04)
+
+
+def test_the_surface_goes_along_with_the_points() -> None:
+    """Turned, moved, scaled and in another order, they are the same points."""
+    points = torus(3000, 0.01) * [1, 0.8, 1.2]
+    one = surface_of_points(Mesh(points))
+    order = np.random.default_rng(3).permutation(len(points))
+    other = surface_of_points(Mesh(1e3 * points[order] @ TURN.T + [5e3, 0, 0]))
+    back = (other.mesh.vertices - [5e3, 0, 0]) @ TURN / 1e3
+    for here, there in ((one.mesh.vertices, back), (back, one.mesh.vertices)):
+        assert cKDTree(here).query(there)[0].max() < 0.08  # the spacing of points
+    places = one.mesh.vertices[one.vertex_of_point[order]]
+    apart = np.linalg.norm(places - back[other.vertex_of_point], axis=1)
+    assert apart.mean() < 0.02
+
+
+def test_each_point_knows_the_nearest_vertex_and_back() -> None:
+    points = sphere(1000)
+    found = surface_of_points(Mesh(points, name="ball"))
+    assert found.mesh.name == "ball"
+    to_vertex = cKDTree(found.mesh.vertices).query(points)[0]
+    apart = np.linalg.norm(points - found.mesh.vertices[found.vertex_of_point], axis=1)
+    np.testing.assert_allclose(apart, to_vertex, atol=1e-12)
+    to_point = cKDTree(points).query(found.mesh.vertices)[0]
+    apart = np.linalg.norm(points[found.point_of_vertex] - found.mesh.vertices, axis=1)
+    np.testing.assert_allclose(apart, to_point, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        (sphere(499), "cloud: 499 points at different positions are too few for a surface"),
+        (np.repeat(sphere(300), 4, axis=0), "cloud: 300 points at different positions are too few"),
+        (np.random.default_rng(4).standard_normal((3000, 3)), "too sparse or too noisy"),
+        (np.outer(np.arange(600.0), [1, 2, 3]), "too sparse or too noisy"),
+        (np.random.default_rng(5).random((3000, 3)) * [1, 1, 0], "too sparse or too noisy"),
+    ],
+    ids=["few", "repeated", "volume", "line", "plane"],
+)
+def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str) -> None:
+    with pytest.raises(MeshError, match=sentence):
+        surface_of_points(Mesh(points, name="cloud"))
