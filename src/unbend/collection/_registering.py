@@ -132,7 +132,7 @@ def _copy(template: Path, folder: Path) -> None:
 def _done(task: Task) -> bool:
     """Whether both files are there, made with these landmarks."""
     try:
-        with np.load(task.result) as arrays:
+        with np.load(task.result, allow_pickle=False) as arrays:
             same = np.array_equal(arrays["landmarks"], task.landmarks)
     except _DAMAGED:
         return False
@@ -160,7 +160,7 @@ def register_shape(task: Task) -> Failure | None:
 
 def _load(path: Path, template: Mesh, name: str) -> Registration:
     try:
-        with np.load(path) as arrays:
+        with np.load(path, allow_pickle=False) as arrays:
             mesh = Mesh(arrays["vertices"], template.faces, name=name)
             return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS})
     except _DAMAGED as error:
@@ -200,7 +200,8 @@ def _write_tables(
 
 def _vertices(folder: Path, shapes: Iterable[RegisteredShape]) -> Iterator[Iterable[Any]]:
     yield "shape", "vertex", "x", "y", "z"
-    for one, points in zip(shapes, np.load(folder / "vertices.npy", mmap_mode="r"), strict=True):
+    every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
+    for one, points in zip(shapes, every, strict=True):
         for i, place in enumerate(points.tolist()):
             yield one.name, i, *place
 
