@@ -38,3 +38,11 @@ def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
         head = f"<td>{escape(first)}</td>" if heads else f'<th scope="row">{escape(first)}</th>'
         lines.append(f"<tr>{head}{''.join(f'<td>{escape(one)}</td>' for one in others)}</tr>")
     return "<table>" + "\n".join(lines) + "</table>"
+
+
+def is_doubtful(confidence: float) -> bool:
+    """Tell whether a match may well be wrong: its confidence, as it is shown, is below 0.6.
+
+    NaN says that nobody knows.
+    """
+    return round(confidence, 2) < 0.6

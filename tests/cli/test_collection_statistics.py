@@ -120,7 +120,7 @@ def test_register_lists_all_shapes_and_what_to_do(registered):
 
 def test_register_points_out_doubtful_shapes(registered, monkeypatch):
     shapes, arguments, _ = registered
-    monkeypatch.setattr("unbend.collection._rows.DOUBTFUL", 1.1)
+    monkeypatch.setattr("unbend.collection._rows.is_doubtful", lambda confidence: True)
     told = run(*arguments, "--workers", 0).stdout.splitlines()
     assert [line.endswith("  doubtful") for line in told[1:5]] == [True, True, True, False]
     assert "doubtful 3" in told[6]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from unbend._display import is_doubtful
 from unbend._text import printable
 from unbend.errors import UnbendWarning
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
 EXIT_UNSURE = 3
-_DOUBTFUL = 0.6
 _SECONDS_BETWEEN_LINES = 30.0
 
 
@@ -95,12 +95,8 @@ def warning_printer() -> Callable[..., None]:
 
 
 def warn_if_doubtful(confidence: float, *, seen: bool = False) -> None:
-    """Warn of a match that may well be wrong; NaN says that nobody knows.
-
-    What counts is the confidence as it is shown: 0.5999 is 0.60, and no more doubtful than it.
-    `seen` tells that a page of the match was written.
-    """
-    if round(confidence, 2) < _DOUBTFUL:
+    """Warn of a match that may well be wrong; `seen` tells that a page of it was written."""
+    if is_doubtful(confidence):
         look = "the page" if seen else "unbend match --report"
         say(
             "warning",

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from unbend._display import is_doubtful
 from unbend.errors import UnbendError
-
-DOUBTFUL = 0.6  # confidences below it
 
 
 @dataclass(frozen=True)
@@ -148,8 +147,8 @@ class RegisteredShape:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the confidence, as it is shown, is below 0.6 or unknown."""
-        return not round(self.confidence, 2) >= DOUBTFUL
+        """Whether the match may well be wrong: its confidence is below 0.6."""
+        return is_doubtful(self.confidence)
 
 
 @dataclass(frozen=True)

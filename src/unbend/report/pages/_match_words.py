@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from html import escape
 
-from unbend._display import table
+from unbend._display import is_doubtful, table
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
@@ -20,8 +20,6 @@ from unbend.report.pages._document import (
 )
 from unbend.report.pages._shown import Shown
 
-# Matches below this confidence, as it is shown, are about as likely wrong as right.
-_DOUBTFUL = 0.6
 _HINT = (
     "Point at a place on either shape to see its partner on the other; click to keep it. Drag to "
     "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
@@ -30,14 +28,13 @@ _HINT = (
 
 def doubt(match: Match | None) -> str:
     """Warning above the page of a match that may well be wrong; empty for other matches."""
-    if match is None or not round(match.confidence, 2) < _DOUBTFUL:
+    if match is None or not is_doubtful(match.confidence):
         return ""
     others = " The menu Map has the alternatives." if match.alternatives else ""
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
         "places have the same colour. If they do not, place one to three landmarks with unbend "
-        "view and match with --landmarks; try --allow-mirror if left and right are exchanged, and "
-        f"--n-matches 3 to choose from alternatives.{others}"
+        f"view and match with --landmarks, or choose from alternatives with --n-matches 3.{others}"
     )
 
 
