@@ -185,6 +185,7 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
     ("arguments", "message"),
     [
         ("a.off b/a.off -o forms", "a.off and b/a.off would both be written to forms/a.off"),
+        ("a.off out.ply", "cannot read out.ply: there is no such file; or was -o meant?"),
         ("a.off c.off -o form.ply", "2 meshes need a folder to write to, and form.ply is a file"),
         ("a.off c.off -o .", "./a.off is one of the meshes; give another folder"),
         ("a.off c.off --report page.html", "--report is for a single mesh"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -120,6 +121,8 @@ def canonical(
     if detail is not None and n_components < 3:
         raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     paths = expand_folders(meshes)
+    if out is None and len(paths) > 1 and not os.path.exists(paths[-1]):
+        raise InputError(f"cannot read {paths[-1]}: there is no such file; or was -o meant?")
     batch = is_batch(paths, out, {"--figure": figure, "--report": report})
 
     def suffix_of(path: str) -> str:
