@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stones import BALL
-from unbend import Mesh, match, read_match, write_mesh
+from unbend import Mesh, match, read_map, read_match, write_mesh
 from unbend.collection import Collection, _pairs
 from unbend.errors import FileError, InputError
 
@@ -47,7 +47,10 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
     alone = match(paths[1], paths[2])
     np.testing.assert_array_equal(found.source_to_target, alone.source_to_target)
     np.testing.assert_allclose(found.functional_map, alone.functional_map, atol=1e-6)
-    np.testing.assert_allclose(float(rows[2]["confidence"]), alone.confidence)
+    for name in ("confidence", "overlap_source"):
+        np.testing.assert_allclose(float(rows[2][name]), getattr(alone, name))
+    plain = (out / rows[2]["file"]).with_suffix(".csv")
+    np.testing.assert_array_equal(read_map(plain), alone.source_to_target)
 
 
 def test_what_cannot_be_matched_is_named_once(

@@ -287,8 +287,8 @@ class Collection:
             Source and target, named as for :meth:`find`. None: each shape with each that follows
             it in the order of their paths.
         out : path
-            Folder, of all workers alike, for one .npz file a pair (see
-            :func:`unbend.read_match`), the table ``matches.csv`` of all, and the spectra.
+            Folder, of all workers alike, for a .npz file a pair (see
+            :func:`unbend.read_match`), its map as .csv, the table ``matches.csv``, and the spectra.
         workers, scheduler
             See :meth:`add`.
         progress : callable, optional

@@ -19,7 +19,7 @@ from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
 from unbend.errors import InputError
-from unbend.io import read_mesh, write_table
+from unbend.io import read_mesh, write_map, write_table
 from unbend.matching import match, prepare_spectrum
 from unbend.mesh import Mesh
 from unbend.spectral import use_cache
@@ -118,7 +118,9 @@ def match_pair(task: Task) -> Failure | None:
     def work() -> None:
         with _spectra(task):
             found = match(_read(source, task.store), _read(target, task.store))
-        write_match(Path(task.out, file_name(source, target)), found)
+        path = Path(task.out, file_name(source, target))
+        write_map(path.with_suffix(".csv"), found.source_to_target)
+        write_match(path, found)  # last: it says that the pair is done
 
     return attempt(task.name, work)
 
@@ -142,8 +144,9 @@ def _done(folder: Path, pair: Pair) -> bool:
 
 def _table(folder: Path, pairs: Iterator[Pair]) -> Iterator[Sequence[Any]]:
     """Rows for each match there is."""
-    yield "source", "target", "file", "confidence", "orientation", "residual"
+    measures = "confidence", "orientation", "overlap_source", "overlap_target"
+    yield "source", "target", "file", *measures
     for pair in itertools.filterfalse(lambda pair: not _done(folder, pair), pairs):
         found = read_match(folder / file_name(*pair))
-        values = found.confidence, found.orientation, found.residual
+        values = (getattr(found, name) for name in measures)
         yield *(one.path for one in pair), file_name(*pair), *values

@@ -21,7 +21,9 @@ def match(
     out: Annotated[
         str,
         options.out(
-            "Folder for one .npz file per pair, the table matches.csv, and the spectra.", "DIR"
+            "Folder for a .npz file and a .csv map per pair, the table matches.csv, and the "
+            "spectra.",
+            "DIR",
         ),
     ],
     pairs: Annotated[
