@@ -33,7 +33,7 @@ from unbend.datasets import make_biped
 from unbend.spectral import use_cache
 
 BEGIN = (sys.executable, "-m", "unbend")
-FIELD = "distance good.off --from 0 --n-eigenpairs 20 -o field.npy"
+FIELD = "distance good.off --from 0 --distance biharmonic --n-eigenpairs 20 -o field.npy"
 # Every command that writes. STORE is a collection of two shapes; OWN a copy of it, to change.
 COMMANDS = {
     "canonical": "canonical good.off -o form.ply --figure form.png --report form.html",

@@ -69,30 +69,6 @@ def test_a_trimesh_is_a_mesh():
     assert same(as_mesh(trimesh.Trimesh(VERTICES, FACES, process=False)))
 
 
-def polydata(*, triangles):
-    """What PyVista's PolyData offers, as far as it is used."""
-    whole = SimpleNamespace(points=VERTICES, regular_faces=FACES, n_cells=4, is_all_triangles=True)
-    if triangles:
-        return whole
-    return SimpleNamespace(
-        points=VERTICES,
-        regular_faces=None,
-        n_cells=3,
-        is_all_triangles=False,
-        triangulate=lambda: whole,
-    )
-
-
-def test_a_pyvista_surface_is_a_mesh_its_polygons_split():
-    assert same(as_mesh(polydata(triangles=True)))
-    split = as_mesh(polydata(triangles=False))
-    assert same(split)
-    assert split.notes == ("polygons split into triangles",)
-    quad = polydata(triangles=False)
-    quad.n_cells = 1
-    assert same(as_mesh(quad))
-
-
 def test_says_what_it_is():
     assert repr(Mesh(VERTICES, FACES)) == "Mesh(4 vertices, 4 faces)"
     assert repr(Mesh(VERTICES)) == "Mesh(4 points)"
