@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from unbend.datasets import make_octopus
+from unbend.datasets import make_octopus, make_sphere
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.mesh import Mesh
 from unbend.report.figures import (
@@ -14,6 +14,7 @@ from unbend.report.figures import (
     as_written,
     draw_canonical_forms,
     draw_mesh,
+    fitting_height,
     new_figure,
     position_colors,
     save_figure,
@@ -200,3 +201,12 @@ def test_the_same_picture_is_the_same_file(tmp_path, suffix, monkeypatch):
         save_figure(figure, tmp_path / f"a{suffix}")
         written.append((tmp_path / f"a{suffix}").read_bytes())
     assert written[0] == written[1]
+
+
+def test_pictures_are_as_high_as_what_lies_in_them() -> None:
+    ball = make_sphere(2)
+    for size, height in ((1, 4), (0.5, 2), (0.1, 1), (3, 4)):  # a quarter of the width, or all
+        flat = Mesh(ball.vertices * [1, size, 1], ball.faces)
+        assert fitting_height(4, [flat], [(0, 0)]) == pytest.approx(height)
+    lying = Mesh(ball.vertices * [1, 0.5, 1], ball.faces)
+    assert fitting_height(4, [lying, ball], [(0, 0), (180, 0)]) == pytest.approx(4)

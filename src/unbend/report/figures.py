@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -367,6 +368,21 @@ def fit_rigidly(
     if both.sum() < 3:
         return np.eye(3), np.zeros(3)
     return procrustes(points[both], places[both], reflect=reflect)
+
+
+def fitting_height(
+    width: float, meshes: Sequence[Mesh], views: Sequence[tuple[float, float]]
+) -> float:
+    """Height of pictures so wide that each of the meshes fills them from each of the views.
+
+    At most the width, and at least a quarter of it.
+    """
+    shares = []
+    for mesh, view in itertools.product(meshes, views):
+        seen = used_vertices(mesh) @ view_rotation(view).T
+        across, up, _ = np.ptp(seen[np.isfinite(seen).all(axis=1)], axis=0)
+        shares.append(up / max(across, np.finfo(float).tiny))
+    return width * float(np.clip(max(shares), 0.25, 1))
 
 
 def draw_places(

@@ -21,6 +21,7 @@ from unbend.report.figures import (
     check_up,
     draw_mesh,
     fit_rigidly,
+    fitting_height,
     new_figure,
     position_colors,
     save_figure,
@@ -179,12 +180,16 @@ def draw_match(
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
     ]
-    figure = new_figure(8.0, 7.4)
+    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
+    total = 2 * height + 0.5  # inches
+    figure = new_figure(8.0, total)
     for i, (caption, mesh, painted) in enumerate(columns):
-        for row, azimuth in enumerate((view[0], view[0] + 180)):
-            ax = figure.add_axes((0.01 + 0.5 * i, 0.53 - 0.47 * row, 0.48, 0.46))
-            draw_mesh(ax, mesh, colors=painted, view=(azimuth, view[1]))
-        figure.text(0.25 + 0.5 * i, 0.02, as_written(caption), ha="center", fontsize=10)
+        for row, seen_from in enumerate(views):
+            below = (0.4 + (1 - row) * (height + 0.05)) / total
+            ax = figure.add_axes((0.01 + 0.5 * i, below, 0.48, height / total))
+            draw_mesh(ax, mesh, colors=painted, view=seen_from)
+        figure.text(0.25 + 0.5 * i, 0.14 / total, as_written(caption), ha="center", fontsize=10)
     save_figure(figure, path)
 
 

@@ -15,6 +15,7 @@ from unbend.report.figures import (
     check_up,
     check_values,
     draw_mesh,
+    fitting_height,
     new_figure,
     save_figure,
 )
@@ -73,17 +74,21 @@ def draw_values(
     check_up(up)
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
-    figure = new_figure(8.6, 4.2)
     upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
-    for i, azimuth in enumerate((view[0], view[0] + 180)):
-        ax = figure.add_axes((0.01 + 0.44 * i, 0.1, 0.43, 0.88))
-        draw_mesh(ax, upright, colors=array, view=(azimuth, view[1]))
-    figure.text(0.44, 0.03, as_written(mesh.name), ha="center", fontsize=10)
-    scale = figure.add_axes((0.9, 0.15, 0.02, 0.75))
+    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    height = fitting_height(3.7, [upright], views)
+    total = height + 0.5  # inches
+    figure = new_figure(8.6, total)
+    for i, seen_from in enumerate(views):
+        ax = figure.add_axes((0.01 + 0.44 * i, 0.4 / total, 0.43, height / total))
+        draw_mesh(ax, upright, colors=array, view=seen_from)
+    figure.text(0.44, 0.14 / total, as_written(mesh.name), ha="center", fontsize=10)
+    scale = figure.add_axes((0.9, 0.4 / total, 0.02, 0.9 * height / total))
     steps = np.linspace(0, 1, 256)[:, None]
     ends = (0, 1, float(finite.min()), float(finite.max()))
     scale.imshow(steps, origin="lower", aspect="auto", cmap="viridis", extent=ends)
     scale.set_xticks([])
     scale.yaxis.tick_right()
-    scale.set_title(label, fontsize=9)
+    scale.yaxis.set_label_position("right")
+    scale.set_ylabel(label, fontsize=9)
     save_figure(figure, path)
