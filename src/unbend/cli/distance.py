@@ -9,7 +9,7 @@ import typer
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli._input import parse_component
-from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
+from unbend.cli._output import lines_to_keep, look_at, progress_on_stderr, rows, tell, write_columns
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -59,6 +59,9 @@ def distance(
     figure: Annotated[
         str | None, options.figure("Draw the mesh, coloured by the distance to the nearest VERTEX")
     ] = None,
+    report: Annotated[
+        str | None, options.report("Write a page to look at these distances in a browser.")
+    ] = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -93,10 +96,15 @@ def distance(
         )
     if out is not None:
         _write(out, mesh, shape, sources, field)
+    nearest = field.min(axis=0)
     if figure is not None:
         from unbend.report.value_figures import draw_values
 
-        draw_values(shape, field.min(axis=0), figure, label=f"{kind} distance", up=up)
+        draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
+    if report is not None:
+        from unbend.report import view
+
+        view(shape, values=nearest, path=report, up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     largest = field[np.arange(len(sources)), farthest]
     reached = list(zip(sources, farthest.tolist(), largest.tolist(), strict=True))
@@ -112,8 +120,8 @@ def distance(
         },
         rows(lines),
         shapes=[shape],
-        written=[out, figure],
-        next_step=None if out else "add -o OUT.ply to write the distances",
+        written=[out, figure, report],
+        next_step=look_at(report) or (None if out else "add -o OUT.ply to write the distances"),
     )
 
 

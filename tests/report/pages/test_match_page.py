@@ -72,7 +72,7 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "mean error" in text
     assert "points counted</th><td>321" in text
     assert "unbend match a b" in text
-    assert "<tr><td>2</td><td>0.3000</td><td>+0.1000</td><td>-0.80</td></tr>" in text
+    assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>10%</td></tr>" in text
     assert data_of(page)["maps"][0]["errors"] is not None
 
 

@@ -124,19 +124,20 @@ def hypotheses(match: Match) -> str:
     rows = [
         (
             "taken" if i == 0 else str(i + 1),
-            f"{one.energy:.4f}",
-            f"{one.energy - taken:+.4f}",
-            f"{one.orientation:+.2f}",
+            f"{one.energy:.2%}",
+            f"{one.energy - taken:+.2%}",
+            f"{(1 + one.orientation) / 2:.0%}",
         )
         for i, one in enumerate(match.hypotheses)
     ]
     return section(
         "Alternatives",
-        table(rows, ("hypothesis", "energy", "beside the least", "orientation")),
+        table(rows, ("map", "unexplained", "more than the least", "right side out")),
         hint(
-            "Energy is the share of the surfaces' local shape that a map leaves unexplained; what "
-            "is close to the first may well be a symmetry of the shape. Orientation is 1 where a "
-            "map keeps the surface right side out, -1 where it turns it inside out."
+            "Unexplained is the share of the surfaces' local shape that differs once each patch is "
+            "turned and scaled to fit; a map that leaves hardly more than the first may well be a "
+            "symmetry of the shape. Right side out is the share of the surface that a map does "
+            "not turn inside out."
         ),
     )
 
@@ -156,7 +157,7 @@ def facts(
         known = not math.isnan(match.confidence)
         rows += [
             ("confidence", f"{match.confidence:.2f}" if known else "not estimated"),
-            ("orientation", f"{match.orientation:+.2f}"),
+            ("right side out", f"{(1 + match.orientation) / 2:.0%} of the surface"),
             (
                 "area with a partner",
                 f"{match.overlap_source:.0%} of the source's, "
