@@ -9,6 +9,7 @@ from matplotlib.image import imread
 from unbend.datasets import make_octopus, make_sphere
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.mesh import Mesh
+from unbend.report.colors import position_colors
 from unbend.report.figures import (
     VIEWS,
     as_written,
@@ -16,7 +17,6 @@ from unbend.report.figures import (
     draw_mesh,
     fitting_height,
     new_figure,
-    position_colors,
     save_figure,
 )
 from unbend.report.raster import rasterize, view_rotation

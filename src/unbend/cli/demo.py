@@ -45,7 +45,8 @@ def demo(
     from unbend.canonical import canonical_form, lay_into_pose
     from unbend.datasets import make_biped, make_quadruped
     from unbend.io import check_writable
-    from unbend.report.figures import CanonicalColumn, draw_canonical_forms, position_colors
+    from unbend.report.colors import position_colors
+    from unbend.report.figures import CanonicalColumn, draw_canonical_forms
 
     check_writable(out, (".png", ".pdf", ".svg"))
     columns: list[CanonicalColumn] = []

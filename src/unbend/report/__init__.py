@@ -2,11 +2,11 @@
 
 from unbend.report._plot import plot
 from unbend.report.collection_figures import draw_distances
+from unbend.report.colors import position_colors
 from unbend.report.figures import (
     draw_canonical_forms,
     draw_mesh,
     new_figure,
-    position_colors,
     same_scale,
     save_figure,
 )

@@ -12,7 +12,8 @@ from unbend.correspondence import Evaluation
 from unbend.errors import InputError
 from unbend.matching import Match
 from unbend.mesh import Mesh, used_vertices
-from unbend.report.figures import draw_mesh, new_figure, position_colors
+from unbend.report.colors import position_colors
+from unbend.report.figures import draw_mesh, new_figure
 from unbend.report.match_figures import error_curves
 
 

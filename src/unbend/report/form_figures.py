@@ -11,6 +11,7 @@ from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm, check_form
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
+from unbend.report.colors import position_colors
 from unbend.report.figures import (
     FORM_THICKER,
     UPRIGHT,
@@ -18,7 +19,6 @@ from unbend.report.figures import (
     check_up,
     draw_places,
     new_figure,
-    position_colors,
     save_figure,
 )
 

@@ -15,6 +15,7 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, used_vertices
+from unbend.report.colors import position_colors
 from unbend.report.figures import (
     UPRIGHT,
     as_written,
@@ -23,7 +24,6 @@ from unbend.report.figures import (
     fit_rigidly,
     fitting_height,
     new_figure,
-    position_colors,
     save_figure,
 )
 from unbend.report.trees import apart, join_alike
