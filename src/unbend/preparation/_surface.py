@@ -46,6 +46,7 @@ _LEAST_LEVEL = 0.3  # median winding number at the points; one half on a surface
 # volume, 0.88 to 0.93 for bodies with noise of 1 % of their size.
 _AGREEMENT = 0.86
 _MARGIN = 0.15  # of the grid around the points, in sizes
+_MOST_NODES = 20_000_000  # of the grid, which take 0.8 GiB
 _NEAREST = 0.02  # distance of a vertex to a node of the grid, in edges
 
 
@@ -118,7 +119,7 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     extent = np.ptp(points, axis=0)
     cell = max(cell, np.cbrt((extent + 2 * _MARGIN * extent.max()).prod() / _MOST_NODES))
     reach = np.maximum(cell, spacing)
-    grid = _Grid(points, cell)
+    grid = _Grid(points, cell, cloud.name)
     normals, field = _winding_number(grid, len(points))
     level = float(np.median(grid.values(field)))
     if level < _LEAST_LEVEL or _agreement(points, normals) < _AGREEMENT:
@@ -160,13 +161,17 @@ def _unit(vectors: FloatArray) -> FloatArray:
 class _Grid:
     """Trilinear interpolation between points and a regular grid, and its frequencies."""
 
-    def __init__(self, points: FloatArray, cell: float) -> None:
+    def __init__(self, points: FloatArray, cell: float, name: str) -> None:
         low, high = points.min(axis=0), points.max(axis=0)
         margin = _MARGIN * (high - low).max() + 4 * cell
         self.shape = tuple(
             fft.next_fast_len(int(np.ceil(size / cell)), real=True)
             for size in high - low + 2 * margin
         )
+        if np.prod(self.shape, dtype=np.float64) > _MOST_NODES:
+            raise MeshError(
+                f"{name}: it is too long and thin to find the surface of its points; use a mesh"
+            )
         self.cell = cell
         self.origin = (low + high) / 2 - cell * (np.array(self.shape) - 1) / 2
         place = (points - self.origin) / cell

@@ -360,7 +360,7 @@ def test_many_pages_in_one_notebook_stay_visible(browser, dogs, tmp_path, screen
     cell.write_text(f"<!doctype html><body>{frame * 18}{ready}", encoding="utf-8")
     browser.open(cell)
     pictures = []
-    for i in (*range(18), 0, 1, 17):
+    for i in (*range(18), 0):
         browser.run(f"document.querySelectorAll('iframe')[{i}].scrollIntoView()")
         for _ in range(100):
             picture = browser.picture(f"iframe:nth-of-type({i + 1})")
