@@ -140,3 +140,8 @@ def test_each_point_knows_the_nearest_vertex_and_back() -> None:
 def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str) -> None:
     with pytest.raises(MeshError, match=sentence):
         surface_of_points(Mesh(points, name="cloud"))
+
+
+def test_a_cloud_that_is_asked_for_again_is_not_computed_again() -> None:
+    cloud = Mesh(sphere(600))
+    assert surface_of_points(cloud) is surface_of_points(cloud)

@@ -10,6 +10,7 @@ the surface, and what no points support is removed from it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import permutations, product
 from typing import NamedTuple
 
@@ -68,6 +69,7 @@ class PointSurface(NamedTuple):
     point_of_vertex: IntArray
 
 
+@lru_cache(maxsize=2)  # meshes never change, and a match and a registration ask for the same
 def surface_of_points(cloud: Mesh) -> PointSurface:
     """Reconstruct the surface of a point cloud.
 
