@@ -133,7 +133,13 @@ def species_case(folder: Path, all_of_it: bool, seed: int, number: int) -> Case:
     ]
     one, other = kinds[int(chance.integers(len(kinds)))]
     names = [str(chance.choice(poses(folder)[kind])) for kind in (one, other)]
-    coarse = [coarser(read_mesh(mesh_file(folder, name)), 3000) for name in names]
+    return of_pair(species_pair(folder, *names))
+
+
+def species_pair(folder: Path, source: str, target: str) -> Pair:
+    """Read two animals or people, and simplify each to 3,000 vertices."""
+    coarse = [coarser(read_mesh(mesh_file(folder, name)), 3000) for name in (source, target)]
+    one, other = class_of(source), class_of(target)
     there = damaged_truth(truth(folder, one, other), *coarse)
     back = damaged_truth(truth(folder, other, one), *coarse[::-1])
-    return of_pair(Pair(" ".join(names), coarse[0].mesh, coarse[1].mesh, there, back))
+    return Pair(f"{source} {target}", coarse[0].mesh, coarse[1].mesh, there, back)

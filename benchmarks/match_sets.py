@@ -19,6 +19,7 @@ from becos import species
 from cloud_sets import clouds
 from match_cases import Set
 from own_sets import HARM, bodies, different
+from part_sets import HELD_OUT, KNOWN, parts
 from public_sets import SHREC07, all_pairs, listed, sequences, shrec07, shrec19
 
 SGA18 = "SGA18_orientation_BCICP_dataset/Dataset/{}/vtx_5k"
@@ -37,6 +38,10 @@ SETS: dict[str, Set] = {
     "sequences": sequences,
     "species": species(True),
     "species-parts": species(False),
+    "parts": parts(KNOWN, two_kinds=False),
+    "parts-kinds": parts(KNOWN, two_kinds=True),
+    "parts-held-out": parts(HELD_OUT, two_kinds=False),
+    "parts-kinds-held-out": parts(HELD_OUT, two_kinds=True),
     "poses": bodies("own", "poses"),
     **{f"poses-{n}": bodies("own", "poses", n) for n in (1000, 5000, 20000)},
     "proportions": bodies("own", "proportions"),

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from match_cases import Case, Chance, Draw, Pair, Set, of_pair, of_rows
-from scipy.spatial import cKDTree
+from public_sets import rows_pair
 
 from testshapes.bodies import KINDS, make_body
 from testshapes.damage import Damaged, cut, cut_discs, keep
 from testshapes.scanning import add_components, add_noise, seen_from
 from testshapes.welding import fuse, weld
-from unbend import Mesh, read_mesh
+from unbend import Mesh
 from unbend.datasets import Shape, rest_map
 
 
@@ -63,19 +63,13 @@ def own_pair(
 
 
 def tosca_pair(chance: Chance, data: Path) -> Pair:
-    """Take a pair of remeshed TOSCA; vertices without a row of the truth take the nearest's."""
+    """Take a pair of remeshed TOSCA."""
     folder = data / "SGA18_orientation_BCICP_dataset/Dataset/TOSCA_Isometric/vtx_5k"
     lines = (folder / "../test_pairs.txt").read_text().splitlines()
     pairs = [line.split() for line in lines if line.strip()]
-    names = [str(name) for name in chance.permutation(pairs[int(chance.integers(len(pairs)))])]
-    one, other = (read_mesh(folder / f"{name}.off") for name in names)
-    rows, images, mirrored = (
-        np.loadtxt(folder / "corres" / f"{name}.vts", dtype=np.int64) - 1
-        for name in (names[0], names[1], f"{names[1]}.sym")
+    return rows_pair(
+        folder, folder / "corres", *chance.permutation(pairs[int(chance.integers(len(pairs)))])
     )
-    nearest = cKDTree(one.vertices[rows]).query(one.vertices)[1]
-    back = cKDTree(other.vertices[images]).query(other.vertices)[1]
-    return Pair(" ".join(names), one, other, images[nearest], rows[back], mirrored[nearest])
 
 
 def _seed(chance: Chance) -> int:

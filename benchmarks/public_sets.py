@@ -6,8 +6,9 @@ import functools
 from pathlib import Path
 
 import numpy as np
-from match_cases import Case, Chance, Draw, Set, chosen, coarser, of_rows
+from match_cases import Case, Chance, Draw, Pair, Set, chosen, coarser, of_rows
 from scipy.io import loadmat
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from testshapes.damage import Damaged, cut
@@ -27,6 +28,23 @@ def rows_case(folder: Path, truth: Path, source: str, target: str) -> Case:
         if path.exists()
     ]
     return of_rows(f"{source} {target}", one, other, *rows)
+
+
+def rows_pair(folder: Path, truth: Path, source: str, target: str) -> Pair:
+    """Read two shapes; vertices without a row of the truth take that of the nearest with one."""
+    one, other = (read_mesh(folder / f"{name}.off") for name in (source, target))
+    names = [source, target, f"{target}.sym"]
+    rows, images, *mirrored = (
+        np.loadtxt(path, dtype=np.int64) - 1
+        for path in (truth / f"{name}.vts" for name in names)
+        if path.exists()
+    )
+    nearest = cKDTree(one.vertices[rows]).query(one.vertices)[1]
+    back = cKDTree(other.vertices[images]).query(other.vertices)[1]
+    return Pair(
+        f"{source} {target}", one, other, images[nearest], rows[back],
+        *(some[nearest] for some in mirrored),
+    )  # fmt: skip
 
 
 def listed(folder: str, pairs: str, both: bool = False) -> Set:
@@ -88,15 +106,17 @@ SHREC07 = {
 }  # fmt: skip
 
 
+_SHREC07 = "Intrinsic-Symmetry-Curve-Generation-/Trilateral/Mesh/SCB/Data/watertight_shrec07"
+
+
 def shrec07(*kinds: str, half: bool = False) -> Set:
     """Make a set of pairs of SHREC'07, of which points are marked; of halves onto wholes."""
 
     def draws(data: Path, seed: int, count: int | None) -> list[Draw]:
-        folder = data / "Intrinsic-Symmetry-Curve-Generation-/Trilateral/Mesh/SCB/Data"
         numbers = [SHREC07[kind] + np.arange(20) for kind in kinds]
         pairs = [(kind, a, b) for kind, some in zip(kinds, numbers, strict=True)
                  for a in some for b in some if a < b]  # fmt: skip
-        case = functools.partial(shrec07_case, folder / "watertight_shrec07", half, seed)
+        case = functools.partial(shrec07_case, data / _SHREC07, half, seed)
         return [functools.partial(case, *one) for one in chosen(pairs, seed, count)]
 
     return draws
@@ -120,6 +140,19 @@ def shrec07_case(folder: Path, half: bool, seed: int, kind: str, one: int, other
 
 def _marked(path: Path) -> IntArray:
     return np.loadtxt(path, usecols=0, dtype=np.int64).ravel()
+
+
+def marked_pair(data: Path, kind: str, one: int, other: int, n_vertices: int) -> Pair:
+    """Read and simplify two shapes of SHREC'07, of which the marked points alone are known."""
+    folder = data / _SHREC07
+    left = [coarser(read_mesh(folder / "Meshes" / f"{i}.off"), n_vertices) for i in (one, other)]
+    rows, images = (
+        part.image[_marked(folder / "Corrs" / f"{i}.vts")]
+        for part, i in zip(left, (one, other), strict=True)
+    )
+    truth, back = (np.full(part.mesh.n_vertices, -1) for part in left)
+    truth[rows], back[images] = images, rows
+    return Pair(f"{kind} {one} {other}", left[0].mesh, left[1].mesh, truth, back)
 
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")
