@@ -116,6 +116,21 @@ def test_every_strength_of_own_sets_can_be_drawn_and_is_the_same_again(script, p
         np.testing.assert_array_equal(draw().target.vertices, case.target.vertices)
 
 
+def test_parts_have_something_in_common_and_are_the_same_again(script, pair, monkeypatch):
+    sets = script("part_sets")
+    for name in ("_people", "_animals", "_poses", "_armadillos", "_two_classes"):
+        monkeypatch.setattr(sets, name, lambda *_, **__: pair)
+    for two_kinds in (False, True):
+        for draw in sets.parts(sets.KNOWN, two_kinds)(Path(), 3, 6):
+            case, again = draw(), draw()
+            shares = [float(one.mean()) for one in case.overlap]
+            assert sets.OVERLAP[0] <= min(shares) <= sets.OVERLAP[1]
+            np.testing.assert_array_equal(case.source.vertices, again.source.vertices)
+            np.testing.assert_array_equal(case.target.faces, again.target.faces)
+            # The images of what has a partner are on what is left of the target.
+            assert np.isin(case.images, case.origin).mean() > 0.9
+
+
 def test_exact_places_are_nearest_to_the_true_partners(script):
     sets = script("own_sets")
     pair = sets.own_pair(np.random.default_rng(0), "biped", True, n_vertices=800, places=True)
