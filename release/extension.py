@@ -20,7 +20,7 @@ PLATFORMS = {
     "windows-x64": ("win_amd64",),
 }
 # Python of Blender: its NumPy, its first version of Blender, and the first with the next Python.
-BLENDERS = {"3.11": ("1.26.4", "4.4.0", "5.1.0"), "3.13": ("2.3.4", "5.1.0", "5.4.0")}
+BLENDERS = {"3.11": ("1.26.4", "4.5.0", "5.1.0"), "3.13": ("2.3.4", "5.1.0", "5.4.0")}
 
 
 def build(platform: str, python: str, folder: Path) -> Path:
@@ -36,7 +36,7 @@ def build(platform: str, python: str, folder: Path) -> Path:
         text = text.replace("platforms = []", f"platforms = {json.dumps([platform])}")
         names = json.dumps([f"./wheels/{wheel.name}" for wheel in wheels], indent=2)
         text = text.replace("wheels = []", f"wheels = {names}")
-        text = text.replace('min = "4.4.0"', f'min = "{first}"')
+        text = text.replace('min = "4.5.0"', f'min = "{first}"')
         text = text.replace('max = "5.1.0"', f'max = "{end}"')
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"unbend-{version}-{platform}-python{python}.zip"

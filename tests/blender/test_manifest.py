@@ -33,7 +33,7 @@ def test_texts_are_as_short_as_blender_allows() -> None:
 
 def test_the_build_finds_what_it_fills_in() -> None:
     text = (BLENDER / "blender_manifest.toml").read_text("utf-8")
-    for line in ("platforms = []", "wheels = []", 'min = "4.4.0"', 'max = "5.1.0"'):
+    for line in ("platforms = []", "wheels = []", 'min = "4.5.0"', 'max = "5.1.0"'):
         assert text.count(line) == 1
 
 
