@@ -48,16 +48,18 @@ class _Operator:
     def poll(cls, context):
         """Whether the meshes that it needs are selected."""
         active = context.active_object
-        others = [one for one in context.selected_objects if one.type == "MESH" and one != active]
-        meshes = active is not None and active.type == "MESH" and (others or not cls.needs_two)
+        meshes = active is not None and active.type == "MESH" and cls.chosen(context)
         return bool(meshes) and context.mode == "OBJECT"
+
+    @classmethod
+    def chosen(cls, context) -> list:
+        """Give the selected meshes, without the active one if that is the other of a pair."""
+        meshes = [one for one in context.selected_objects if one.type == "MESH"]
+        return [one for one in meshes if one != context.active_object or not cls.needs_two]
 
     def execute(self, context):
         """Prepare a change for each object, then make all of them."""
         active = context.active_object
-        objects = [one for one in context.selected_objects if one.type == "MESH"]
-        if self.needs_two:
-            objects.remove(active) if active in objects else None
         window = context.window_manager
         window.progress_begin(0, 1)
         try:
@@ -65,7 +67,7 @@ class _Operator:
                 warnings.simplefilter("always", UnbendWarning)
                 changes = [
                     self.prepare(active, one, lambda _, share: window.progress_update(share))
-                    for one in objects
+                    for one in self.chosen(context)
                 ]
         except UnbendError as error:
             self.report({"ERROR"}, str(error))

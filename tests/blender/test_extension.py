@@ -12,6 +12,8 @@ from unbend.report import match_colors
 
 bpy = pytest.importorskip("bpy", reason="no Blender here: pip install bpy, for a Python it is for")
 
+from mathutils import Vector  # noqa: E402 (part of bpy)
+
 STANDING = make_quadruped("standing", n_vertices=1500)
 WALKING = make_quadruped("walking", n_vertices=1200, meshing=1)
 
@@ -203,6 +205,21 @@ def test_a_template_keeps_its_quads_and_lies_on_the_scan() -> None:
     places = values_of(made.data.vertices, "co", 3) * template.scale - (5, 0, 0)
     np.testing.assert_allclose(np.linalg.norm(places / [2, 2.4, 1.4], axis=1), 1, atol=0.03)
     np.testing.assert_array_equal(values_of(template.data.vertices, "co", 3), before)
+
+
+def test_a_registered_copy_keeps_the_groups_but_no_shape_keys(scene) -> None:
+    source, target = scene
+    select(source, target)
+    bpy.ops.object.unbend_register()
+    made = bpy.data.objects["standing on walking"]
+    assert made.vertex_groups.keys() == source.vertex_groups.keys()
+    assert made.data.shape_keys is None
+    assert len(source.data.shape_keys.key_blocks) == 2
+    places = values_of(made.data.vertices, "co", 3)
+    for place in places[::50]:
+        there = target.matrix_world.inverted() @ made.matrix_world @ Vector(place)
+        near = target.closest_point_on_mesh(there)[1]
+        assert (near - there).length < 0.01
 
 
 def test_canonical_forms_of_two_poses_agree(scene) -> None:
