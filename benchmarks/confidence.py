@@ -1,11 +1,11 @@
-"""How far the confidence of maps holds, and what its three constants would be if they were fitted.
+"""How far the confidence of maps holds, and what its four constants would be if they were fitted.
 
     python benchmarks/confidence.py FILE ...
 
-FILES are rows that benchmarks/match.py wrote (``--out``), refused maps left out. Prints how many
-maps are right of those in each of ten classes of confidence. Then fits the constants of
-`unbend.matching._score.probabilities` by maximum likelihood, and prints how well the confidence
-holds with them on the fifth of the maps that each of five fits did without.
+FILES are rows of two sets or more that benchmarks/match.py wrote (``--out``), refused maps left
+out. Prints how many maps are right of those in each of ten classes of confidence. Then fits the
+constants of `unbend.matching._score.plausibility` and `lead_shares` by maximum likelihood, and
+prints how well the confidence holds on each set with the constants fitted to the other sets.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ from match import SURE, WRONG, Row, calibration_error, read
 from scipy.optimize import minimize
 
 from unbend._types import FloatArray
-from unbend.matching._score import probabilities
+from unbend.matching._score import lead_shares, plausibility
 
-START = (0.3, 0.03, 0.04)
-N_FOLDS = 5
+START = (0.3, 0.03, 0.5, 0.04)
+LEAST = 5  # right maps, and wrong ones
+STEEP = 0.002  # keeps a fit that few wrong maps decide from a step
 
 
 def confidences(rows: list[Row], constants: FloatArray) -> FloatArray:
     """Confidence of every row with other constants."""
     found = []
     for row in rows:
-        energies = np.array(row["energies"])
-        trust = probabilities(energies, energies, row["overlap"], constants)[0]
+        partial = "relaxed" in row["lines"]  # a line of the plan that runs for partial shapes only
+        costs = np.array(row["energies"])
+        share = float(lead_shares(costs, row["overlap"], partial, constants[3])[0])
+        trust = share * plausibility(costs[0], row["disorder"], constants[:3])
         found.append(min(trust, row["confidence_bound"]))
     return np.array(found)
 
@@ -39,20 +42,34 @@ def fitted(rows: list[Row], right: FloatArray) -> FloatArray:
 
     def loss(logs: FloatArray) -> float:
         said = np.clip(confidences(rows, np.exp(logs)), 1e-4, 1 - 1e-4)
-        return float(-np.mean(right * np.log(said) + (1 - right) * np.log(1 - said)))
+        likelihood = np.mean(right * np.log(said) + (1 - right) * np.log(1 - said))
+        return float(STEEP * np.log(START[1] / np.exp(logs[1])) ** 2 - likelihood)
 
     return np.exp(minimize(loss, np.log(START), method="Nelder-Mead").x)
 
 
 def held_out(rows: list[Row], right: FloatArray) -> FloatArray:
-    """Confidence of every row with the constants that are fitted to four fifths without it."""
-    fold = np.random.default_rng(0).permutation(len(rows)) % N_FOLDS
+    """Confidence of every row with the constants that are fitted to the other sets."""
+    sets = np.array([row["set"] for row in rows])
     found = np.empty(len(rows))
-    for k in range(N_FOLDS):
-        used = [row for row, one in zip(rows, fold, strict=True) if one != k]
-        rest = [row for row, one in zip(rows, fold, strict=True) if one == k]
-        found[fold == k] = confidences(rest, fitted(used, right[fold != k]))
+    for name in np.unique(sets):
+        used = [row for row in rows if row["set"] != name]
+        rest = [row for row in rows if row["set"] == name]
+        found[sets == name] = confidences(rest, fitted(used, right[sets != name]))
     return found
+
+
+def print_sets(rows: list[Row], trust: FloatArray, right: FloatArray) -> None:
+    """Print how well the confidence holds on each set."""
+    for name in dict.fromkeys(row["set"] for row in rows):
+        some = np.array([row["set"] == name for row in rows])
+        sure = some & (trust > SURE)
+        print(
+            f"  {name:22}{some.sum():5}  said {trust[some].mean():.2f}  right "
+            f"{right[some].mean():.2f}  calibration error "
+            f"{calibration_error(trust[some], right[some]):.3f}  wrong of those above {SURE}: "
+            f"{int((sure & (right == 0)).sum())} of {int(sure.sum())}"
+        )
 
 
 def print_reliability(trust: FloatArray, right: FloatArray) -> None:
@@ -78,17 +95,22 @@ def main() -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     rows = [row for file in parser.parse_args().files for row in read(file) if "energies" in row]
     right = np.array([float(row["error"] < WRONG) for row in rows])
-    if min(right.sum(), len(rows) - right.sum()) < N_FOLDS:
+    n_sets = len({row["set"] for row in rows})
+    if min(right.sum(), len(rows) - right.sum()) < LEAST or n_sets < 2:
         parser.error(
-            f"a fit takes {N_FOLDS} right maps and {N_FOLDS} wrong ones; of the {len(rows)} in the "
-            f"files {right.sum():.0f} are right"
+            f"a fit takes {LEAST} right maps and {LEAST} wrong ones of two sets; of the "
+            f"{len(rows)} in the files, of {n_sets}, {right.sum():.0f} are right"
         )
     print(f"{len(rows)} maps as they were matched:")
-    print_reliability(np.array([row["confidence"] for row in rows]), right)
-    even, spread, lead = fitted(rows, right)
-    print(f"fitted to all: even {even:.3f}, spread {spread:.4f}, lead {lead:.4f}; to four fifths, "
-          "on the fifth that was left:")  # fmt: skip
-    print_reliability(held_out(rows, right), right)
+    trust = np.array([row["confidence"] for row in rows])
+    print_reliability(trust, right)
+    print_sets(rows, trust, right)
+    even, spread, weight, lead = fitted(rows, right)
+    print(f"fitted to all: even {even:.3f}, spread {spread:.4f}, disorder {weight:.2f}, lead "
+          f"{lead:.4f}; to all sets but one, on that one:")  # fmt: skip
+    trust = held_out(rows, right)
+    print_reliability(trust, right)
+    print_sets(rows, trust, right)
 
 
 if __name__ == "__main__":

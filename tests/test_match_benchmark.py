@@ -213,13 +213,15 @@ def rows_of(errors, cpu=1.0, name="own"):
 
 
 def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, monkeypatch):
-    """Maps that are right as often as three given constants say."""
+    """Maps that are right as often as four given constants say."""
     confidence, rng = script("confidence"), np.random.default_rng(0)
     rows = rows_of(np.zeros(1500))
-    for row in rows:
+    for i, row in enumerate(rows):
         row["energies"] = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
         row |= {"overlap": float(rng.uniform(0.3, 1)), "confidence_bound": 1.0}
-    given = np.array([0.35, 0.04, 0.1])
+        row |= {"disorder": float(rng.uniform(0, 0.2)), "set": ("own", "parts")[i % 2]}
+        row["lines"] = ["relaxed"] if i % 2 else []
+    given = np.array([0.35, 0.04, 0.6, 0.1])
     trust = confidence.confidences(rows, given)
     right = (rng.random(len(rows)) < trust).astype(float)
     np.testing.assert_allclose(confidence.fitted(rows, right), given, rtol=0.25)
@@ -234,15 +236,20 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
     said = capsys.readouterr().out
     assert "200 maps as they were matched" in said
     assert "fitted to all: even 0.3" in said
-    file.write_text("\n".join(json.dumps(row | {"error": 0.0}) for row in rows[:20]))
-    with pytest.raises(SystemExit):
-        confidence.main()
-    assert "of the 20 in the files 20 are right" in capsys.readouterr().err
+    for some, why in (
+        ([row | {"error": 0.0} for row in rows[:20]], "of the 20 in the files, of 2, 20 are right"),
+        ([row | {"set": "own"} for row in rows[:200]], "of the 200 in the files, of 1,"),
+    ):
+        file.write_text("\n".join(json.dumps(row) for row in some))
+        with pytest.raises(SystemExit):
+            confidence.main()
+        assert why in capsys.readouterr().err
 
 
 def test_a_bound_of_the_map_bounds_the_confidence(script):
-    row = {"energies": [0.05, 0.5], "overlap": 1.0, "confidence_bound": 0.2}
-    assert script("confidence").confidences([row], np.array([0.3, 0.03, 0.04])) == [0.2]
+    row = {"energies": [0.05, 0.5], "overlap": 1.0, "confidence_bound": 0.2, "disorder": 0.2}
+    given = np.array([0.3, 0.03, 0.5, 0.04])
+    assert script("confidence").confidences([row | {"lines": []}], given) == [0.2]
 
 
 @pytest.fixture

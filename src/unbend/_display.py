@@ -40,6 +40,13 @@ def table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> str:
     return "<table>" + "\n".join(lines) + "</table>"
 
 
+def where_landmarks_help(hints: Sequence[int]) -> str:
+    """Name the source vertices where landmarks would help most, if there are any."""
+    if not hints:
+        return ""
+    return f", best at source vertex {' or '.join(map(str, hints))} (counted from 0)"
+
+
 def is_doubtful(confidence: float) -> bool:
     """Tell whether a match may well be wrong: its confidence, as it is shown, is below 0.6.
 

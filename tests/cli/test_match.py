@@ -17,6 +17,7 @@ from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
 from unbend.datasets import make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
+from unbend.matching import Match
 from unbend.report import match_colors
 
 SOURCE = make_quadruped("standing", n_vertices=800)
@@ -153,15 +154,25 @@ def test_a_map_in_disorder_is_said_by_whatever_uses_it(folder: Path, tmp_path: P
 
 
 def test_doubt_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    every = np.arange(5)
+    poor = Match(every, every, np.eye(1), 1.0, 0.0, 0.59)
     for confidence in (0.9, 0.5999, float("nan")):  # 0.5999 is shown as 0.60
-        warn_if_doubtful(confidence)
+        warn_if_doubtful(replace(poor, confidence=confidence))
     assert capsys.readouterr().err == ""
-    warn_if_doubtful(0.59)
+    warn_if_doubtful(poor)
     told = capsys.readouterr().err
-    assert told.startswith("warning: the match is doubtful (confidence 0.59)")
+    assert told.startswith(
+        "warning: the match is doubtful (confidence 0.59): the shapes may differ"
+    )
     assert "unbend match --report" in told
-    warn_if_doubtful(0.1, seen=True)
+    warn_if_doubtful(replace(poor, confidence=0.1), seen=True)
     assert "--report" not in capsys.readouterr().err
+    warn_if_doubtful(replace(poor, confidence_bound=0.5))
+    assert "(confidence 0.59): the final map is in disorder" in capsys.readouterr().err
+    warn_if_doubtful(replace(poor, landmark_hints=(3, 1)))
+    told = capsys.readouterr().err
+    assert "another map is nearly as good" in told
+    assert "--landmarks where it goes wrong, best at source vertex 3 or 1 (counted from 0)" in told
 
 
 @pytest.mark.parametrize(

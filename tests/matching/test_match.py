@@ -399,3 +399,24 @@ def test_landmarks_that_are_no_pairs_are_refused_and_so_are_too_many() -> None:
         match(egg, egg, n_eigenpairs=20, landmarks=[(i, i) for i in range(8)])
     found = match(egg, egg, n_eigenpairs=20, refine=False, landmarks=[(i, i) for i in range(7)])
     assert found.missed_landmarks == ()
+
+
+def test_a_landmark_where_it_is_asked_for_settles_which_of_several_maps_it_is() -> None:
+    """An ellipsoid turned by half a turn about any axis is itself: there are four maps."""
+    ball = make_sphere(3)
+    places = ball.vertices * [1, 0.75, 0.5]
+    found = match((places, ball.faces), (places, ball.faces))
+    assert found.confidence < 0.6
+    for turn in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]):
+        images = np.linalg.norm(places[:, None] * turn - places, axis=2).argmin(axis=1)
+        landmarks = [(i, images[i]) for i in found.landmark_hints]
+        settled = match((places, ball.faces), (places, ball.faces), landmarks=landmarks)
+        off = np.linalg.norm(places[settled.source_to_target] - places[images], axis=1)
+        assert off.max() < 0.3
+        assert settled.confidence > found.confidence
+
+
+def test_no_landmark_is_asked_for_where_no_other_map_is_nearly_as_good() -> None:
+    ball = make_sphere(3)
+    stone = ball.vertices * [1, 0.8, 0.6] + 0.2 * ball.vertices[:, [1, 2, 0]] ** 2
+    assert match((stone, ball.faces), (stone, ball.faces)).landmark_hints == ()

@@ -12,7 +12,7 @@ from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import Pose, Registered
-from unbend.matching._score import Candidate, confidence_bound
+from unbend.matching._score import Candidate, confidence_bound, disorder
 from unbend.matching._shape import Shape
 
 SIDE = 41
@@ -39,7 +39,8 @@ def bound(
         poses = [one._replace(overlap=overlap) for one in poses]
     found = Registered(forward, backward, *poses)
     nothing = np.zeros(0, dtype=bool)
-    return confidence_bound(*shapes, Candidate(found, 0.0, orientation, False, nothing, 1.0))
+    one = Candidate(found, 0.0, orientation, False, nothing, 1.0)
+    return confidence_bound(disorder(*shapes, one))
 
 
 def test_the_identity_is_in_order_and_a_surface_turned_inside_out_is_not(sheet: Shape) -> None:

@@ -159,7 +159,7 @@ def read_or_match(
             sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
             return read_map(map_file, base=base, **sizes)
         found = read_match(map_file, source=source, target=target)
-    warn_if_doubtful(found.confidence)
+    warn_if_doubtful(found)
     if is_unsure(found, min_confidence):
         raise typer.Exit(EXIT_UNSURE)
     if save_match is not None:

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from unbend._display import is_doubtful
+from unbend._display import is_doubtful, where_landmarks_help
 from unbend._text import printable
 from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray, Progress
+    from unbend.matching import Match
     from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
@@ -94,15 +95,24 @@ def warning_printer() -> Callable[..., None]:
     return print_warning
 
 
-def warn_if_doubtful(confidence: float, *, seen: bool = False) -> None:
+def warn_if_doubtful(match: Match, *, seen: bool = False) -> None:
     """Warn of a match that may well be wrong; `seen` tells that a page of it was written."""
-    if is_doubtful(confidence):
+    if is_doubtful(match.confidence):
         look = "the page" if seen else "unbend match --report"
         say(
             "warning",
-            f"the match is doubtful (confidence {confidence:.2f}): the shapes may differ too much, "
-            f"or be symmetric; look at it with {look}, and give --landmarks where it goes wrong",
+            f"the match is doubtful (confidence {match.confidence:.2f}): {_reason(match)}; look at "
+            f"it with {look}, and give --landmarks where it goes wrong"
+            f"{where_landmarks_help(match.landmark_hints)}",
         )
+
+
+def _reason(match: Match) -> str:
+    if match.landmark_hints:
+        return "another map is nearly as good, as of symmetric shapes or small parts"
+    if match.confidence_bound < 1:
+        return "the final map is in disorder"
+    return "the shapes may differ too much, or be symmetric"
 
 
 @contextmanager

@@ -163,7 +163,7 @@ def match(
                 shown: Any = {"up": up, "truth": known, "landmarks": hints}
                 shown |= {"command": command_line(), "progress": progress}
                 match_page(shapes[0], shapes[1], found, report, **shown)
-    warn_if_doubtful(found.confidence, seen=report is not None)
+    warn_if_doubtful(found, seen=report is not None)
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {

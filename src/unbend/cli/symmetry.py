@@ -70,7 +70,7 @@ def symmetry(
                 match_page(
                     shape, shape, found, report, up=up, command=command_line(), progress=progress
                 )
-    warn_if_doubtful(found.confidence, seen=report is not None)
+    warn_if_doubtful(found, seen=report is not None)
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     tell(
         {

@@ -49,10 +49,15 @@ _RANGES = {
     "overlap_source": (0, 1),
     "overlap_target": (0, 1),
     "confidence_bound": (0, 1),
+    "disorder": (0, 2),
 }
-_OPTIONAL = ("faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound")
+_OPTIONAL = (
+    "faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound",
+    "disorder",
+)  # fmt: skip
 _MESHES = ("source_mesh", "target_mesh")  # hashes
-_LISTS = ("hypotheses", "missed_landmarks")
+_TUPLES = ("missed_landmarks", "landmark_hints")
+_LISTS = ("hypotheses", *_TUPLES)
 _ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
 # Compression makes a match about ten times smaller. An archive that would grow more than a
 # hundredfold, and to more than 64 MiB, is not unpacked.
@@ -162,8 +167,9 @@ def _arrays_of(match: Match) -> _Arrays:
     arrays["hypotheses"] = np.reshape(
         [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)
     )
-    if match.missed_landmarks:
-        arrays["missed_landmarks"] = np.array(match.missed_landmarks)
+    for name in _TUPLES:
+        if getattr(match, name):
+            arrays[name] = np.array(getattr(match, name))
     for name in _OPTIONAL:
         if getattr(match, name) is not None:
             arrays[name] = np.asarray(getattr(match, name))
@@ -258,9 +264,9 @@ def _checked_match(arrays: _Arrays) -> Match:
         known = _numbers(arrays, "hypotheses", (None, 2))
         _check_range("hypotheses", known[:, 1], -1, 1)
         fields["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
-    if "missed_landmarks" in arrays:
-        rows = _vertices(arrays, "missed_landmarks", None, None)
-        fields["missed_landmarks"] = tuple(rows.tolist())
+    for name in filter(arrays.__contains__, _TUPLES):
+        below = n if name == "landmark_hints" else None
+        fields[name] = tuple(_vertices(arrays, name, None, below).tolist())
     return Match(**fields)
 
 

@@ -40,9 +40,11 @@ WITHOUT = 0.12  # What a vertex without a partner leaves unexplained, and a miss
 # Largest cost of an unambiguous candidate, and how many times as much all others cost.
 UNAMBIGUOUS = (0.2, 1.4)
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
-# Energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a share
-# of the energy, that makes the odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
-CONFIDENCE = (0.27, 0.022, 0.0275)
+# Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
+# much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
+# odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
+CONFIDENCE = (0.34, 0.025, 0.7, 0.0275)
+PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.

@@ -9,9 +9,9 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, is_whole
+from unbend._arrays import array_of, first_largest, is_whole, snap
 from unbend._parallel import one_blas_thread
-from unbend._types import BoolArray, Progress
+from unbend._types import BoolArray, FloatArray, Progress
 from unbend.choices import Partial
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
@@ -19,14 +19,29 @@ from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
-from unbend.matching._plan import candidates, make_sides, onto_mirror_image
+from unbend.matching._plan import (
+    COARSE,
+    MEDIUM,
+    Sides,
+    candidates,
+    make_sides,
+    onto_mirror_image,
+)
 from unbend.matching._polish import refined, reranked, with_partners
 from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
-from unbend.matching._score import Candidate, confidence_bound, confidences, ranked
+from unbend.matching._score import (
+    Candidate,
+    confidence_bound,
+    disorder,
+    lead_shares,
+    plausibility,
+    ranked,
+)
 from unbend.matching._shape import Shape
 
 _N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
+_MOST_HINTS = 3  # places where a landmark would help
 
 
 @one_blas_thread()
@@ -149,12 +164,13 @@ def match(
         )
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
-    trusts = confidences([*other_hand, *found])[len(other_hand) :]
-    for i, trust in enumerate(trusts[:n_matches]):
+    shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
+    for i, share in enumerate(shares[:n_matches]):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
         chosen = with_partners(chosen, sides, whole)
         ranks = (found[i], *found[:i], *found[i + 1 :])
-        result = _result(ours, theirs, chosen, float(trust), ranks)
+        result = _result(ours, theirs, chosen, float(share), ranks)
+        result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks))
         if barycentric and theirs.own_faces is not None:
             result = _below_vertices(result, ours, theirs, chosen)
         results.append(result)
@@ -233,7 +249,7 @@ def symmetry(
     chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
-    return _result(one, one, chosen, float(confidences(found)[0]), found)
+    return _result(one, one, chosen, float(_lead_shares(found, sides)[0]), found)
 
 
 def _check_count(n_eigenpairs: int) -> None:
@@ -259,12 +275,34 @@ def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tup
     )  # type: ignore[return-value]
 
 
+def _landmark_hints(ours: Input, sides: Sides, ranks: Sequence[Candidate]) -> tuple[int, ...]:
+    """Source vertices around which the first candidate and others nearly as good differ most."""
+    first, *others = ranks
+    source, target = sides.source.proxies[MEDIUM], sides.target.proxies[COARSE]
+    hints = []
+    for other in others[:_MOST_HINTS]:
+        if other.cost > constants.NEARLY * first.cost:
+            break
+        both = first.registered.source.overlap & other.registered.source.overlap
+        images, others_images = (target.parents[one.registered.forward] for one in (first, other))
+        apart = target.shape.distances[images, others_images] * both
+        around = source.shape.averaged(source.shape.areas * apart, source.shape.detail)
+        hints.append(int(ours.kept[source.kept[first_largest(snap(around))]]))
+    return tuple(dict.fromkeys(hints))
+
+
+def _lead_shares(found: Sequence[Candidate], sides: Sides) -> FloatArray:
+    costs = np.array([one.cost for one in found])
+    return lead_shares(costs, found[0].overlap, sides.partial)
+
+
 def _result(
-    ours: Input, theirs: Input, chosen: Candidate, trust: float, ranks: Sequence[Candidate]
+    ours: Input, theirs: Input, chosen: Candidate, share: float, ranks: Sequence[Candidate]
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
     there, back = registered.source.overlap, registered.target.overlap
-    bound = confidence_bound(left, right, chosen)
+    in_disorder = disorder(left, right, chosen)
+    bound = confidence_bound(in_disorder)
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
@@ -275,10 +313,11 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=min(trust, bound),
+        confidence=min(share * plausibility(ranks[0].energy, in_disorder), bound),
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,
+        disorder=in_disorder,
         hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
     )

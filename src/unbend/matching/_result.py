@@ -56,6 +56,9 @@ class Match:
         The highest confidence, 0 to 1, that the finished map allows. It is below 1 if more than a
         tenth of the surface is turned inside out, crowded together, or not led back to where it
         began; then part of the map is wrong. `confidence` is never higher.
+    disorder : float
+        The largest of those shares of the area, what is turned inside out counted twice: 0 to 2.
+        `confidence` falls with it from 0 on.
     hypotheses : tuple of Hypothesis
         The one that was taken, then the runners-up as ranked.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
@@ -72,6 +75,9 @@ class Match:
         share the probability.
     missed_landmarks : tuple of int
         Rows of the landmarks that the map leads elsewhere: wrong ones are outvoted.
+    landmark_hints : tuple of int
+        Source vertices where landmarks would help most: there the runners-up that are nearly as
+        good lead farthest elsewhere. Empty if none is.
     """
 
     source_to_target: IntArray
@@ -87,8 +93,10 @@ class Match:
     overlap_source: float = 1.0
     overlap_target: float = 1.0
     confidence_bound: float = 1.0
+    disorder: float = 0.0
     alternatives: tuple[Match, ...] = ()
     missed_landmarks: tuple[int, ...] = ()
+    landmark_hints: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         part = min(self.overlap_source, self.overlap_target)

@@ -1,4 +1,4 @@
-"""The score of a map, and the probability that the best of several is right.
+"""The score of a map, and what the probability that it is right is made of.
 
 A right map carries every patch of a surface to a rotated, little stretched copy. The energy is
 what such copies leave unexplained, in both directions. Maps that turn the surface inside out are
@@ -136,30 +136,30 @@ def distinct(
     return found
 
 
-def confidences(found: Sequence[Candidate]) -> FloatArray:
-    """Probability of each of the distinct candidates, best first, that it is right as a whole."""
-    costs, energies = np.array([(one.cost, one.energy) for one in found]).T
-    return probabilities(costs, energies, found[0].overlap)
-
-
-def probabilities(
-    costs: FloatArray,
-    energies: FloatArray,
-    overlap: float,
-    fitted: Sequence[float] = constants.CONFIDENCE,
+def lead_shares(
+    costs: FloatArray, overlap: float, partial: bool, lead: float = constants.CONFIDENCE[3]
 ) -> FloatArray:
-    """Probability of each of some maps, the least cost first, that it is right as a whole.
+    """Probability of each of some distinct maps, the least cost first, that no other is right.
 
-    Two things must hold: that it moves the surface as one body in two poses moves, and that no
-    other does so nearly as well. Maps of one cost share the probability. The less the shapes have
-    in common by the first, and the fewer features they have, the more of a lead is chance.
+    Maps of one cost share it. The less the shapes have in common by the first, and the fewer
+    features they have, the more of a lead is chance; and more of it is if either is partial.
     """
-    even, spread, lead = fitted
     floor = 10.0**-constants.DIGITS
-    lead /= max(overlap, floor)
+    lead *= (constants.PARTIAL_LEAD if partial else 1.0) / max(overlap, floor)
     lead *= lead_needed(costs[min(1, len(costs) - 1)])
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], floor)))
-    return np.asarray(shares / shares.sum() / (1 + np.exp((energies - even) / spread)))
+    return np.asarray(shares / shares.sum())
+
+
+def plausibility(
+    energy: float, disorder: float, fitted: Sequence[float] = constants.CONFIDENCE[:3]
+) -> float:
+    """Probability that a finished map moves the surface as one body in two poses moves.
+
+    It falls with the energy of its candidate, and with the disorder that shows on the full meshes.
+    """
+    even, spread, weight = fitted
+    return float(1 / (1 + np.exp((energy + weight * disorder - even) / spread)))
 
 
 def lead_needed(runner_up: float) -> float:
@@ -256,19 +256,23 @@ def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) 
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))
 
 
-def confidence_bound(source: Shape, target: Shape, found: Candidate) -> float:
-    """Compute the highest confidence, 0 to 1, that a finished map's disorder allows.
+def disorder(source: Shape, target: Shape, found: Candidate) -> float:
+    """Measure how far a finished map is from one that can be right: 0 to 2.
 
-    The disorder is the largest of three shares of the area that has partners: what is turned inside
-    out (twice), what does not return, and what lands in crowded patches; in the worse direction.
+    The largest of three shares of the area that has partners: what is turned inside out (twice),
+    what does not return, and what lands in crowded patches; in the worse direction.
     """
     forward, backward, mine, other = found.registered
     ahead = source, target, forward, backward, mine.overlap, other.overlap
     back = target, source, backward, forward, other.overlap, mine.overlap
-    disorder = max(
+    return max(
         1 - found.orientation,
         *(measure(*way) for measure in (_not_returning, _crowded) for way in (ahead, back)),
     )
+
+
+def confidence_bound(disorder: float) -> float:
+    """Compute the highest confidence, 0 to 1, that the disorder of a finished map allows."""
     orderly, chaotic = constants.DISORDER
     return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
 

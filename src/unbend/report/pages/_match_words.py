@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from html import escape
 
-from unbend._display import is_doubtful, table
+from unbend._display import is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.mesh import Mesh
@@ -34,7 +34,8 @@ def doubt(match: Match | None) -> str:
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
         "places have the same colour. If they do not, place one to three landmarks with unbend "
-        f"view and match with --landmarks, or choose from alternatives with --n-matches 3.{others}"
+        f"view{where_landmarks_help(match.landmark_hints)} and match with --landmarks, or choose "
+        f"from alternatives with --n-matches 3.{others}"
     )
 
 
