@@ -43,7 +43,7 @@ NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked o
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
 # odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
-CONFIDENCE = (0.34, 0.025, 0.7, 0.0275)
+CONFIDENCE = (0.31, 0.025, 0.7, 0.0275)
 PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
