@@ -1,13 +1,8 @@
 """Spectral interpolation: from values at samples to smooth functions on the whole surface.
 
-With k eigenfunctions Phi (n, k), their eigenvalues Lambda, p samples, and smoothness weight mu:
-``Phi_P`` are the rows of Phi at the samples and ``S = Phi_P^T Phi_P``.
-
-References
-----------
-Yang, Obaseki and Chen, "Spectral multi-dimensional scaling using biharmonic distance",
-GRAPP 2019, Eq. 8 to 15, with the slips of the printed formulas corrected. Aflalo and Kimmel,
-"Spectral multidimensional scaling", PNAS 110(45), 2013.
+With eigenfunctions Phi (n, k), eigenvalues Lambda, p samples and smoothness weight mu: Phi_P are
+the rows of Phi at the samples, S = Phi_P^T Phi_P. The equations are those of Yang, Obaseki and Chen
+(GRAPP 2019), Eq. 8 to 15, without the slips of the printed ones, after Aflalo and Kimmel (2013).
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """What describes a shape whatever its pose: a vector to compare by Euclidean distance.
 
-How heat and waves stay at the points of a surface depends on lengths within it alone, not on its
-pose. Two statistics of them are taken over the surface, by area: what values the heat kernel
-signature has (Sun, Ovsjanikov & Guibas, "A concise and provably informative multi-scale signature
-based on heat diffusion", SGP 2009), and which values of the wave kernel signature (Aubry,
-Schlickewei & Cremers, "The wave kernel signature", ICCV Workshops 2011) go together: their
-covariance, whose logarithm is compared (Arsigny, Fillard, Pennec & Ayache, "Geometric means in a
-novel vector space structure on symmetric positive-definite matrices", SIMAX 29, 2007).
+Two statistics over the surface, by area, that depend on lengths within it alone: the quantiles of
+the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009), and the logarithm of the covariance
+(Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei & Cremers, 2011).
 """
 
 from __future__ import annotations

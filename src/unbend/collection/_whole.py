@@ -1,8 +1,7 @@
 """A mesh of any quality as one closed, connected surface.
 
-Meshes come in pieces, with holes, as sheets, or with a dozen large triangles. A shape should have
-the same descriptor however it was meshed. So the surface is welded, freed of tiny pieces, closed
-and refined, and its pieces are linked.
+A shape should have the same descriptor however it was meshed. So the surface is welded, freed of
+tiny pieces, closed and refined, and its pieces are linked.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Edge collapses and flips that keep a triangle mesh a manifold.
 
-The mesh may be one side of a symmetric surface: its border then lies on the mirror plane, and
-no operation may join two border vertices by an inner edge, which reflection would double.
+The mesh may be one side of a symmetric surface: no operation may then join two border vertices,
+which lie on the mirror plane, by an inner edge.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Carry points from the skin of one body onto that of another with the same bones.
 
-The bones of the one become the bones of the other in small steps. At each step a point goes with
-the bones near it, keeping its place along each bone and its distance from it in bone radii, and
-then straight onto the new skin. What comes of it is one smooth map between the two skins,
-whatever their meshes, that commutes with the left-right symmetry.
+The bones change in small steps. At each, a point goes with the bones near it, keeping its place
+along each bone and its distance in bone radii, and then straight onto the new skin: a smooth map
+that commutes with the left-right symmetry.
 """
 
 from __future__ import annotations

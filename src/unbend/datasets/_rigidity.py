@@ -1,8 +1,7 @@
-"""Take the stretch out of a posed skin.
+"""Take the stretch out of a posed skin, as blended bone motions bend a limb like rubber.
 
-Blended bone motions bend a limb like rubber: skin is stretched outside a joint and crushed
-inside it. A few steps of as-rigid-as-possible deformation (Sorkine, Alexa 2007), held close to
-the posed skin, give most of the lost edge lengths back.
+A few steps of as-rigid-as-possible deformation (Sorkine, Alexa 2007), held close to the posed skin,
+give most of the lost edge lengths back.
 """
 
 from __future__ import annotations

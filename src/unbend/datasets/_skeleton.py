@@ -120,11 +120,6 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
     """Each bone's own rotation, (n_bones, 3, 3), from angles in degrees about x, y and z.
 
     A name without its side ("thigh" for "left_thigh" and "right_thigh") turns both, mirrored.
-
-    Raises
-    ------
-    InputError
-        If the pose names no bone of this body, or angles are not three finite numbers.
     """
     angles = {bone.name: np.zeros(3) for bone in bones}
     for name, given in pose.items():

@@ -1,10 +1,8 @@
 """From a body made of rounded cones to an even, closed triangle mesh of its skin.
 
-A body is a smooth union of rounded cones. Its skin is found on a grid (naive surface nets,
-Gibson 1998), thinned by collapsing the shortest edges until the number of vertices is right,
-and evened out by Delaunay flips and tangential smoothing on the exact implicit surface.
-A body with left-right symmetry is meshed on the side x >= 0 only and then reflected, which is
-what makes the mirror map exact.
+The skin is found on a grid (naive surface nets, Gibson 1998), thinned by edge collapses, and evened
+out by Delaunay flips and tangential smoothing on the exact implicit surface. A symmetric body is
+meshed on the side x >= 0 only and then reflected, which makes the mirror map exact.
 """
 
 from __future__ import annotations

@@ -22,9 +22,8 @@ _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees 
 def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Point) -> Pose:
     """Make a pose from a rule for the arms.
 
-    ``bend(s, arm, side)`` gives the droop (positive: downward) and the sideways turn (positive:
-    towards the animal's back) of the segment at share ``s`` of the arm's length, in degrees;
-    ``arm`` is 1 (front) to 4 (back), ``side`` +1 (left) or -1.
+    ``bend(s, arm, side)`` gives the droop and the turn towards the back, in degrees, of the segment
+    at share ``s`` of the arm 1 (front) to 4 (back), on the side +1 (left) or -1.
     """
     pose: dict[str, Point] = dict(others)
     for side, word in ((1, "left"), (-1, "right")):

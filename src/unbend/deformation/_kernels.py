@@ -1,8 +1,7 @@
 """Compiled loops over edges, faces and poses of a surface.
 
-Kernels are compiled without Numba's own threads, which take long to compile for and must not be
-entered twice at a time: they release the GIL and work on a range of rows, and a function beside
-each spreads the ranges over threads.
+Kernels release the GIL and work on a range of rows, and a function beside each spreads the ranges
+over threads: Numba's own threads take long to compile for and must not be entered twice at a time.
 """
 
 from __future__ import annotations
@@ -179,11 +178,10 @@ def _scatter(rows, weights, values, sums, total):  # type: ignore[no-untyped-def
 
 
 def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
-    """Turn rotations (..., 3, 3), in place, to those that best explain covariances.
+    """Turn rotations (..., 3, 3), in place, to those that maximise the trace of R C.
 
-    The rotation R that maximises the trace of R C, by the fixed-point iteration of Müller,
-    Bender, Chentanez & Macklin ("A robust method to extract the rotational part of
-    deformations", 2016), from where it stands.
+    The fixed-point iteration of Müller, Bender, Chentanez & Macklin ("A robust method to extract
+    the rotational part of deformations", 2016).
     """
     turned = rotations.reshape(-1, 3, 3)
     over_rows(len(turned), 1, _turn_rotations, covariances.reshape(turned.shape), turned)

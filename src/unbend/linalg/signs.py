@@ -1,7 +1,4 @@
-"""Rules for what eigenvectors leave open, so that equal input gives equal output.
-
-Of a simple eigenvalue that is the sign; of a multiple one, the basis of a whole space.
-"""
+"""Rules for the sign of an eigenvector, and for the basis of a multiple eigenvalue's space."""
 
 from __future__ import annotations
 

@@ -55,22 +55,7 @@ UPRIGHT = {
 
 
 class CanonicalColumn(NamedTuple):
-    """One shape in a figure of canonical forms.
-
-    Attributes
-    ----------
-    caption : str
-        Printed below the column.
-    original : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
-    canonical : (n, 3) array_like
-        The canonical form's points, one per vertex of the original.
-    colors : (n,) or (n, 3) array_like, optional
-        As for :func:`draw_mesh`. None: those of the first column if the numbers of vertices
-        agree, else from the original's positions.
-    surface : (n, 3) array_like, optional
-        The surface itself in the form's pose, drawn below the form; for all columns or for none.
-    """
+    """One shape in a figure of canonical forms: see :func:`draw_canonical_forms`."""
 
     caption: str
     original: Any
@@ -172,7 +157,9 @@ def draw_canonical_forms(
     Parameters
     ----------
     columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors[, surface]])
-        The shapes, left to right. The same point has the same colour above and below. Forms are
+        The shapes, left to right: a mesh, the points (n, 3) of its form, colours as for
+        :func:`draw_mesh` (by default those of the first column, or by position), and perhaps the
+        surface in the form's pose (n, 3), drawn below it, for all columns or for none. Forms are
         drawn 2.5 pixels thicker on each side than they are, for their limbs are threads.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
