@@ -12,10 +12,9 @@ import typer
 
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, files_in, is_batch, list_failures
+from unbend.cli._batch import expand_folders, files_in, is_batch
 from unbend.cli._input import make_form, parse_component
 from unbend.cli._output import (
-    EXIT_SOME_FAILED,
     command_line,
     lines_to_keep,
     look_at,
@@ -192,19 +191,17 @@ def canonical(
                 if not batch:
                     raise
                 failures.append(Failure.of(path, error))
-    list_failures(failures)
     for one in done:
         for note in one["notes"]:
             say("note", f"{one['file']}: {note}" if batch else note)
     hint = "add -o OUT.ply to write the form, --report HTML to look at it"
     tell(
-        {"files": done, "failed": [vars(one) for one in failures]},
+        {"files": done},
         _overview(done, failures) if batch else rows(_summary(done[0])),
         written=[out, figure, report],
         next_step=look_at(report) or (None if out or figure or batch else hint),
+        failures=failures,
     )
-    if failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
 
 
 def _part(progress: Progress, i: int, paths: list[str]) -> Progress:

@@ -7,12 +7,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._batch import list_failures
-from unbend.cli._output import (
-    EXIT_SOME_FAILED,
-    progress_on_stderr,
-    tell,
-)
+from unbend.cli._output import progress_on_stderr, tell
 from unbend.cli.collection._common import opened
 
 
@@ -63,20 +58,13 @@ def match(
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
         )
-    list_failures(done.failures)
     line = (
         f"matched {done.matched:,}, there before {done.skipped:,}, failed "
         f"{len(done.failures):,} ({done.seconds:.1f} s); {out}/matches.csv lists all"
     )
     tell(
-        {
-            "store": store,
-            "n_matched": done.matched,
-            "n_skipped": done.skipped,
-            "failed": [vars(one) for one in done.failures],
-        },
+        {"store": store, "n_matched": done.matched, "n_skipped": done.skipped},
         [line],
         written=[out],
+        failures=done.failures,
     )
-    if done.failures:
-        raise typer.Exit(EXIT_SOME_FAILED)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._batch import list_failures
-from unbend.cli._output import progress_on_stderr, rows, tell
+from unbend.cli._output import list_failures, progress_on_stderr, rows, tell
 from unbend.cli.collection._common import opened
 from unbend.cli.register import tell_registered
 
