@@ -298,6 +298,12 @@ def fit_rigidly(
     return procrustes(points[both], places[both], reflect=reflect)
 
 
+def front_and_back(view: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return a view, and the one from the other side at the same height."""
+    azimuth, elevation = view
+    return [(azimuth, elevation), (azimuth + 180, elevation)]
+
+
 def fitting_height(
     width: float, meshes: Sequence[Mesh], views: Sequence[tuple[float, float]]
 ) -> float:

@@ -23,6 +23,7 @@ from unbend.report.figures import (
     draw_mesh,
     fit_rigidly,
     fitting_height,
+    front_and_back,
     new_figure,
     save_figure,
 )
@@ -180,7 +181,7 @@ def draw_match(
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
     ]
-    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    views = front_and_back(view)
     height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
     total = 2 * height + 0.5  # inches
     figure = new_figure(8.0, total)

@@ -16,6 +16,7 @@ from unbend.report.figures import (
     check_values,
     draw_mesh,
     fitting_height,
+    front_and_back,
     new_figure,
     save_figure,
 )
@@ -75,7 +76,7 @@ def draw_values(
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
     upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
-    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    views = front_and_back(view)
     height = fitting_height(3.7, [upright], views)
     total = height + 0.5  # inches
     figure = new_figure(8.6, total)
