@@ -94,7 +94,7 @@ def similarity(
             cells = ([path, *row] for path, row in zip(paths, square, strict=True))
             write_table(csv, [["shape", *paths], *cells])
         if figure is not None and square is not None:
-            from unbend.report.match_figures import draw_similarities
+            from unbend.report.collection_figures import draw_similarities
 
             draw_similarities([Path(path).stem for path in paths], square, figure)
         ranked = sorted(pairs, key=lambda one: -round(one.similarity, 9))

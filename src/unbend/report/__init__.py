@@ -1,7 +1,7 @@
 """Pictures and pages of results."""
 
 from unbend.report._plot import plot
-from unbend.report.collection_figures import draw_distances
+from unbend.report.collection_figures import draw_distances, draw_similarities
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
     draw_canonical_forms,
@@ -14,7 +14,6 @@ from unbend.report.form_figures import draw_form
 from unbend.report.match_figures import (
     draw_error_curves,
     draw_match,
-    draw_similarities,
     match_colors,
     pattern_colors,
 )
