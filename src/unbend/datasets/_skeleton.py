@@ -37,25 +37,6 @@ class Bone(NamedTuple):
     chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
 
 
-def chosen_proportions(
-    species: Mapping[str, Mapping[str, float]],
-    defaults: Mapping[str, float],
-    name: str,
-    given: Mapping[str, float],
-) -> dict[str, float]:
-    """Combine the default, the species' and the caller's proportions, and check their names."""
-    if name not in species:
-        raise InputError(f"there is no species {name!r}; the species are {', '.join(species)}")
-    for key, value in given.items():
-        if key not in defaults:
-            raise InputError(
-                f"there is no proportion {key!r}; the proportions are {', '.join(defaults)}"
-            )
-        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
-            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
-    return {**defaults, **species[name], **given}
-
-
 def mirrored(bone: Bone) -> Bone:
     """Make the right-hand twin of a left-hand bone."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
-from unbend.datasets.shape import Shape, make_shape
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets.shape import Maker, Shape, make_shape
 
 # Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
 _SPECIES: dict[str, dict[str, float]] = {
@@ -159,21 +160,13 @@ def make_quadruped(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
+    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
     return make_shape(
-        _bones(sizes, asymmetric),
-        _bones(_DEFAULTS, asymmetric),
-        _POSES,
-        pose,
-        n_vertices=n_vertices,
-        symmetric=not asymmetric,
-        meshing=meshing,
-        random_state=random_state,
-        name=species,
+        maker, pose, n_vertices, species, asymmetric, meshing, random_state, proportions
     )
 
 
-def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
     legs, girth, paws, head = p["legs"], p["girth"], p["paws"], p["head"]
     limbs = p["limbs"]
     drop = 0.55 * (legs - 1)  # how much higher longer legs carry the body
@@ -245,7 +238,7 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
     return bones
 
 
-def _tail(root: Point, p: dict[str, float]) -> list[Bone]:
+def _tail(root: Point, p: Mapping[str, float]) -> list[Bone]:
     lift = np.deg2rad(p["tail_lift"])
     step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
     joints = [np.array(root) + i * step for i in range(5)]

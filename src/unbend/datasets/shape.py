@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,28 +98,48 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     return nearest_rows(*points)
 
 
+class Maker(NamedTuple):
+    """What a kind of animals has in common: proportions by species, poses, and bones of sizes."""
+
+    species: Mapping[str, Mapping[str, float]]
+    defaults: Mapping[str, float]
+    poses: Mapping[str, Pose]
+    bones: Callable[[Mapping[str, float], bool], list[Bone]]
+
+
 def make_shape(
-    bones: Sequence[Bone],
-    plain_bones: Sequence[Bone],
-    poses: Mapping[str, Pose],
+    maker: Maker,
     pose: str | Pose | None,
-    *,
     n_vertices: int,
-    symmetric: bool,
+    species: str,
+    asymmetric: bool,
     meshing: int,
     random_state: int | None,
-    name: str,
+    proportions: Mapping[str, float],
 ) -> Shape:
-    """Mesh a body at rest and move it into a pose: what all makers do."""
+    """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
+    sizes = _sizes(maker, species, proportions)
+    bones, plain = (tuple(maker.bones(one, asymmetric)) for one in (sizes, maker.defaults))
     if not 500 <= n_vertices <= 200_000:
         raise InputError(f"n_vertices must be from 500 to 200000, not {n_vertices}")
-    angles = _angles(poses, pose, random_state)
-    rest, faces, mirror, labels, parts = _rest_body(tuple(bones), n_vertices, symmetric, meshing)
-    posed = rest
-    if angles:
-        posed = restore_lengths(rest, move_skin(bones, rest, angles), faces)
-    mesh = Mesh(posed, faces, name=name)
-    return Shape(mesh, rest, mirror, labels, parts, tuple(bones), tuple(plain_bones))
+    angles = _angles(maker.poses, pose, random_state)
+    rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, not asymmetric, meshing)
+    posed = restore_lengths(rest, move_skin(bones, rest, angles), faces) if angles else rest
+    return Shape(Mesh(posed, faces, name=species), rest, mirror, labels, parts, bones, plain)
+
+
+def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, float]:
+    """Combine the default, the species' and the caller's proportions, and check their names."""
+    if species not in maker.species:
+        known = ", ".join(maker.species)
+        raise InputError(f"there is no species {species!r}; the species are {known}")
+    for key, value in given.items():
+        if key not in maker.defaults:
+            known = ", ".join(maker.defaults)
+            raise InputError(f"there is no proportion {key!r}; the proportions are {known}")
+        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
+            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
+    return {**maker.defaults, **maker.species[species], **given}
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
