@@ -58,7 +58,7 @@ def test_curves_end_where_the_evaluation_says(blob: Mesh, drawn: list) -> None:
     some = every[:30]
     plain = evaluate(every, blob, some, some)
     mirrored = evaluate(np.roll(every, 1), blob, some, some, np.roll(every, 1)[some])
-    draw_error_curves({"one": plain, "two": mirrored}, "any.png", title="curves")
+    draw_error_curves({"one": plain, "two": mirrored}, "any.png")
     lines = drawn[0].get_axes()[0].get_lines()
     assert len(lines) == 3
     np.testing.assert_array_equal(lines[0].get_ydata(), plain.curve())

@@ -1,6 +1,6 @@
 """Edge collapses and flips that keep a triangle mesh a manifold.
 
-The mesh may be one side of a symmetric surface: no operation may then join two border vertices,
+The mesh is one side of a symmetric surface: no operation may then join two border vertices,
 which lie on the mirror plane, by an inner edge.
 """
 
@@ -18,7 +18,6 @@ def collapse_short_edges(
     on_plane: BoolArray,
     sizes: FloatArray,
     excess: int,
-    symmetric: bool,
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Remove up to ``excess`` vertices of the whole surface by collapsing short edges.
 
@@ -51,7 +50,7 @@ def collapse_short_edges(
             continue
         if border[a] and not border[b]:
             a, b = b, a  # the vertex on the plane stays
-        cost = 1 if border[a] or not symmetric else 2
+        cost = 1 if border[a] else 2
         shared = around[a] & around[b]
         if cost > excess or (border[a] and border[b] and len(shared) == 2):
             continue

@@ -78,7 +78,6 @@ def make_biped(
     *,
     n_vertices: int = 5000,
     species: str = "human",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -93,8 +92,6 @@ def make_biped(
         or as for :func:`make_quadruped`.
     species : str, default="human"
         "human", "child" or "ape".
-    asymmetric : bool, default=False
-        Make the left forearm and hand much bigger. ``mirror`` is then None.
     n_vertices, meshing, random_state
         See :func:`make_quadruped`.
     **proportions : float
@@ -126,12 +123,10 @@ def make_biped(
     True
     """
     maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(
-        maker, pose, n_vertices, species, asymmetric, meshing, random_state, proportions
-    )
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     girth, head, torso = p["girth"], p["head"], p["torso"]
     crotch = 0.9 * p["legs"]
     wide, deep = 0.5 + 0.5 * girth, girth
@@ -196,14 +191,4 @@ def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
         Bone("left_toes", "left_foot", leg(0.165, 0.04, 0.08), leg(0.17, 0.034, 0.145),
              0.042 * p["limbs"], 0.032 * p["limbs"], "left_leg"),
     ]  # fmt: skip
-    bones = both_sides(left)
-    if asymmetric:
-        grown = {"left_hand": 1.7, "left_fingers": 1.9, "left_forearm": 1.25}
-        bones = [
-            bone._replace(
-                head_radius=bone.head_radius * grown.get(bone.name, 1),
-                tail_radius=bone.tail_radius * grown.get(bone.name, 1),
-            )
-            for bone in bones
-        ]
-    return bones
+    return both_sides(left)

@@ -77,7 +77,6 @@ def make_octopus(
     *,
     n_vertices: int = 5000,
     species: str = "octopus",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -92,8 +91,6 @@ def make_octopus(
         or as for :func:`make_quadruped`, with bones such as ``"arm_1_2"``.
     species : str, default="octopus"
         "octopus" or "squid".
-    asymmetric : bool, default=False
-        Make the second left arm half as long. ``mirror`` is then None.
     n_vertices, meshing, random_state
         See :func:`make_quadruped`.
     **proportions : float
@@ -125,12 +122,10 @@ def make_octopus(
     True
     """
     maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(
-        maker, pose, n_vertices, species, asymmetric, meshing, random_state, proportions
-    )
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     girth, mantle, eye = p["girth"], p["mantle"], 0.045 * p["eyes"]
     end = (0.0, 0.36 + 0.34 * mantle, -0.06 - 0.2 * mantle)
     left = [
@@ -141,12 +136,7 @@ def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
     ]  # fmt: skip
     for arm, azimuth in _AZIMUTHS.items():
         left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"], p["limbs"])
-    bones = both_sides(left)
-    if asymmetric:
-        short = _arm("left_arm_2", np.deg2rad(_AZIMUTHS[2]), 0.5 * p["arms"], p["limbs"])
-        by_name = {bone.name: bone for bone in short}
-        bones = [by_name.get(bone.name, bone) for bone in bones]
-    return bones
+    return both_sides(left)
 
 
 def _arm(name: str, azimuth: float, length: float, thickness: float) -> list[Bone]:

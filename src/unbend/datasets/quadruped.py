@@ -101,7 +101,6 @@ def make_quadruped(
     *,
     n_vertices: int = 5000,
     species: str = "dog",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -120,9 +119,6 @@ def make_quadruped(
         Number of vertices, met exactly; 500 to 200000.
     species : str, default="dog"
         "dog", "cat", "horse", "bear" or "giraffe".
-    asymmetric : bool, default=False
-        Grow a horn on the left of the head. The mesh is then
-        not mirror symmetric either and ``mirror`` is None.
     meshing : int, default=0
         Any other number: other vertices and triangles on the same surface. :func:`rest_map`
         relates meshings. Posed surfaces of two meshings agree up to about an edge length.
@@ -161,12 +157,10 @@ def make_quadruped(
     True
     """
     maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(
-        maker, pose, n_vertices, species, asymmetric, meshing, random_state, proportions
-    )
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     legs, girth, paws, head = p["legs"], p["girth"], p["paws"], p["head"]
     limbs = p["limbs"]
     drop = 0.55 * (legs - 1)  # how much higher longer legs carry the body
@@ -230,12 +224,7 @@ def _bones(p: Mapping[str, float], asymmetric: bool) -> list[Bone]:
              _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
              "left_hindleg", chain="left_hindleg"),
     ]  # fmt: skip
-    bones = both_sides(bones)
-    if asymmetric:
-        horn = face(0.04, 0.075, 0.055)
-        up = (horn[0] + 0.05, horn[1] + 0.17 * head, horn[2] + 0.09 * head)
-        bones.append(Bone("left_horn", "head", horn, up, 0.036 * head, 0.018, "head"))
-    return bones
+    return both_sides(bones)
 
 
 def _tail(root: Point, p: Mapping[str, float]) -> list[Bone]:

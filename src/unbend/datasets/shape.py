@@ -31,9 +31,9 @@ class Shape(Brief):
         x points to its left, y up, z forward.
     rest : (n, 3) ndarray of float64, read-only
         The same vertices in the rest pose.
-    mirror : (n,) ndarray of int64, read-only, or None
+    mirror : (n,) ndarray of int64, read-only
         ``mirror[i]`` is the left-right mirror image of vertex ``i``, exactly so in the rest
-        pose. None for an asymmetric body.
+        pose.
     labels : (n,) ndarray of int64, read-only
         The body part of each vertex, an index into ``parts``.
     parts : tuple of str
@@ -44,7 +44,7 @@ class Shape(Brief):
 
     mesh: Mesh
     rest: FloatArray
-    mirror: IntArray | None
+    mirror: IntArray
     labels: IntArray
     parts: tuple[str, ...]
     bones: tuple[Bone, ...]
@@ -68,7 +68,7 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     Parameters
     ----------
     source, target : Shape
-        Made by the same maker, both with or both without its asymmetry.
+        Made by the same maker.
 
     Returns
     -------
@@ -104,7 +104,7 @@ class Maker(NamedTuple):
     species: Mapping[str, Mapping[str, float]]
     defaults: Mapping[str, float]
     poses: Mapping[str, Pose]
-    bones: Callable[[Mapping[str, float], bool], list[Bone]]
+    bones: Callable[[Mapping[str, float]], list[Bone]]
 
 
 def make_shape(
@@ -112,18 +112,17 @@ def make_shape(
     pose: str | Pose | None,
     n_vertices: int,
     species: str,
-    asymmetric: bool,
     meshing: int,
     random_state: int | None,
     proportions: Mapping[str, float],
 ) -> Shape:
     """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
     sizes = _sizes(maker, species, proportions)
-    bones, plain = (tuple(maker.bones(one, asymmetric)) for one in (sizes, maker.defaults))
+    bones, plain = (tuple(maker.bones(one)) for one in (sizes, maker.defaults))
     if not 500 <= n_vertices <= 200_000:
         raise InputError(f"n_vertices must be from 500 to 200000, not {n_vertices}")
     angles = _angles(maker.poses, pose, random_state)
-    rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, not asymmetric, meshing)
+    rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, meshing)
     posed = restore_lengths(rest, move_skin(bones, rest, angles), faces) if angles else rest
     return Shape(Mesh(posed, faces, name=species), rest, mirror, labels, parts, bones, plain)
 
@@ -169,15 +168,14 @@ def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
 
 @lru_cache(maxsize=16)
 def _rest_body(
-    bones: tuple[Bone, ...], n_vertices: int, symmetric: bool, meshing: int
-) -> tuple[FloatArray, IntArray, IntArray | None, IntArray, tuple[str, ...]]:
+    bones: tuple[Bone, ...], n_vertices: int, meshing: int
+) -> tuple[FloatArray, IntArray, IntArray, IntArray, tuple[str, ...]]:
     """Posing is quick and meshing is not: the poses of one body share its resting mesh."""
     cones = cones_of(bones)
-    rest, faces, mirror = skin(cones, n_vertices, symmetric=symmetric, meshing=meshing)
+    rest, faces, mirror = skin(cones, n_vertices, meshing=meshing)
     parts = tuple(dict.fromkeys(bone.part for bone in bones))
     part_of_bone = np.array([parts.index(bone.part) for bone in bones])
     labels = part_of_bone[cones.distances(rest).argmin(axis=0)]
     for array in (rest, faces, mirror, labels):
-        if array is not None:
-            array.setflags(write=False)
+        array.setflags(write=False)
     return rest, faces, mirror, labels, parts

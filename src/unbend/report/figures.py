@@ -22,6 +22,7 @@ from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
 __all__ = [
     "FORM_THICKER",
+    "FRONT_AND_BACK",
     "UPRIGHT",
     "VIEWS",
     "CanonicalColumn",
@@ -46,6 +47,8 @@ _UNDATED: dict[str, dict[str, None]] = {
 }
 # Pixels added to the outline of canonical forms, whose limbs are thin as threads.
 FORM_THICKER = 2.5
+# Views from which all of a shape is seen: azimuth and elevation in degrees.
+FRONT_AND_BACK = ((60.0, 15.0), (240.0, 15.0))
 # Rotations that turn a shape's upward axis into the picture's, y.
 UPRIGHT = {
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
@@ -149,7 +152,6 @@ def draw_canonical_forms(
     columns: Sequence[CanonicalColumn | tuple[Any, ...]],
     path: str | os.PathLike[str],
     *,
-    view: str | tuple[float, float] = "three-quarter",
     canonical_view: str | tuple[float, float] = "front",
 ) -> None:
     """Write a picture of shapes above their canonical forms, like Figure 1 of the paper.
@@ -163,8 +165,8 @@ def draw_canonical_forms(
         drawn 2.5 pixels thicker on each side than they are, for their limbs are threads.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
-    view, canonical_view : str or (azimuth, elevation)
-        As for :func:`draw_mesh`, for the upper row (and surfaces), and for the row of forms.
+    canonical_view : str or (azimuth, elevation), default="front"
+        Of the row of forms, as for :func:`draw_mesh`.
 
     Raises
     ------
@@ -208,10 +210,10 @@ def draw_canonical_forms(
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
             colors = first_colors if fits else position_colors(used_vertices(mesh))
         first_colors = colors if first_colors is None else first_colors
-        drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, FORM_THICKER)]
+        drawn = [(mesh.vertices, "three-quarter", 0.0), (points, canonical_view, FORM_THICKER)]
         if surface is not None:
             fitted = _places(surface, mesh, f"the surface of {caption!r}")
-            drawn.append((fitted, view, 0.0))
+            drawn.append((fitted, "three-quarter", 0.0))
         width, height = 0.96 / len(filled), 0.94 / count
         for row, (vertices, seen_from, thicker) in enumerate(drawn):
             below = 0.05 + (count - 1 - row) * height
@@ -296,12 +298,6 @@ def fit_rigidly(
     if both.sum() < 3:
         return np.eye(3), np.zeros(3)
     return procrustes(points[both], places[both], reflect=reflect)
-
-
-def front_and_back(view: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return a view, and the one from the other side at the same height."""
-    azimuth, elevation = view
-    return [(azimuth, elevation), (azimuth + 180, elevation)]
 
 
 def fitting_height(

@@ -14,6 +14,7 @@ from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
     FORM_THICKER,
+    FRONT_AND_BACK,
     UPRIGHT,
     as_written,
     check_up,
@@ -21,8 +22,6 @@ from unbend.report.figures import (
     new_figure,
     save_figure,
 )
-
-_VIEW = (60.0, 15.0)
 
 
 def draw_form(
@@ -86,7 +85,7 @@ def draw_form(
     width = 1 / len(columns)
     for i, (caption, seen, thicker) in enumerate(columns):
         ax = figure.add_axes(((i + 0.03) * width, 0.1, 0.94 * width, 0.88))
-        draw_places(ax, seen @ UPRIGHT[up].T, mesh, colors, _VIEW, thicker)
+        draw_places(ax, seen @ UPRIGHT[up].T, mesh, colors, FRONT_AND_BACK[0], thicker)
         figure.text((i + 0.5) * width, 0.03, caption, ha="center", fontsize=10)
     save_figure(figure, path)
 

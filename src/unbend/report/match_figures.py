@@ -17,13 +17,13 @@ from unbend.matching import Match
 from unbend.mesh import Mesh, used_vertices
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
+    FRONT_AND_BACK,
     UPRIGHT,
     as_written,
     check_up,
     draw_mesh,
     fit_rigidly,
     fitting_height,
-    front_and_back,
     new_figure,
     save_figure,
 )
@@ -125,7 +125,6 @@ def draw_match(
     path: str | os.PathLike[str],
     *,
     up: str = "y",
-    view: tuple[float, float] = (60.0, 15.0),
 ) -> None:
     """Write a picture of a match: corresponding points have the same colour.
 
@@ -143,8 +142,6 @@ def draw_match(
         The file to write; its ending decides the format (.png, .pdf, .svg).
     up : {"x", "y", "z"}, default="y"
         The source's axis that points upward.
-    view : (azimuth, elevation), default=(60, 15)
-        Of the upper pictures, in degrees; see :func:`unbend.report.figures.draw_mesh`.
 
     Raises
     ------
@@ -179,7 +176,7 @@ def draw_match(
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
     ]
-    views = front_and_back(view)
+    views = FRONT_AND_BACK
     height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
     total = 2 * height + 0.5  # inches
     figure = new_figure(8.0, total)
@@ -192,9 +189,7 @@ def draw_match(
     save_figure(figure, path)
 
 
-def draw_error_curves(
-    evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str], *, title: str = ""
-) -> None:
+def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str]) -> None:
     """Write a picture of the share of points within each geodesic error.
 
     Parameters
@@ -204,7 +199,6 @@ def draw_error_curves(
         dashed.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
-    title : str, default=""
 
     Raises
     ------
@@ -233,10 +227,7 @@ def draw_error_curves(
     """
     if not evaluations:
         raise InputError("there are no evaluations to draw")
-    figure = error_curves(evaluations)
-    if title:
-        figure.axes[0].set_title(as_written(title), fontsize=10)
-    save_figure(figure, path)
+    save_figure(error_curves(evaluations), path)
 
 
 def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:

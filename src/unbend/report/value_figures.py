@@ -10,13 +10,13 @@ import numpy.typing as npt
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
 from unbend.report.figures import (
+    FRONT_AND_BACK,
     UPRIGHT,
     as_written,
     check_up,
     check_values,
     draw_mesh,
     fitting_height,
-    front_and_back,
     new_figure,
     save_figure,
 )
@@ -29,7 +29,6 @@ def draw_values(
     *,
     label: str = "",
     up: str = "y",
-    view: tuple[float, float] = (60.0, 15.0),
 ) -> None:
     """Write a picture of a shape from both sides, coloured by a value per vertex.
 
@@ -45,8 +44,6 @@ def draw_values(
         What the values are, beside the scale of colours.
     up : {"x", "y", "z"}, default="y"
         The shape's axis that points upward.
-    view : (azimuth, elevation), default=(60, 15)
-        Of the left picture, in degrees; see :func:`unbend.report.draw_mesh`.
 
     Raises
     ------
@@ -76,7 +73,7 @@ def draw_values(
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
     upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
-    views = front_and_back(view)
+    views = FRONT_AND_BACK
     height = fitting_height(3.7, [upright], views)
     total = height + 0.5  # inches
     figure = new_figure(8.6, total)
