@@ -164,7 +164,7 @@ def scatter(
     places = rows.reshape(m, p) * p + np.arange(p)
     ends = places.ravel(), np.repeat(np.arange(m), p)
     going = sp.csr_array((weights.ravel(), ends), shape=(n * p, m))
-    found = (going @ np.column_stack([values, np.ones(m)])).reshape(n, *rows.shape[1:], -1)
+    found = (going @ np.column_stack([values[:m], np.ones(m)])).reshape(n, *rows.shape[1:], -1)
     return found[..., :-1], found[..., -1]
 
 
