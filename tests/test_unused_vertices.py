@@ -20,8 +20,8 @@ from unbend.collection._entry import thumbnail
 from unbend.datasets import make_sphere
 from unbend.mesh import used_vertices, vertex_areas, vertex_normals
 from unbend.report.figures import draw_canonical_forms, save_figure
-from unbend.report.form_figures import draw_form
 from unbend.report.match_figures import draw_match
+from unbend.report.shape_figures import draw_form
 
 pytestmark = pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
 

@@ -162,7 +162,7 @@ def canonical(
             progress("writing", 0)
             _write(files[i], paths[i], shape, form.points if posed is None else posed)
         if figure is not None:
-            from unbend.report.form_figures import draw_form
+            from unbend.report.shape_figures import draw_form
 
             progress("drawing", 0)
             draw_form(shape, form, figure, posed=posed, up=up)

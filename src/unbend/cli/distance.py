@@ -98,7 +98,7 @@ def distance(
         _write(out, mesh, shape, sources, field)
     nearest = field.min(axis=0)
     if figure is not None:
-        from unbend.report.value_figures import draw_values
+        from unbend.report.shape_figures import draw_values
 
         draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:

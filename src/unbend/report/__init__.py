@@ -10,7 +10,6 @@ from unbend.report.figures import (
     same_scale,
     save_figure,
 )
-from unbend.report.form_figures import draw_form
 from unbend.report.match_figures import (
     draw_error_curves,
     draw_match,
@@ -18,8 +17,7 @@ from unbend.report.match_figures import (
     pattern_colors,
 )
 from unbend.report.pages import Page, form_page, match_page, search_page, similarity_page, view
-from unbend.report.value_figures import draw_values
-from unbend.report.variation_figures import draw_variation
+from unbend.report.shape_figures import draw_form, draw_values, draw_variation
 
 __all__ = [
     "Page",

@@ -17,7 +17,6 @@ from unbend.distances import spectral_filter
 from unbend.errors import UnbendWarning
 from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
-from unbend.report.form_figures import drawable, turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -32,6 +31,7 @@ from unbend.report.pages._document import (
 )
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+from unbend.report.shape_figures import drawable, turned_to_fit
 from unbend.spectral import spectrum
 
 # Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
