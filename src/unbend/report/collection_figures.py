@@ -34,10 +34,8 @@ def draw_distances(
     ------
     InputError
         If the table does not fit the names.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -68,10 +66,8 @@ def draw_similarities(
     ------
     InputError
         If the table does not fit the names, or there are fewer than two.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------

@@ -172,10 +172,8 @@ def draw_canonical_forms(
     ------
     InputError
         If there are no columns, or a canonical form does not fit its original.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     References
     ----------

@@ -147,10 +147,8 @@ def draw_match(
     ------
     InputError
         If a shape has no faces, the map does not fit, or there is no such axis.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -204,10 +202,8 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.Path
     ------
     InputError
         If there is nothing to draw.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     References
     ----------

@@ -64,10 +64,8 @@ def draw_form(
     ------
     InputError
         If the mesh has no faces, the form is not of this mesh, or there is no such axis.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -127,10 +125,8 @@ def draw_values(
     InputError
         If the mesh has no faces, there is not one value per vertex, none is finite, or there is
         no such axis.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -189,10 +185,8 @@ def draw_variation(
     ------
     InputError
         If there are no rows, or a row has not one shape for each caption.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------

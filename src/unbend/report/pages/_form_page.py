@@ -67,18 +67,12 @@ def form_page(
         Anything :func:`unbend.as_mesh` accepts, with faces.
     form : CanonicalForm
         Of that mesh, from :func:`unbend.canonical_form`.
-    path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself.
     posed : (n, 3) ndarray of float64, optional
         The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be shown too.
-    up : {"x", "y", "z"}, default="y"
-        The shape's axis that points upward.
     keep_scale : bool, default=False
         Whether the form was made with this option.
-    command : str, default=""
-        What made the form, shown on the page.
-    progress : callable, optional
-        Called with a stage's name and the share of it that is done.
+    path, up, command, progress
+        As for :func:`match_page`.
 
     Returns
     -------
