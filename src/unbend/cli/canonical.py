@@ -59,26 +59,23 @@ def canonical(
         options.report("Write a page to look at the form in a browser, beside the shape."),
     ] = None,
     up: options.Up = "y",
-    n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
+    n_components: Annotated[int, typer.Option(help="Dimension of the form.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the form approximates.")
+        DistanceKind, typer.Option(help="The distance that the form approximates.")
     ] = "biharmonic",
     weighting: Annotated[
-        Weighting, typer.Option("--weighting", help="Weight vertices equally, or by their area.")
+        Weighting, typer.Option(help="Weight vertices equally, or by their area.")
     ] = "uniform",
     n_samples: Annotated[
         int | None,
         typer.Option(
-            "--n-samples",
             help="Compute the paper's form, from so many vertices, instead of the exact one. "
-            "Geodesic distances have no exact form; for them it is 200 by default.",
+            "Geodesic distances have no exact form; for them it is 200 by default."
         ),
     ] = None,
     n_eigenpairs: Annotated[
         int | None,
-        typer.Option(
-            "--n-eigenpairs", help="Eigenfunctions of the paper's form, likewise; 100 by default."
-        ),
+        typer.Option(help="Eigenfunctions of the paper's form, likewise; 100 by default."),
     ] = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
@@ -89,9 +86,8 @@ def canonical(
     detail: Annotated[
         Detail | None,
         typer.Option(
-            "--detail",
             help="preserved: write the surface itself instead of the form, deformed as rigidly as "
-            "possible into the form's pose.",
+            "possible into the form's pose."
         ),
     ] = None,
     cache: options.Cache = True,

@@ -47,12 +47,11 @@ def distance(
         ),
     ] = "geodesic",
     n_eigenpairs: Annotated[
-        int | None,
-        typer.Option("--n-eigenpairs", help="Number of eigenpairs; by default no truncation."),
+        int | None, typer.Option(help="Number of eigenpairs; by default no truncation.")
     ] = None,
     time: Annotated[
         float | None,
-        typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
+        typer.Option(help="Diffusion time, in units of the mesh's area; by default 0.1."),
     ] = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,

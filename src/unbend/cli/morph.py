@@ -24,7 +24,6 @@ def morph(
     steps: Annotated[
         int,
         typer.Option(
-            "--steps",
             metavar="N",
             min=1,
             help="How many shapes between the two, evenly spaced; 1 is the one halfway.",

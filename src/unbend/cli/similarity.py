@@ -42,11 +42,9 @@ def similarity(
         ),
     ] = False,
     matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
-    n_components: Annotated[
-        int, typer.Option("--n-components", help="Dimension that is compared.")
-    ] = 3,
+    n_components: Annotated[int, typer.Option(help="Dimension that is compared.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the forms approximate.")
+        DistanceKind, typer.Option(help="The distance that the forms approximate.")
     ] = "biharmonic",
     component: options.Component = None,
     csv: options.Csv = None,

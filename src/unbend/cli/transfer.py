@@ -23,7 +23,6 @@ def transfer(
     values: Annotated[
         str,
         typer.Option(
-            "--values",
             metavar="FILE",
             help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a "
             "mesh with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).",
@@ -38,8 +37,7 @@ def transfer(
         ),
     ],
     kind: Annotated[
-        ValueKind,
-        typer.Option("--kind", help="auto: scalar for fractions, label for whole numbers, text."),
+        ValueKind, typer.Option(help="auto: scalar for fractions, label for whole numbers, text.")
     ] = "auto",
     property_name: Annotated[
         str | None,

@@ -23,11 +23,7 @@ def match(
     ],
     pairs: Annotated[
         str | None,
-        typer.Option(
-            "--pairs",
-            metavar="PAIRS.csv",
-            help="The pairs: columns source,target of paths or ids.",
-        ),
+        typer.Option(metavar="PAIRS.csv", help="The pairs: columns source,target of paths or ids."),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="Match every shape with each that follows it.")

@@ -105,8 +105,7 @@ def info(
         str | None, typer.Argument(metavar="[SHAPE]", help="A path or id, to show one shape.")
     ] = None,
     thumbnail: Annotated[
-        str | None,
-        typer.Option("--thumbnail", metavar="PNG", help="Write the picture of SHAPE."),
+        str | None, typer.Option(metavar="PNG", help="Write the picture of SHAPE.")
     ] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.
