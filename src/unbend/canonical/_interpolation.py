@@ -93,8 +93,7 @@ def interpolate(
     unit = _at_unit_area(spectrum)
     ids = vertex_ids(samples, len(spectrum.areas), "samples")
     operator = interpolation_operator(unit, ids, mu)
-    functions: FloatArray = unit.eigenfunctions @ (operator @ _rows(values, len(ids)))
-    return functions
+    return np.asarray(unit.eigenfunctions @ (operator @ _rows(values, len(ids))))
 
 
 def _rows(values: Any, n_samples: int) -> FloatArray:
@@ -153,8 +152,7 @@ def _least_squares(
 
     def precondition(residual: FloatArray) -> FloatArray:
         once = scipy.linalg.cho_solve(factor, residual)
-        both: FloatArray = scipy.linalg.cho_solve(factor, once.T)
-        return both
+        return np.asarray(scipy.linalg.cho_solve(factor, once.T))
 
     target = mu * (at_samples.T @ squared @ at_samples)
     alpha = precondition(target)

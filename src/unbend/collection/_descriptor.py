@@ -126,8 +126,7 @@ def describe(basis: Basis) -> npt.NDArray[np.float32]:
 
 def heat_kernel(basis: Basis, times: FloatArray) -> FloatArray:
     """Heat kernel signature of each vertex at each time, (n, n_times)."""
-    signature: FloatArray = basis.functions**2 @ np.exp(-np.outer(basis.values, times))
-    return signature
+    return np.asarray(basis.functions**2 @ np.exp(-np.outer(basis.values, times)))
 
 
 def wave_kernel(basis: Basis, energies: FloatArray, width: float) -> FloatArray:
@@ -138,8 +137,7 @@ def wave_kernel(basis: Basis, energies: FloatArray, width: float) -> FloatArray:
     apart = energies - np.log(np.maximum(basis.values[1:], 1e-9))[:, None]
     shares = np.exp(-(apart**2) / (2 * width**2))
     shares /= np.maximum(shares.sum(axis=0), 1e-300)
-    signature: FloatArray = basis.functions[:, 1:] ** 2 @ shares
-    return signature
+    return np.asarray(basis.functions[:, 1:] ** 2 @ shares)
 
 
 def quantiles(columns: FloatArray, areas: FloatArray, levels: FloatArray) -> FloatArray:
@@ -160,5 +158,4 @@ def log_covariance(columns: FloatArray, areas: FloatArray) -> FloatArray:
     logarithm = (vectors * values) @ vectors.T
     upper = np.triu_indices(len(values))
     weights = np.where(upper[0] == upper[1], 1, np.sqrt(2))
-    flat: FloatArray = logarithm[upper] * weights
-    return flat
+    return np.asarray(logarithm[upper] * weights)

@@ -68,8 +68,7 @@ class Statistics(Brief):
             )
         if not is_number(deviations):
             raise InputError(f"deviations must be a number, not {deviations!r}")
-        moved: FloatArray = self.mean + deviations * self.components[component]
-        return moved
+        return np.asarray(self.mean + deviations * self.components[component])
 
 
 def shape_statistics(

@@ -75,8 +75,7 @@ def whole_surface(mesh: Mesh) -> Whole:
 def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Area of each face, (m,)."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
-    areas: FloatArray = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return areas
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

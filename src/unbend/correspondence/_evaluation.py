@@ -207,11 +207,12 @@ def evaluate(
         mirrored = _errors(target, mirrored_truth, found, rows[both], name, distance)
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
+    areas = vertex_areas(target)
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
-        coverage=_coverage(images, target),
+        coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
         overlap=_overlap(found >= 0, truth >= 0),
     )
 
@@ -276,8 +277,3 @@ def _forget() -> None:
 def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
     both = int((given & true).sum())
     return Overlap(*(both / int(one.sum()) for one in (given, true, given | true)))
-
-
-def _coverage(images: IntArray, target: Mesh) -> float:
-    areas = vertex_areas(target)
-    return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())

@@ -69,8 +69,7 @@ def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
     """Turn one unit vector into another, less than half a turn away, the shortest way."""
     v = np.cross(a, b)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    rotation: FloatArray = np.eye(3) + cross + cross @ cross / (1 + a @ b)
-    return rotation
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + a @ b))
 
 
 def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:

@@ -38,8 +38,7 @@ def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> Flo
         turns = nearest_rotation(covariance.reshape(-1, 3, 3))
         wanted = 0.5 * np.einsum("eij,ej->ei", turns[tails] + turns[heads], edges)
         moved = solve(to_tail @ wanted + hold[:, None] * posed)
-    result: FloatArray = moved
-    return result
+    return np.asarray(moved)
 
 
 def _cotangents(

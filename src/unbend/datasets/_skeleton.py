@@ -93,8 +93,7 @@ def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
     distances = cones_of(bones, for_motion=True).distances(points)
     weights = np.exp((distances.min(axis=0) - distances) / _SPREAD)
     weights = np.maximum(weights - 0.01, 0).T
-    result: FloatArray = weights / weights.sum(axis=1, keepdims=True)
-    return result
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
@@ -115,8 +114,7 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
         else:
             raise InputError(f"no bone is called {name!r}; the bones are {', '.join(angles)}")
     stacked = np.stack(list(angles.values()))
-    matrices: FloatArray = Rotation.from_euler("xyz", stacked, degrees=True).as_matrix()
-    return matrices
+    return np.asarray(Rotation.from_euler("xyz", stacked, degrees=True).as_matrix())
 
 
 def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
@@ -147,8 +145,7 @@ def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArr
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     q, d = q / norm, d / norm
     shift = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
-    rotated: FloatArray = Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift
-    return rotated
+    return np.asarray(Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift)
 
 
 def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:

@@ -154,8 +154,7 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
 
 def _fill(inside: BoolArray) -> BoolArray:
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
-    filled: BoolArray = ndimage.binary_fill_holes(doubled)[len(inside) - 2 :]
-    return filled
+    return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 
 
 def _even_out(

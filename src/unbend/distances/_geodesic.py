@@ -36,8 +36,7 @@ def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
     scale = 1 / np.sqrt(surface.area)
 
     def from_sources(sources: IntArray) -> FloatArray:
-        rows: FloatArray = np.stack([one(int(source)) for source in sources]) * scale
-        return rows
+        return np.asarray(np.stack([one(int(source)) for source in sources]) * scale)
 
     def between(samples: IntArray) -> FloatArray:
         rows = from_sources(samples)[:, samples]
@@ -160,7 +159,6 @@ def _exact(mesh: Mesh) -> _FromVertex:
                 f"by up to {steep:.1g} of the largest: needle triangles make them inaccurate; "
                 "use geodesic, or remesh it"
             )
-        scaled: FloatArray = distances * unit
-        return scaled
+        return np.asarray(distances * unit)
 
     return one

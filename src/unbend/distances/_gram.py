@@ -147,8 +147,7 @@ def _distances(kernel: FloatArray, rows: FloatArray, columns: FloatArray) -> Flo
             f"a squared distance came out at {least / largest:.1e} of the kernel's largest entry: "
             "the kernel is not positive semi-definite"
         )
-    distances: FloatArray = np.sqrt(np.maximum(squared, 0.0))
-    return distances
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
 def _indicators(vertices: IntArray, n: int) -> FloatArray:

@@ -89,8 +89,7 @@ def group_rows(rows: IntArray, n_groups: int) -> IntArray:
     size = m + n_groups
     data = np.ones(m * k, dtype=np.int8)
     graph = csr_matrix((data, rows.ravel() + m, indptr), shape=(size, size))
-    labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels
+    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +184,7 @@ def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
 def has_repeated_index(faces: IntArray) -> BoolArray:
     """Which faces name a vertex twice."""
     a, b, c = faces.T
-    repeated: BoolArray = (a == b) | (b == c) | (c == a)
-    return repeated
+    return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def has_earlier_twin(faces: IntArray) -> BoolArray:

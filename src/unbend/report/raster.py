@@ -50,8 +50,7 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     turn = np.array([[ca, 0, -sa], [0, 1, 0], [sa, 0, ca]])
     tilt = np.array([[1, 0, 0], [0, ce, -se], [0, se, ce]])
-    rotation: FloatArray = tilt @ turn
-    return rotation
+    return np.asarray(tilt @ turn)
 
 
 def rasterize(
@@ -166,5 +165,4 @@ def _lit(color: FloatArray, normal: FloatArray) -> FloatArray:
     light *= 0.72 + 0.28 * normal[:, 2]  # darker towards the outline: parts stand out
     half = key + np.array([0.0, 0.0, 1.0])
     shine = 0.10 * np.maximum(normal @ (half / np.linalg.norm(half)), 0) ** 24
-    result: FloatArray = color * light[:, None] * 1.12 + shine[:, None]
-    return result
+    return np.asarray(color * light[:, None] * 1.12 + shine[:, None])

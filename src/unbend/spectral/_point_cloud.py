@@ -171,8 +171,7 @@ def _first_at_place(points: FloatArray) -> IntArray:
     graph = sp.coo_array((np.ones(len(close)), close.T), shape=(n, n))
     place = csgraph.connected_components(graph, directed=False)[1]
     lowest = np.unique(place, return_index=True)[1]
-    merged: IntArray = distinct[lowest[place]][of_point]
-    return merged
+    return np.asarray(distinct[lowest[place]][of_point])
 
 
 def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArray, FloatArray]:
