@@ -38,14 +38,6 @@ def read_shapes(paths: Iterable[str], component: str | None = None) -> list[Mesh
     return [only_component(read_mesh(path), chosen) for path in paths]
 
 
-def check_drawable(shapes: Iterable[Mesh], pictures: Mapping[str, str | None]) -> None:
-    """Raise InputError if a point cloud is to be drawn; `pictures` are files by their options."""
-    given = " and ".join(option for option, path in pictures.items() if path is not None)
-    for shape in shapes:
-        if given and shape.is_point_cloud:
-            raise InputError(f"{shape.name}: a point cloud has no faces to draw; leave out {given}")
-
-
 def make_form(
     mesh: Mesh, distance: DistanceKind, sampling: Mapping[str, Any] | None = None, **options: Any
 ) -> CanonicalForm:

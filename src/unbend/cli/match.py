@@ -10,7 +10,6 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._input import (
-    check_drawable,
     is_unsure,
     keeps_all,
     landmarks_of,
@@ -121,7 +120,6 @@ def match(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
-        check_drawable(shapes, {"--figure": figure, "--report": report})
         known = None
         if truth is not None:
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])

@@ -11,7 +11,7 @@ import typer
 
 from unbend.cli import _options as options
 from unbend.cli._batch import expand_folders, is_batch
-from unbend.cli._input import check_drawable, read_or_match, read_shapes
+from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import (
     lines_to_keep,
     look_at,
@@ -98,7 +98,6 @@ def register(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
-        check_drawable(shapes, {"--report": report})
         match = read_or_match(
             shapes,
             map_file,

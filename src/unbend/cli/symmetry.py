@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._input import check_drawable, is_unsure, read_shapes, write_result
+from unbend.cli._input import is_unsure, read_shapes, write_result
 from unbend.cli._output import (
     EXIT_UNSURE,
     command_line,
@@ -53,7 +53,6 @@ def symmetry(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         (shape,) = read_shapes([mesh], component)
-        check_drawable([shape], {"--figure": figure, "--report": report})
         found = find_symmetry(shape, refine=refine, progress=progress)
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)

@@ -17,6 +17,7 @@ from unbend.alignment import procrustes
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh, used_vertices
+from unbend.preparation import triangulate_points
 from unbend.report.colors import position_colors
 from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
@@ -120,7 +121,7 @@ def draw_mesh(
     ax : matplotlib.axes.Axes
         Its place in the figure decides the resolution; the shape fills it.
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces. Vertices that are not finite are
+        Anything :func:`unbend.as_mesh` accepts. Vertices that are not finite are
         left out. y is up.
     colors : (n,) or (n, 3) array_like, optional
         Per vertex: a number (drawn with the viridis colours from the least to the greatest;
@@ -132,7 +133,7 @@ def draw_mesh(
     Raises
     ------
     InputError
-        If the mesh has no faces, the view is unknown, or the colours do not fit the vertices.
+        If the view is unknown, or the colours do not fit the vertices.
 
     Examples
     --------
@@ -142,9 +143,7 @@ def draw_mesh(
     >>> ax = new_figure(1, 1).add_subplot()
     >>> draw_mesh(ax, mesh, colors=position_colors(mesh.vertices), view="front")
     """
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
+    mesh = drawable(mesh)
     draw_places(ax, mesh.vertices, mesh, colors, view)
 
 
@@ -202,7 +201,7 @@ def draw_canonical_forms(
     rows: list[list[Any]] = [[] for _ in range(count)]
     first_colors: Any = None
     for i, (caption, original, canonical, colors, surface) in enumerate(filled):
-        mesh = as_mesh(original)
+        mesh = drawable(original)
         points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         if colors is None:
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
@@ -296,6 +295,12 @@ def fit_rigidly(
     if both.sum() < 3:
         return np.eye(3), np.zeros(3)
     return procrustes(points[both], places[both], reflect=reflect)
+
+
+def drawable(shape: MeshLike) -> Mesh:
+    """Return a mesh, or a point cloud with triangles between its points."""
+    mesh = as_mesh(shape)
+    return triangulate_points(mesh) if mesh.is_point_cloud else mesh
 
 
 def fitting_height(

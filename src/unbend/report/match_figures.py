@@ -22,6 +22,7 @@ from unbend.report.figures import (
     as_written,
     check_up,
     draw_mesh,
+    drawable,
     fit_rigidly,
     fitting_height,
     new_figure,
@@ -135,7 +136,7 @@ def draw_match(
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none.
     path : path
@@ -146,7 +147,7 @@ def draw_match(
     Raises
     ------
     InputError
-        If a shape has no faces, the map does not fit, or there is no such axis.
+        If the map does not fit, or there is no such axis.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 
@@ -163,7 +164,7 @@ def draw_match(
     ...     path.exists()
     True
     """
-    source, target = as_mesh(source), as_mesh(target)
+    source, target = drawable(source), drawable(target)
     colors, carried = (one / 255 for one in match_colors(source, target, match))
     check_up(up)
     upright = UPRIGHT[up]

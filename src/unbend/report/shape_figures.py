@@ -12,7 +12,7 @@ from unbend._types import BoolArray, FloatArray
 from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh
+from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
@@ -24,6 +24,7 @@ from unbend.report.figures import (
     check_values,
     draw_mesh,
     draw_places,
+    drawable,
     fitting_height,
     new_figure,
     same_scale,
@@ -50,7 +51,7 @@ def draw_form(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     form : CanonicalForm
         Of that mesh; of more than three dimensions the first three are drawn.
     path : path
@@ -63,7 +64,7 @@ def draw_form(
     Raises
     ------
     InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+        If the form is not of this mesh, or there is no such axis.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 
@@ -77,7 +78,7 @@ def draw_form(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
     """
-    mesh = drawable(mesh, form, up)
+    mesh = checked_shape(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     places = turned_to_fit(form.points, mesh.vertices, inside)
     columns = [
@@ -110,7 +111,7 @@ def draw_values(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     values : (n,) array_like of float
         Drawn in the viridis colours from the least to the greatest; grey where not finite.
     path : path
@@ -123,8 +124,7 @@ def draw_values(
     Raises
     ------
     InputError
-        If the mesh has no faces, there is not one value per vertex, none is finite, or there is
-        no such axis.
+        If there is not one value per vertex, none is finite, or there is no such axis.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 
@@ -141,7 +141,7 @@ def draw_values(
     ...     path.exists()
     True
     """
-    mesh = as_mesh(mesh)
+    mesh = drawable(mesh)
     check_up(up)
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
@@ -218,9 +218,9 @@ def draw_variation(
     save_figure(figure, path)
 
 
-def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
-    """Check that a mesh has faces, that the form is of this mesh, and that `up` is an axis."""
-    mesh = as_mesh(mesh)
+def checked_shape(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
+    """Return the shape as it is drawn; check that the form is of it, and that `up` is an axis."""
+    mesh = drawable(mesh)
     check_form(mesh, form)
     check_up(up)
     return mesh

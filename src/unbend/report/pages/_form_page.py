@@ -31,7 +31,7 @@ from unbend.report.pages._document import (
 )
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
-from unbend.report.shape_figures import drawable, turned_to_fit
+from unbend.report.shape_figures import checked_shape, turned_to_fit
 from unbend.spectral import spectrum
 
 # Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
@@ -64,7 +64,7 @@ def form_page(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     form : CanonicalForm
         Of that mesh, from :func:`unbend.canonical_form`.
     posed : (n, 3) ndarray of float64, optional
@@ -82,7 +82,7 @@ def form_page(
     Raises
     ------
     InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+        If the form is not of this mesh, or there is no such axis.
     FileError
         If the file cannot be written.
 
@@ -106,7 +106,7 @@ def form_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    mesh = drawable(mesh, form, up)
+    mesh = checked_shape(mesh, form, up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
