@@ -60,14 +60,7 @@ def morph(
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
         match = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):

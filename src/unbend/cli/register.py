@@ -99,14 +99,7 @@ def register(
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
         match = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)

@@ -96,14 +96,7 @@ def transfer(
             chosen = value_kind(array, kind)
             check_storable(out, array, chosen)
         found = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         progress("carrying", 0)
         if is_markup:
