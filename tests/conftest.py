@@ -18,9 +18,16 @@ settings.register_profile("unbend", deadline=None, derandomize=True, max_example
 settings.load_profile("unbend")
 
 
+# Files of tests of several seconds each.
+LONG = {
+    *("test_accuracy.py", "test_benchmarks.py", "test_bodies.py", "test_docs.py"),
+    *("test_endurance.py", "test_engine.py", "test_reproducible.py"),
+}
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest test: no worker ends with it while the others have nothing to do."""
-    items.sort(key=lambda item: item.path.name != "test_readme.py")
+    """Begin with long tests: no worker ends with one while the others have nothing to do."""
+    items.sort(key=lambda item: item.path.name not in LONG)
 
 
 @pytest.fixture(scope="session", autouse=True)
