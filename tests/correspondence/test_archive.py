@@ -29,7 +29,13 @@ RIGHT = Match(
 )
 BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0, 0.0)
 
-SEVERAL = replace(RIGHT, alternatives=(BARE,) * 11 + (RIGHT,), missed_landmarks=(0, 2))
+SEVERAL = replace(
+    RIGHT,
+    alternatives=(BARE,) * 11 + (RIGHT,),
+    missed_landmarks=(0, 2),
+    landmark_hints=(2,),
+    disorder=0.25,
+)
 
 
 @pytest.mark.parametrize("match", [RIGHT, BARE, SEVERAL])
@@ -104,6 +110,8 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("confidence", np.array(1.5)),
         ("overlap_source", np.array(-0.5)),
         ("overlap_target", np.array(1.5)),
+        ("disorder", np.array(2.5)),
+        ("landmark_hints", np.array([3])),  # the source has three vertices
         ("hypotheses", np.array([[-2.0, 0.7], [-1.0, -1.5]])),
         ("hypotheses", np.array([[-2.0, 0.7], [-1.0, 1.5]])),
         ("weights", np.array([[-1.0, 1, 1], [0, 1, 0], [np.nan] * 3])),
