@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._batch import list_failures, shown
 from unbend.cli._output import (
     EXIT_SOME_FAILED,
     progress_on_stderr,
-    quoted,
     rows,
     tell,
 )
