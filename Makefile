@@ -53,7 +53,7 @@ test-portable: .venv/test.stamp ## the tests again under what rounds differently
 
 test-browser: .venv/test.stamp browser ## the pages in Chromium; what they look like is kept in screenshots/
 	UNBEND_BROWSER_NEEDED=1 UNBEND_SCREENSHOTS=$(CURDIR)/screenshots \
-	$(BIN)/pytest tests/report/pages/test_browser*.py
+	$(BIN)/pytest tests/report/pages/test_browser*.py tests/app/test_browser_app.py
 
 CHROMIUM = $(UNBEND_BROWSER) $(shell command -v chromium chromium-browser google-chrome google-chrome-stable)
 

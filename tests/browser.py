@@ -76,7 +76,7 @@ class Browser:
         self.problems: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
-        self._session = attached["sessionId"]
+        self._session = self._first = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         offline = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
@@ -156,6 +156,10 @@ class Browser:
                 raise RuntimeError(f"{address} did not draw: {self.problems}")
             time.sleep(0.05)
         self.settle()
+
+    def switch(self, session: str | None) -> None:
+        """Go on with another page, or with the first one again."""
+        self._session = session or self._first
 
     def settle(self) -> None:
         """Wait until two frames have been drawn."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from unbend._display import is_doubtful
+from unbend._text import plural
 from unbend.app._work import Result, Work, reading
 from unbend.correspondence import read_match, write_match
 from unbend.io import write_map
@@ -19,15 +20,16 @@ from unbend.report import match_colors, match_page, view
 
 Landmarks = Sequence[Sequence[int]]
 
-_N_MATCHES = 3
+_N_MATCHES, _LARGE = 3, 60_000  # vertices beyond which other maps would take too long
 
 
 def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result:
     """Match two shapes."""
+    count = _N_MATCHES if max(mesh.n_vertices for mesh in work.meshes) <= _LARGE else 1
     found = find_match(
         *work.meshes,
         landmarks=landmarks or None,
-        n_matches=_N_MATCHES,
+        n_matches=count,
         allow_mirror=mirror,
         barycentric=True,
         progress=work.progress,
@@ -35,7 +37,7 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     source, target = work.meshes
     stem = "-".join(work.stems)
     out = f"{stem}.npz"
-    command = ["match", *work.names, "-n", str(_N_MATCHES), "-o", out, "--report", "match.html"]
+    command = ["match", *work.names, "-n", str(count), "-o", out, *work.report]
     more = ""
     if landmarks:
         command += ["--landmarks", "landmarks.csv"]
@@ -45,8 +47,8 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
         more += ", allow_mirror=True"
     python = [
         *reading(work, "match, read_mesh, write_match"),
-        f"found = match(source, target, n_matches={_N_MATCHES}{more}, barycentric=True)",
-        f"write_match({f'{out}.npz'!r}, found, source=source, target=target)",
+        f"found = match(source, target, n_matches={count}{more}, barycentric=True)",
+        f"write_match({out!r}, found, source=source, target=target)",
     ]
     result = _matched(work, found, out, landmarks, command, python)
     for i, other in enumerate(found.alternatives):
@@ -77,14 +79,15 @@ def choose(
     """Take an alternative of a match."""
     source, target = work.meshes
     found = read_match(map_file, source=source, target=target)
-    return _matched(work, found, map_name, landmarks, command, python)
+    result = _matched(work, found, map_name, landmarks, command, python)
+    return result | {"title": f"{result['title']}, another map"}
 
 
 def symmetry(work: Work) -> Result:
     """Find which point of a shape mirrors which."""
     found = find_symmetry(work.meshes[0], progress=work.progress)
     (name,) = work.names
-    command = ["symmetry", name, "-o", "partners.csv", "--report", "symmetry.html"]
+    command = ["symmetry", name, "-o", "partners.csv", *work.report]
     python = [
         "from unbend import symmetry, write_map",
         "",
@@ -148,6 +151,7 @@ def _matched(
             progress=work.progress,
         )
         result["page"] = str(work.page)
+    hints = f", with {plural(len(landmarks), 'landmark')}" if landmarks else ""
     matched, n = int((found.source_to_target >= 0).sum()), source.n_vertices
     one, other = found.overlap_source, found.overlap_target
     facts = {
@@ -155,7 +159,7 @@ def _matched(
         "overlap": f"{one:.0%} of the first surface, {other:.0%} of the second",
     }
     return result | {
-        "title": " to ".join(work.names)
+        "title": " to ".join(work.names) + hints
         if target is not source
         else f"Left and right of {source.name}",
         "facts": list(facts.items()),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import Any
 
-from unbend.choices import Axis
 from unbend.errors import InputError
 
 TITLES = {
@@ -38,10 +37,10 @@ def check_request(
     collection: str | None,
 ) -> dict[str, Any]:
     """Turn what a page asked for into a job; raise InputError for anything else."""
-    what, chosen, up = asked.get("do"), asked.get("shapes", []), asked.get("up", "y")
-    if what not in TITLES or what == "look" or up not in get_args(Axis):
+    what, chosen = asked.get("do"), asked.get("shapes", [])
+    if what not in TITLES or what == "look":
         raise InputError("there is no such job")
-    job: dict[str, Any] = {"do": what, "up": up}
+    job: dict[str, Any] = {"do": what}
     result: Mapping[str, Any] = {}
     if what in _WITH_MAP:
         result = results.get(_whole(asked.get("result")), {})

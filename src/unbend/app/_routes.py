@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import secrets
 import time
 from importlib.resources import files
@@ -55,12 +56,14 @@ def make_app(
         )
 
     async def state(request: Request) -> Response:
-        tabs[request.query_params.get("tab", "")[:40]] = time.monotonic()
+        if tab := request.query_params.get("tab", "")[:40]:
+            tabs[tab] = time.monotonic()
         found = session.state(_number(request.query_params.get("seen", "")))
         return JSONResponse(found)
 
     async def bye(request: Request) -> Response:
-        tabs.pop(request.query_params.get("tab", ""), None)
+        if (tab := request.query_params.get("tab", "")) in tabs:
+            tabs[tab] = -math.inf
         return JSONResponse(None)
 
     async def upload(request: Request) -> Response:
@@ -83,6 +86,10 @@ def make_app(
 
     async def submit(request: Request) -> Response:
         return JSONResponse({"id": session.submit(await _asked(request, dict))})
+
+    async def turn(request: Request) -> Response:
+        session.turn((await _asked(request, dict)).get("up"))
+        return JSONResponse(None)
 
     async def landmarks(request: Request) -> Response:
         session.keep_landmarks(request.path_params["i"], await _asked(request, list))
@@ -128,6 +135,7 @@ def make_app(
         Route("/", asset),
         Route("/state", state),
         Route("/bye", bye, methods=["POST"]),
+        Route("/up", turn, methods=["PUT"]),
         Route("/files", upload, methods=["PUT"]),
         Route("/jobs", submit, methods=["POST"]),
         Route("/{kind}/{i:int}", remove, methods=["DELETE"]),

@@ -20,7 +20,7 @@ from unbend.app._session import Session, remove_dead
 from unbend.errors import InputError, MissingExtraError
 
 _SHARE_OF_MEMORY = 0.8
-_CLOSED_SECONDS, _SILENT_SECONDS = 5.0, 600.0
+_CLOSED_SECONDS, _SILENT_SECONDS = 8.0, 600.0
 
 
 def serve(
@@ -99,16 +99,14 @@ def serve(
 
 
 async def _stop_when_closed(server: Any, session: Session, tabs: dict[str, float]) -> None:
-    """End the server some seconds after the last page has been closed."""
-    opened, gone = False, time.monotonic()
+    """End the server some seconds after the last page was closed; `tabs` has when it spoke."""
+    heard = time.monotonic()
     while True:
         await asyncio.sleep(0.5)
         now = time.monotonic()
-        for tab in [one for one, last in tabs.items() if now - last > _SILENT_SECONDS]:
-            del tabs[tab]
-        opened |= bool(tabs)
-        gone = now if tabs or not opened else gone
-        if now - gone > (_SILENT_SECONDS if session.busy else _CLOSED_SECONDS):
+        if not tabs or max(tabs.values()) > now - _SILENT_SECONDS:
+            heard = now
+        if now - heard > (_SILENT_SECONDS if session.busy else _CLOSED_SECONDS):
             server.should_exit = True
 
 

@@ -10,11 +10,12 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from unbend._text import printable
 from unbend.app._requests import TITLES, check_request
 from unbend.app._worker import Worker
+from unbend.choices import Axis
 from unbend.errors import InputError
 
 PREFIX = "unbend-app-"
@@ -52,6 +53,7 @@ class Session:
         self._results: dict[int, dict[str, Any]] = {}
         self._jobs: dict[int, dict[str, Any]] = {}
         self._troubles: dict[int, str] = {}
+        self._up: Axis = "y"
         self._bytes = 0
         self._closed = False
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -94,6 +96,7 @@ class Session:
                 "jobs": jobs,
                 "troubles": troubles,
                 "collection": self._collection or "",
+                "up": self._up,
             }
 
     # Files
@@ -128,8 +131,18 @@ class Session:
                 self._values[i] = str(path), label
                 return i
             self._shapes[i] = {"path": str(path), "name": label, "state": "reading"}
-            self._submit({"do": "look", "shapes": [i], "up": "y"})
+            self._submit({"do": "look", "shapes": [i]})
         return i
+
+    def turn(self, up: Axis) -> None:
+        """Take another axis for the one that points upward, and draw all shapes again."""
+        if up not in get_args(Axis):
+            raise InputError("the upward axis is x, y or z")
+        with self._changed:
+            self._up = up
+            for i, shape in self._shapes.items():
+                if shape["state"] == "good":
+                    self._submit({"do": "look", "shapes": [i]})
 
     def shape_file(self, i: int) -> tuple[str, str]:
         """Path and name of a shape."""
@@ -202,7 +215,8 @@ class Session:
         title = TITLES[job["do"]].format(
             " and ".join(self._shapes[one]["name"] for one in job["shapes"])
         )
-        entry = {"title": title, "stage": "waiting", "share": 0.0, "running": False, "job": job}
+        entry = {"title": title, "stage": "waiting", "share": 0.0, "running": False}
+        entry["job"] = job | {"up": self._up}
         self._jobs[i] = entry
         self._note()
         return i
@@ -257,7 +271,7 @@ class Session:
     def _finished(self, i: int, job: dict[str, Any], found: dict[str, Any]) -> None:
         if job["do"] == "look":
             picture = found["pictures"][0]["path"] if found["pictures"] else ""
-            more = {"state": "good" if found["usable"] else "bad", "picture": bool(picture)}
+            more = {"state": "good" if found["usable"] else "bad", "picture": i if picture else 0}
             for one in job["shapes"]:
                 if one in self._shapes:
                     self._shapes[one] |= found | more | {"picture_path": picture}

@@ -35,7 +35,7 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     """Measure distances on the surface from some vertices."""
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
-    nearest = measure(mesh, vertices).min(axis=0)
+    nearest = measure(mesh, vertices, distance="geodesic", component="largest").min(axis=0)
     view(mesh, values=nearest, landmarks=vertices, path=work.page, up=work.up)
     for suffix in (".csv", ".ply", ".glb"):
         path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
@@ -43,8 +43,17 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     at = int(np.nanargmax(nearest))
     facts = {"farthest": f"vertex {at}, at {nearest[at]:.5g} in the unit of the file"}
     starts = [word for one in vertices for word in ("--from", str(one))]
-    command = ["distance", mesh.name, *starts, "-o", f"{stem}-distance.ply"]
-    call = f"distances = distance({mesh.name!r}, {list(vertices)}).min(axis=0)"
+    command = [
+        "distance",
+        mesh.name,
+        *starts,
+        "--component",
+        "largest",
+        "-o",
+        f"{stem}-distance.ply",
+    ]
+    options = f'{list(vertices)}, distance="geodesic", component="largest"'
+    call = f"distances = distance({mesh.name!r}, {options}).min(axis=0)"
     python = ["from unbend import distance", "", call]
     return work.result(f"Distances on {mesh.name}", facts, command, python)
 

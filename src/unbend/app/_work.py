@@ -14,6 +14,7 @@ from unbend._types import Progress
 from unbend.choices import Axis
 from unbend.io import read_mesh, write_mesh
 from unbend.mesh import Mesh
+from unbend.report.figures import UPRIGHT
 from unbend.report.raster import thumbnail
 
 Result = dict[str, Any]
@@ -47,6 +48,11 @@ class Work:
         return [Path(name).stem for name in self.names]
 
     @property
+    def report(self) -> list[str]:
+        """Options that write the page from the command line."""
+        return ["--report", "report.html", *(["--up", self.up] if self.up != "y" else [])]
+
+    @property
     def page(self) -> Path:
         """Where the page of the result is written."""
         return self.folder / "page.html"
@@ -64,7 +70,8 @@ class Work:
 
     def draw(self, caption: str, mesh: Mesh, colors: Any = None) -> None:
         """Draw a shape, with colours from 0 to 255; points have no picture."""
-        drawn = thumbnail(mesh, _PICTURE, None if colors is None else np.asarray(colors) / 255)
+        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, mesh.faces)
+        drawn = thumbnail(upright, _PICTURE, None if colors is None else np.asarray(colors) / 255)
         if drawn:
             path = self.folder / f"picture-{len(self.pictures)}.png"
             path.write_bytes(drawn)

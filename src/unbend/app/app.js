@@ -42,7 +42,7 @@ function complain(text) {
 }
 
 async function submit(job) {
-  wanted = (await ask("POST", "jobs", JSON.stringify({ ...job, up: part("up").value }))).id;
+  wanted = (await ask("POST", "jobs", JSON.stringify(job))).id;
   say("Started.");
 }
 
@@ -66,21 +66,25 @@ function chosen() {
 function showShapes() {
   const { good, first, second } = chosen();
   const rows = state.shapes.map((one) => {
-    const role = [one.id === first && "first", one.id === second && "second"].filter(Boolean).join(" and ");
+    const take = (role, at, text) => one.state === "good" && button(text, () => {
+      remember({ [role]: one.id });
+      showShapes();
+    }, { "aria-pressed": `${one.id === at}`, "aria-label": `Take ${one.name} as the ${role}` });
     const told = (one.told || []).map((text) => make("p", { class: one.state === "bad" && "bad" }, text));
     const healthy = one.state === "good" && !told.length && make("p", {}, "This shape is healthy.");
     return make("li", {},
-      one.picture && make("img", { src: `shapes/${one.id}/picture`, alt: `Picture of ${one.name}` }),
+      one.picture && make("img", { src: `shapes/${one.id}/picture?of=${one.picture}`, alt: `Picture of ${one.name}` }),
       make("b", {}, one.name),
       make("span", { class: "hint" }, one.state === "reading" ? "Reading\u2026" : one.size || ""),
       healthy, ...told,
       make("div", { class: "row" },
-        role && make("span", {}, `chosen as ${role}`),
+        take("first", first, "First"), take("second", second, "Second"),
         one.sample && make("a", { href: `shapes/${one.id}/file`, download: one.name }, "Save"),
         button("Remove", () => ask("DELETE", `shapes/${one.id}`), { "aria-label": `Remove ${one.name}` })));
   });
   part("shapes").replaceChildren(...rows);
   part("do").hidden = !good.length;
+  part("up").value = state.up;
   for (const [name, id] of [["first", first], ["second", second]]) {
     part(name).replaceChildren(...state.shapes.filter((one) => one.state === "good").map(
       (one) => make("option", { value: one.id, selected: one.id === id }, one.name)));
@@ -119,7 +123,7 @@ function showResults() {
   part("results").replaceChildren(...state.results.map((one) => button(one.title, () => {
     remember({ result: one.id });
     showResults();
-  }, { "aria-pressed": one === at })));
+  }, { "aria-pressed": `${one === at}` })));
   if (at && at.id === shown) return showPlaced(at);
   shown = at?.id;
   frame = null;
@@ -258,8 +262,7 @@ for (const name of ["first", "second"]) {
     showShapes();
   });
 }
-part("up").value = kept.up || "y";
-part("up").addEventListener("change", ({ target }) => remember({ up: target.value }));
+part("up").addEventListener("change", ({ target }) => ask("PUT", "up", JSON.stringify({ up: target.value })));
 for (const one of document.querySelectorAll("[data-do]")) {
   one.addEventListener("click", () => {
     const { first, second } = chosen();
