@@ -6,11 +6,14 @@ BIN := .venv/bin
 # with neighbouring tests, which share shapes, and Python keeps what it compiles, for all of them.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
+.PHONY: app demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
 	lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
+
+app: .venv/app.stamp ## a window in the browser; ARGS="FILES" to begin with
+	$(BIN)/unbend app $(ARGS)
 
 reproduce: .venv/test.stamp ## the paper's experiments, into reproduction/; ARGS="--quick", ARGS="table1 --data DIR"
 	$(BIN)/python -m paper $(ARGS)

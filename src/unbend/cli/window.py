@@ -15,7 +15,7 @@ from unbend.cli._output import say
 def app(
     files: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[FILES]", help="Meshes to begin with, or folders of them."),
+        typer.Argument(metavar="FILES", help="Meshes to begin with, or folders of them."),
     ] = None,
     port: Annotated[
         int, typer.Option("--port", metavar="N", min=0, max=65535, help="By default any.")
