@@ -153,7 +153,8 @@ def make_app(
 
 def _guarded(app: Any, token: str, port: int) -> Any:
     """Refuse requests of other pages, names and addresses, and add headers to all answers."""
-    hosts = [f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")]
+    names = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
+    hosts = {name.encode(): f"http://{name}".encode() for name in names}
 
     async def guarded(scope: Any, receive: Any, send: Any) -> None:
         if scope["type"] != "http":
@@ -161,7 +162,7 @@ def _guarded(app: Any, token: str, port: int) -> Any:
             return
         given = dict(scope["headers"])
         host, origin = given.get(b"host", b""), given.get(b"origin")
-        foreign = origin is not None and origin != b"http://" + host
+        foreign = origin not in (None, hosts.get(host))
         foreign |= given.get(b"sec-fetch-site", b"none") not in (b"same-origin", b"none")
         changes = scope["method"] not in ("GET", "HEAD")
         known = secrets.compare_digest(scope["path"].split("/")[1].encode(), token.encode())

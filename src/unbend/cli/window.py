@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli._batch import expand_folders
-from unbend.cli._output import say
+from unbend.cli._output import tell
 
 
 def app(
@@ -52,8 +52,8 @@ def app(
         opened(collection)
 
     def ready(address: str) -> None:
-        typer.echo(address)
-        say("note", "close the window or press Ctrl-C here to stop")
+        stop = "close the window, or press Ctrl-C here, to stop"
+        tell({"address": address}, [address], next_step=stop)
         if browser:
             webbrowser.open(address)
 
