@@ -99,6 +99,8 @@ def test_the_way_of_a_shape(app, ply) -> None:
     placed = [{"name": "1", "at": [7, 7]}]
     app.send("PUT", f"results/{result['id']}/landmarks", placed)
     assert app.get("state")["results"][0]["placed"] == placed
+    for bad in ([1], [{"name": "1", "at": [7]}], [{"name": 1, "at": [7, 7]}], {}):
+        assert app.ask("PUT", f"results/{result['id']}/landmarks", bad)[0] == 400
     app.send("PUT", "up", {"up": "z"})
     state = app.wait(lambda s: not s["jobs"])
     assert state["up"] == "z"

@@ -81,6 +81,21 @@ def check_request(
     return job
 
 
+def check_landmarks(given: list[Any], width: int) -> list[dict[str, Any]]:
+    """Check landmarks as the page has them: a name, and a vertex or -1 on each shape."""
+    good = all(
+        isinstance(one, dict)
+        and isinstance(one.get("name"), str)
+        and isinstance(one.get("at"), list)
+        and len(one["at"]) == width
+        and all(isinstance(vertex, int) for vertex in one["at"])
+        for one in given
+    )
+    if not good:
+        raise InputError("landmarks have a name and a vertex of each shape")
+    return [{"name": one["name"], "at": one["at"]} for one in given]
+
+
 def _whole(value: Any) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) else -1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import os
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from unbend._text import printable
-from unbend.app._requests import TITLES, check_request
+from unbend.app._requests import TITLES, check_landmarks, check_request
 from unbend.app._worker import Worker
 from unbend.choices import Axis
 from unbend.errors import InputError
@@ -24,7 +25,7 @@ _VALUE_SUFFIXES = (".npy", ".csv", ".txt", ".json", ".fcsv")
 _SHAPE_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".glb")
 _MOST_BYTES = 512 * 2**20  # of one upload
 _MOST_BYTES_IN_ALL = 2 * 2**30
-_MOST_SHAPES = 200
+_MOST_SHAPES, _MOST_JOBS = 200, 500
 _MOST_LETTERS = 120  # of a name
 
 _SHOWN = ("name", "state", "size", "told", "picture", "sample")  # of a shape
@@ -158,7 +159,8 @@ class Session:
             path = Path(self._shapes.pop(i)["path"])
             if path.parent == self.folder:
                 self._bytes -= path.stat().st_size
-                path.unlink()
+                with contextlib.suppress(OSError):  # Windows keeps what is being read
+                    path.unlink()
             self._note()
 
     # Results
@@ -171,10 +173,11 @@ class Session:
         one = result[kind][number]
         return one["path"], one.get("name", "picture.png")
 
-    def keep_landmarks(self, i: int, given: list[dict[str, Any]]) -> None:
+    def keep_landmarks(self, i: int, given: list[Any]) -> None:
         """Keep the landmarks that were placed on the page of a result."""
         with self._changed:
-            self._results[i]["placed"] = given
+            result = self._results[i]
+            result["placed"] = check_landmarks(given, len(result["shapes"]))
             self._note()
 
     def remove_result(self, i: int) -> None:
@@ -211,6 +214,8 @@ class Session:
             self._note()
 
     def _submit(self, job: dict[str, Any]) -> int:
+        if len(self._jobs) >= _MOST_JOBS:
+            raise InputError("too many jobs wait; cancel some first")
         i = next(self._ids)
         title = TITLES[job["do"]].format(
             " and ".join(self._shapes[one]["name"] for one in job["shapes"])

@@ -4,6 +4,9 @@
 const part = (id) => document.getElementById(id);
 const tab = crypto.randomUUID();
 const kept = JSON.parse(sessionStorage.getItem("kept") || "{}"); // what this tab has chosen
+const PLAIN = {
+  spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
+};
 let state = { version: -1, shapes: [], results: [], jobs: [], troubles: [] };
 let frame = null, shown = null, wanted = null; // the page of the result that is shown; the job whose result to show
 
@@ -109,9 +112,10 @@ function showJobs() {
     const [, bar, told] = line.children;
     if (job.running && job.share) bar.value = job.share;
     else bar.removeAttribute("value");
-    if (told.textContent !== job.stage) {
-      told.textContent = job.stage;
-      if (!i) say(`${job.title}: ${job.stage}`);
+    const stage = PLAIN[job.stage] || job.stage.replace(/^page, /, "drawing the page: ");
+    if (told.textContent !== stage) {
+      told.textContent = stage;
+      if (!i) say(`${job.title}: ${stage}`);
     }
   }
   for (const line of known.values()) line.remove();
