@@ -201,10 +201,17 @@ def test_keyboard_alone_reaches_every_control_and_all_have_names(page, dogs):
         reached.append(page.run("document.activeElement.textContent + document.activeElement.id"))
     for name in ("choose", "sample", "first", "second", "up", "mirror", "Match", "Remove"):
         assert any(re.search(rf"{name}$", one) for one in reached), name
-    page.run(
-        "[...document.querySelectorAll('button')].find(b => b.textContent === 'Match').focus()"
-    )
-    page.press("Enter", windowsVirtualKeyCode=13, text="\r")
+    # What has the focus keeps it, although the cards are drawn again and work goes on.
+    enter = {"windowsVirtualKeyCode": 13, "text": "\r"}
+    page.run("document.querySelector('[aria-label=\"Take walking.ply as the first\"]').focus()")
+    page.press("Enter", **enter)
+    assert page.run("document.activeElement.ariaLabel") == "Take walking.ply as the first"
+    assert page.run("document.activeElement.ariaPressed") == "true"
+    page.run("document.querySelector('[data-do=form]').focus()")
+    page.press("Enter", **enter)
+    page.run("part('first').focus()")
+    page.wait_for("state.jobs.length === 1 || state.results.length === 1")
+    assert page.run("document.activeElement.id") in ("first", "results-head")
     page.wait_for("state.results.length === 1")
     tree = page.call("Accessibility.getFullAXTree")["nodes"]
     controls = ("button", "checkbox", "combobox", "link", "textbox", "Iframe", "image")

@@ -23,6 +23,20 @@ function make(name, given = {}, ...children) {
 }
 
 const button = (text, onclick, more = {}) => make("button", { type: "button", onclick, ...more }, text);
+
+// Draw a part again if what it shows has changed; what has the focus keeps it.
+const drawn = new Map();
+function redraw(id, shows, children) {
+  const text = JSON.stringify(shows);
+  if (drawn.get(id) === text) return false;
+  drawn.set(id, text);
+  const { activeElement } = document, name = activeElement.ariaLabel || activeElement.textContent;
+  const within = part(id).contains(activeElement);
+  part(id).replaceChildren(...children());
+  if (within) [...part(id).querySelectorAll("button")].find((one) => (one.ariaLabel || one.textContent) === name)?.focus();
+  return true;
+}
+
 const say = (text) => { part("status").textContent = text; };
 const remember = (change) => sessionStorage.setItem("kept", JSON.stringify(Object.assign(kept, change)));
 
@@ -68,7 +82,7 @@ function chosen() {
 
 function showShapes() {
   const { good, first, second } = chosen();
-  const rows = state.shapes.map((one) => {
+  const rows = () => state.shapes.map((one) => {
     const take = (role, at, text) => one.state === "good" && button(text, () => {
       remember({ [role]: one.id });
       showShapes();
@@ -85,9 +99,8 @@ function showShapes() {
         one.sample && make("a", { href: `shapes/${one.id}/file`, download: one.name }, "Save"),
         button("Remove", () => ask("DELETE", `shapes/${one.id}`), { "aria-label": `Remove ${one.name}` })));
   });
-  part("shapes").replaceChildren(...rows);
+  if (!redraw("shapes", [state.shapes, first, second], rows)) return;
   part("do").hidden = !good.length;
-  part("up").value = state.up;
   for (const [name, id] of [["first", first], ["second", second]]) {
     part(name).replaceChildren(...state.shapes.filter((one) => one.state === "good").map(
       (one) => make("option", { value: one.id, selected: one.id === id }, one.name)));
@@ -124,7 +137,7 @@ function showJobs() {
 function showResults() {
   part("done").hidden = !state.results.length;
   const at = state.results.find(({ id }) => id === kept.result) || state.results.at(-1);
-  part("results").replaceChildren(...state.results.map((one) => button(one.title, () => {
+  redraw("results", [state.results.map(({ id }) => id), at?.id], () => state.results.map((one) => button(one.title, () => {
     remember({ result: one.id });
     showResults();
   }, { "aria-pressed": `${one === at}` })));
@@ -236,6 +249,7 @@ async function look() {
   if (!found || found.version <= state.version) return;
   const before = state;
   state = found;
+  part("up").value = state.up;
   showShapes();
   showJobs();
   const fresh = state.results.filter(({ id }) => !before.results.some((one) => one.id === id));
