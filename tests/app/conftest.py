@@ -14,8 +14,8 @@ from unbend.app import _server, serve
 class App:
     """A running app, and requests to it as its own page makes them."""
 
-    def __init__(self, address: str) -> None:
-        self.address = address
+    def __init__(self, address: str, session: _server.Session) -> None:
+        self.address, self.session = address, session
         self.origin, self.token = address.rsplit("/", 2)[:2]
         self.port = int(self.origin.rsplit(":", 1)[1])
 
@@ -73,7 +73,14 @@ def app(temporary: Path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tempfile, "tempdir", str(temporary))
         patch.setattr(_server, "_CLOSED_SECONDS", 600.0)
-        addresses, ready = [], threading.Event()
+        addresses, sessions, ready = [], [], threading.Event()
+        make_session = _server.Session
+
+        def noted(*given) -> _server.Session:
+            sessions.append(make_session(*given))
+            return sessions[0]
+
+        patch.setattr(_server, "Session", noted)
 
         def note(address: str) -> None:
             addresses.append(address)
@@ -82,7 +89,7 @@ def app(temporary: Path):
         thread = threading.Thread(target=serve, args=([],), kwargs={"ready": note}, daemon=True)
         thread.start()
         assert ready.wait(60)
-        app = App(addresses[0])
+        app = App(addresses[0], sessions[0])
         yield app
         app.ask("GET", "state?tab=last")
         app.ask("POST", "bye?tab=last")

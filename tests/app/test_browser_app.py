@@ -1,6 +1,5 @@
 """The app in a real browser, through its buttons: from two dropped files to a saved map."""
 
-import multiprocessing
 import os
 import re
 import signal
@@ -152,8 +151,7 @@ def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
     page.wait_for("!state.jobs.length")
     press(page, "Match")
     page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
-    for child in multiprocessing.active_children():
-        os.kill(child.pid, signal.SIGKILL)
+    os.kill(app.session._worker.pid, signal.SIGKILL)
     page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
     press(page, "Find left and right")
     page.wait_for("state.results.length === 1")

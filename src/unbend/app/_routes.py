@@ -1,4 +1,8 @@
-"""What the app's server answers, and whom: only pages that know the token."""
+"""What the app's server answers, and whom: only pages that know the token.
+
+The page is our own, on Starlette: frameworks such as NiceGUI need what a strict content security
+policy forbids.
+"""
 
 from __future__ import annotations
 
