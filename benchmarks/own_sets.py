@@ -43,7 +43,6 @@ def own_pair(
 
     one, other = make(0, 0), make(1, 1)
     truth = rest_map(one, other)
-    assert other.mirror is not None
     limbs = [
         np.array([i if "left" in p or "right" in p else -1 for i, p in enumerate(shape.parts)])[
             shape.labels

@@ -9,12 +9,12 @@ from time import perf_counter
 import numpy as np
 
 from paper.collection import Collection, Truth
-from paper.forms import form, some_points
+from paper.forms import Method, form, some_points
 from paper.run import Arrays, Run, everywhere, piece
 from unbend._arrays import nearest_rows
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import align, procrustes
-from unbend.choices import DistanceKind, Method
+from unbend.choices import DistanceKind
 from unbend.correspondence import evaluate
 from unbend.matching import match
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, PAPERS, SMDS
-from paper.forms import N_SAMPLES, make_form
+from paper.forms import N_SAMPLES, Method, make_form
 from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere, single_thread
 from unbend._types import FloatArray, IntArray
-from unbend.choices import DistanceKind, Method
+from unbend.choices import DistanceKind
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.mesh import Mesh
 from unbend.report import new_figure

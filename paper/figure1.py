@@ -9,12 +9,12 @@ import numpy as np
 from paper.collection import Collection
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
 from paper.drawing import colors_of, upright
-from paper.forms import N_SAMPLES, difference, form
+from paper.forms import N_SAMPLES, Method, difference, form
 from paper.result import Figure, Result
 from paper.run import Arrays, Run, everywhere, piece
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
-from unbend.choices import DistanceKind, Method
+from unbend.choices import DistanceKind
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.report import draw_mesh, new_figure, same_scale

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from paper.collection import Collection
@@ -9,10 +11,11 @@ from paper.run import Arrays
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
-from unbend.choices import DistanceKind, Method
+from unbend.choices import DistanceKind
 from unbend.mesh import Mesh
 
 N_SAMPLES = 200
+Method = Literal["exact", "sampled"]
 
 
 def make_form(

@@ -9,13 +9,13 @@ import numpy as np
 
 from paper.collection import Collection
 from paper.correspondences import EXACT, FORMS, N_EIGENPAIRS, SMDS
-from paper.forms import difference, form, make_form
+from paper.forms import Method, difference, form, make_form
 from paper.perturbations import perturb
 from paper.result import Result
 from paper.robustness_page import draw, text
 from paper.run import Arrays, Run, everywhere, piece
 from testshapes.damage import Damaged
-from unbend.choices import DistanceKind, Method
+from unbend.choices import DistanceKind
 from unbend.correspondence import evaluate
 from unbend.datasets import make_biped, make_octopus, make_quadruped, rest_map
 from unbend.errors import InputError, MeshError

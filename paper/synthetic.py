@@ -46,7 +46,6 @@ def make_species(folder: Path, quick: bool, progress: Callable[[str], None]) -> 
             shape = make(pose, n_vertices=n_vertices, meshing=i, **options)
             first = shape if first is None else first
             truth = rest_map(first, shape)
-            assert shape.mirror is not None  # these bodies are symmetric
             write_mesh(files[name], shape.mesh)
             write_map(corres / f"{name}.vts", truth)
             write_map(corres / f"{name}.sym.vts", shape.mirror[truth])

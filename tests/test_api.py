@@ -14,7 +14,6 @@ import unbend
 from unbend.alignment import procrustes
 from unbend.canonical import interpolate
 from unbend.collection import find_groups, retrieval_measures, shape_statistics
-from unbend.correspondence import write_functional_map
 from unbend.datasets import make_sphere
 from unbend.errors import (
     FileError,
@@ -111,7 +110,6 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a point map: rows have"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),
         (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
-        (lambda out: write_functional_map(out.with_suffix(".npz"), "x"), "a functional map"),
     ],
 )
 def test_a_wrong_argument_gets_a_sentence(

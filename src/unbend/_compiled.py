@@ -35,11 +35,10 @@ _SOURCES = b"".join(_kernel_sources())
 class _Cache(FunctionCache):  # type: ignore[misc]
     """A folder of compiled code, the same one that Numba would use.
 
-    Numba keeps an index and numbered files of code. Processes that compile at the same time can
-    leave an index that names another's code, an index knows nothing of imported constants, and a
-    damaged file or a full disk raises an error. Here each file is complete: a hash, and the code
-    for one kernel and one tuple of types. The hash covers the code and all that it depends on.
-    A file with a wrong hash is ignored and replaced.
+    Processes that compile at the same time can leave Numba's own index naming another's code; it
+    knows nothing of imported constants, and fails on a damaged file or a full disk. Here each file
+    is complete: a hash of the code for one kernel and one tuple of types, and of all that it
+    depends on. A file with a wrong hash is ignored and replaced.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

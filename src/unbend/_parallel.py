@@ -179,9 +179,8 @@ def column_slices(count: int) -> list[slice]:
 def one_blas_thread() -> Iterator[None]:
     """Pin BLAS to one thread, in the whole process.
 
-    Results then do not depend on the number of threads, and narrow products are faster: BLAS's own
-    threads lose more by waiting than they gain. Several threads may be inside at once; the last
-    one out restores the number that the first one found.
+    Results then do not depend on the number of threads, and narrow products are faster. Several
+    threads may be inside at once; the last one out restores the number that the first one found.
     """
     with _lock:
         pins = _pins  # a forked process has a list of its own

@@ -7,7 +7,6 @@ from typing import Literal
 LaplacianKind = Literal["auto", "cotangent", "robust"]
 AreaKind = Literal["voronoi", "barycentric"]
 DistanceKind = Literal["biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"]
-Method = Literal["auto", "exact", "sampled"]
 Detail = Literal["preserved"]
 Weighting = Literal["uniform", "area"]
 Interpolation = Literal["projection", "least-squares"]

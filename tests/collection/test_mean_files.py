@@ -10,7 +10,7 @@ from unbend.collection import Failure, MeanShape, shape_statistics, write_mean
 from unbend.collection._mean_files import draw_components
 from unbend.errors import FileError
 from unbend.io import value_colors
-from unbend.report import variation_figures
+from unbend.report import shape_figures
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def test_the_mean_shows_its_variability(found, tmp_path):
 
 def test_the_picture_shows_three_standard_deviations_on_either_side(found, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(variation_figures, "draw_variation", lambda *given: drawn.append(given))
+    monkeypatch.setattr(shape_figures, "draw_variation", lambda *given: drawn.append(given))
     draw_components(found, tmp_path / "components.png")
     ((lines, heads, _),) = drawn
     assert heads == ["-3 SD", "-1.5 SD", "mean", "+1.5 SD", "+3 SD"]

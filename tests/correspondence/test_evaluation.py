@@ -7,7 +7,6 @@ import pytest
 
 from unbend import Mesh
 from unbend.correspondence import THRESHOLDS, _evaluation, evaluate
-from unbend.correspondence._evaluation import _continuity
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError
 
@@ -25,11 +24,10 @@ def _mirror() -> np.ndarray:
 
 
 def test_identity_has_no_error() -> None:
-    found = evaluate(EVERY, BALL, EVERY, EVERY, source=BALL)
+    found = evaluate(EVERY, BALL, EVERY, EVERY)
     assert found.direct.max() == 0
     assert found.direct.dtype == np.float64
     assert found.coverage == pytest.approx(1)
-    assert found.continuity == pytest.approx(1)
     assert found.auc() == 1
     assert (found.curve() == 100).all()
     assert found.map_min is None
@@ -102,36 +100,16 @@ def test_repeated_faces_are_no_more_surface() -> None:
     doubled = Mesh(BALL.vertices, np.concatenate([BALL.faces, BALL.faces[:800, [1, 0, 2]]]))
     images = np.where(EVERY % 2 == 0, EVERY, 17)
     one, other = (
-        evaluate(images, mesh, EVERY, EVERY, source=mesh, distance="geodesic")
-        for mesh in (BALL, doubled)
+        evaluate(images, mesh, EVERY, EVERY, distance="geodesic") for mesh in (BALL, doubled)
     )
     np.testing.assert_allclose(other.direct, one.direct, rtol=1e-6, atol=1e-9)
     assert other.coverage == pytest.approx(one.coverage)
-    assert other.continuity == pytest.approx(one.continuity)
 
 
-def test_continuity_is_none_where_no_edge_is_mapped() -> None:
-    images = np.where(EVERY == 5, 5, -1)
-    assert evaluate(images, BALL, EVERY, EVERY, source=BALL).continuity is None
-    # A vertex that no face uses may be NaN: its edges have no length.
+def test_an_image_that_no_face_uses_is_infinitely_far() -> None:
     target = Mesh(np.append(BALL.vertices, [[np.nan] * 3], axis=0), BALL.faces)
     images = np.where(EVERY == 5, len(EVERY), EVERY)
-    found = evaluate(images, target, EVERY, EVERY, source=BALL)
-    assert found.continuity == pytest.approx(1)
-    assert found.direct[5] == np.inf
-
-
-def test_continuity_is_the_ratio_of_the_perimeters_of_triangles_of_unit_area() -> None:
-    source, target = (
-        Mesh([[0, 0, 0], [a, 0, 0], [0, b, 0]], [[0, 1, 2]]) for a, b in ((3, 4), (5, 12))
-    )
-    every = np.arange(3)
-    whole = (5 + 12 + 13) / np.sqrt(30) / ((3 + 4 + 5) / np.sqrt(6))
-    assert _continuity(every, source, target) == pytest.approx(whole)
-    side = 13 / np.sqrt(30) / (5 / np.sqrt(6))
-    assert _continuity(np.array([-1, 1, 2]), source, target) == pytest.approx(side)
-    with pytest.raises(InputError, match="the map has 2 source vertices, but mesh has 3"):
-        evaluate(every[:2], target, [0], [0], source=source)
+    assert evaluate(images, target, EVERY, EVERY).direct[5] == np.inf
 
 
 def test_coverage_of_a_constant_map() -> None:
@@ -202,8 +180,6 @@ def test_ground_truth_off_the_surface_is_refused() -> None:
 def test_point_clouds_are_refused() -> None:
     with pytest.raises(MeshError, match="point cloud"):
         evaluate(EVERY, BALL.vertices, EVERY, EVERY)
-    with pytest.raises(MeshError, match="point cloud"):
-        evaluate(EVERY, BALL, EVERY, EVERY, source=BALL.vertices)
 
 
 def test_overlap_is_counted_in_closed_form() -> None:

@@ -118,16 +118,6 @@ def test_poses_share_the_mesh_and_keep_lengths(maker, pose):
     assert 0.87 < volume / rest_volume < 1.1
 
 
-@pytest.mark.parametrize("maker", MAKERS)
-def test_asymmetric_bodies_have_no_mirror(maker):
-    shape = maker(n_vertices=500, asymmetric=True)
-    assert shape.mirror is None
-    assert_sphere_like(shape)
-    reflected = shape.rest * [-1, 1, 1]
-    gap = np.linalg.norm(reflected[:, None] - shape.rest[None], axis=2).min(axis=1)
-    assert gap.max() > 0.05
-
-
 def test_meshings_differ_but_describe_one_surface():
     source = make_quadruped("walking", n_vertices=2000)
     target = make_quadruped("walking", n_vertices=1500, meshing=7)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from unbend import Match, Mesh, diagnose, read_map, read_match, read_mesh
-from unbend.correspondence import read_functional_map
 from unbend.errors import UnbendError
 from unbend.io import read_landmarks, read_markups, read_values
 from unbend.io.formats import obj
@@ -57,9 +56,8 @@ def values(data: bytes) -> None:
 
 
 def archives(data: bytes) -> None:
-    """Read a match and a functional map."""
+    """Read a match."""
     _read(read_match, (".npz",), b"\0" + data, _check_match)
-    _read(read_functional_map, (".npz",), b"\0" + data, _check_functional_map)
 
 
 def _read(
@@ -100,10 +98,6 @@ def _check_match(found: Match) -> None:
     n, m = len(found.source_to_target), len(found.target_to_source)
     assert -1 <= found.source_to_target.min() <= found.source_to_target.max() < m
     assert -1 <= found.target_to_source.min() <= found.target_to_source.max() < n
-
-
-def _check_functional_map(found: Any) -> None:
-    assert np.isfinite(found).all()
 
 
 def seeds(family: str) -> Iterator[bytes]:

@@ -56,7 +56,6 @@ def _mean_error(pairs: dict[str, tuple[Shape, Shape]]) -> float:
             (found.target_to_source, target, source),
         ):
             truth = rest_map(one, other)
-            assert other.mirror is not None
             every = np.arange(len(truth))
             errors = evaluate(point_map, other.mesh, every, truth, other.mirror[truth])
             means.append(errors.mean())

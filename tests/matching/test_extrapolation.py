@@ -27,7 +27,6 @@ def shapes() -> tuple[Shape, Shape]:
 @pytest.fixture(scope="module")
 def swapped(shapes: tuple[Shape, Shape]) -> Registered:
     """Right but for one foreleg, which lies on the other one."""
-    assert TARGET.mirror is not None
     forward = np.where(_leg(), TARGET.mirror[THERE], THERE)
     return mapped_start(*shapes, forward, BACK, 1.0)
 

@@ -17,19 +17,11 @@ _TASK = 500_000  # inner products that a thread searches at a time
 
 
 class Pairs(NamedTuple):
-    """Nearest neighbours in both directions, for h placements of m points among n points.
+    """Nearest neighbours in both directions, for h placements of m points among n points."""
 
-    Attributes
-    ----------
-    forward, backward : (h, m), (h, n) ndarray of int64
-        The target point nearest to each source point, and the reverse.
-    residual : (h,) ndarray of float64
-        Root mean square distance over both directions.
-    """
-
-    forward: IntArray
-    backward: IntArray
-    residual: FloatArray
+    forward: IntArray  # (h, m) the target point nearest to each source point
+    backward: IntArray  # (h, n) the reverse
+    residual: FloatArray  # (h,) root mean square distance over both directions
 
 
 def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:

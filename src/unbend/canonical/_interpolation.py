@@ -1,13 +1,8 @@
 """Spectral interpolation: from values at samples to smooth functions on the whole surface.
 
-With k eigenfunctions Phi (n, k), their eigenvalues Lambda, p samples, and smoothness weight mu:
-``Phi_P`` are the rows of Phi at the samples and ``S = Phi_P^T Phi_P``.
-
-References
-----------
-Yang, Obaseki and Chen, "Spectral multi-dimensional scaling using biharmonic distance",
-GRAPP 2019, Eq. 8 to 15, with the slips of the printed formulas corrected. Aflalo and Kimmel,
-"Spectral multidimensional scaling", PNAS 110(45), 2013.
+With eigenfunctions Phi (n, k), eigenvalues Lambda, p samples and smoothness weight mu: Phi_P are
+the rows of Phi at the samples, S = Phi_P^T Phi_P. The equations are those of Yang, Obaseki and Chen
+(GRAPP 2019), Eq. 8 to 15, without the slips of the printed ones, after Aflalo and Kimmel (2013).
 """
 
 from __future__ import annotations
@@ -98,8 +93,7 @@ def interpolate(
     unit = _at_unit_area(spectrum)
     ids = vertex_ids(samples, len(spectrum.areas), "samples")
     operator = interpolation_operator(unit, ids, mu)
-    functions: FloatArray = unit.eigenfunctions @ (operator @ _rows(values, len(ids)))
-    return functions
+    return np.asarray(unit.eigenfunctions @ (operator @ _rows(values, len(ids))))
 
 
 def _rows(values: Any, n_samples: int) -> FloatArray:
@@ -158,8 +152,7 @@ def _least_squares(
 
     def precondition(residual: FloatArray) -> FloatArray:
         once = scipy.linalg.cho_solve(factor, residual)
-        both: FloatArray = scipy.linalg.cho_solve(factor, once.T)
-        return both
+        return np.asarray(scipy.linalg.cho_solve(factor, once.T))
 
     target = mu * (at_samples.T @ squared @ at_samples)
     alpha = precondition(target)

@@ -1,7 +1,7 @@
 """Classical scaling of a surface's distances: the exact operator, and the paper's steps 1 to 8.
 
-Classical scaling takes the leading eigenpairs of the Gram matrix ``-1/2 J D J``, D holding
-squared distances and J centring them. A result is the pair (points, eigenvalues).
+It takes the leading eigenpairs of the Gram matrix ``-1/2 J D J``, D holding squared distances and J
+centring them. A result is the pair (points, eigenvalues).
 """
 
 from __future__ import annotations

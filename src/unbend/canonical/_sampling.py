@@ -82,8 +82,7 @@ def farthest_point_sampling(
             raise InputError(f"start must be one vertex, not {start!r}")
         first = int(local_ids(surface, start)[0])
     samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
-    chosen: IntArray = surface.prepared.kept[samples.indices]
-    return chosen
+    return np.asarray(surface.prepared.kept[samples.indices])
 
 
 class Samples(NamedTuple):

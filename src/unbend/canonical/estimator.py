@@ -98,20 +98,7 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
         self.progress = progress
 
     def fit(self, X: Any, y: Any = None) -> SpectralMDS:
-        """Compute the canonical form of a mesh.
-
-        Parameters
-        ----------
-        X : mesh-like
-            One mesh.
-        y : None
-            Ignored.
-
-        Returns
-        -------
-        SpectralMDS
-            Itself.
-        """
+        """Compute the canonical form of one mesh-like X; `y` is ignored. Returns the estimator."""
         if self.method not in ("exact", "sampled"):
             raise InputError(f'method must be "exact" or "sampled", not {self.method!r}')
         make = canonical_form if self.method == "exact" else sampled_canonical_form

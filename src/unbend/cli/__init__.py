@@ -139,9 +139,7 @@ def _options(
     memory_limit: Annotated[
         float | None,
         typer.Option(
-            "--memory-limit",
-            metavar="GIB",
-            help="Refuse work that needs more memory. By default, more than is free.",
+            metavar="GIB", help="Refuse work that needs more memory. By default, more than is free."
         ),
     ] = None,
 ) -> None:

@@ -5,13 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from unbend.cli._output import say
 from unbend.errors import FileError, InputError
-
-if TYPE_CHECKING:
-    from unbend.collection import Failure
 
 
 def expand_folders(paths: Iterable[str]) -> list[str]:
@@ -65,16 +60,3 @@ def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) ->
         found[file] = path
     make_folder(folder)
     return list(found)
-
-
-def shown(path: str) -> str:
-    """Shorten a path that is below the folder we are in."""
-    here = os.path.join(os.getcwd(), "")
-    return path.removeprefix(here)
-
-
-def list_failures(failures: Sequence[Failure]) -> None:
-    """Name on stderr what could not be done, each with its reason."""
-    for failure in failures:
-        name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
-        say("failed", f"{name}: {failure.reason}")

@@ -125,7 +125,6 @@ def is_unsure(found: Match, least: float | None) -> bool:
 def read_or_match(
     shapes: Sequence[Mesh],
     map_file: str | None,
-    *,
     base: int | None,
     partial: Partial,
     landmarks: Sequence[str] | None,

@@ -20,6 +20,7 @@ from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray, Progress
+    from unbend.collection import Failure
     from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
@@ -131,6 +132,18 @@ def progress_on_stderr() -> Iterator[Progress]:
     yield line
 
 
+def shown(path: str) -> str:
+    """Shorten a path that is below the folder we are in."""
+    return path.removeprefix(os.path.join(os.getcwd(), ""))
+
+
+def list_failures(failures: Iterable[Failure]) -> None:
+    """Name on stderr what could not be done, each with its reason."""
+    for failure in failures:
+        name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
+        say("failed", f"{name}: {failure.reason}")
+
+
 def tell(
     result: Mapping[str, Any],
     lines: Iterable[str],
@@ -138,12 +151,17 @@ def tell(
     shapes: Iterable[Mesh] = (),
     written: Iterable[str | None] = (),
     next_step: str | None = None,
+    failures: Sequence[Failure] | None = None,
 ) -> None:
     """Tell what a command found: as JSON if that was asked for, else in lines.
 
     Notes of the readers of `shapes` go to stderr. `written` are the files of options, None for
-    those that were not given. Every JSON object ends with the keys that are added here.
+    those that were not given. What failed of many things is listed, with exit code 1. Every JSON
+    object ends with the keys that are added here.
     """
+    if failures is not None:
+        list_failures(failures)
+        result = {**result, "failed": [vars(one) for one in failures]}
     for shape in shapes:
         for note in shape.notes:
             say("note", note)
@@ -151,13 +169,15 @@ def tell(
     if _run.as_json:
         common = {"written": paths, "warnings": _run.warnings, "seconds": elapsed()}
         typer.echo(json.dumps(_plain({**result, **common}), indent=2, allow_nan=False))
-        return
-    for line in lines:
-        typer.echo(printable(line))
-    if paths:
-        typer.echo(f"written: {', '.join(map(printable, paths))}")
-    if next_step is not None and not _run.quiet:
-        typer.echo(f"next: {printable(next_step)}")
+    else:
+        for line in lines:
+            typer.echo(printable(line))
+        if paths:
+            typer.echo(f"written: {', '.join(map(printable, paths))}")
+        if next_step is not None and not _run.quiet:
+            typer.echo(f"next: {printable(next_step)}")
+    if failures:
+        raise typer.Exit(EXIT_SOME_FAILED)
 
 
 def _plain(value: Any) -> Any:

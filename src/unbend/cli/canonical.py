@@ -12,10 +12,9 @@ import typer
 
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, files_in, is_batch, list_failures
+from unbend.cli._batch import expand_folders, files_in, is_batch
 from unbend.cli._input import make_form, parse_component
 from unbend.cli._output import (
-    EXIT_SOME_FAILED,
     command_line,
     lines_to_keep,
     look_at,
@@ -60,26 +59,23 @@ def canonical(
         options.report("Write a page to look at the form in a browser, beside the shape."),
     ] = None,
     up: options.Up = "y",
-    n_components: Annotated[int, typer.Option("--n-components", help="Dimension of the form.")] = 3,
+    n_components: Annotated[int, typer.Option(help="Dimension of the form.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the form approximates.")
+        DistanceKind, typer.Option(help="The distance that the form approximates.")
     ] = "biharmonic",
     weighting: Annotated[
-        Weighting, typer.Option("--weighting", help="Weight vertices equally, or by their area.")
+        Weighting, typer.Option(help="Weight vertices equally, or by their area.")
     ] = "uniform",
     n_samples: Annotated[
         int | None,
         typer.Option(
-            "--n-samples",
             help="Compute the paper's form, from so many vertices, instead of the exact one. "
-            "Geodesic distances have no exact form; for them it is 200 by default.",
+            "Geodesic distances have no exact form; for them it is 200 by default."
         ),
     ] = None,
     n_eigenpairs: Annotated[
         int | None,
-        typer.Option(
-            "--n-eigenpairs", help="Eigenfunctions of the paper's form, likewise; 100 by default."
-        ),
+        typer.Option(help="Eigenfunctions of the paper's form, likewise; 100 by default."),
     ] = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
@@ -90,9 +86,8 @@ def canonical(
     detail: Annotated[
         Detail | None,
         typer.Option(
-            "--detail",
             help="preserved: write the surface itself instead of the form, deformed as rigidly as "
-            "possible into the form's pose.",
+            "possible into the form's pose."
         ),
     ] = None,
     cache: options.Cache = True,
@@ -163,7 +158,7 @@ def canonical(
             progress("writing", 0)
             _write(files[i], paths[i], shape, form.points if posed is None else posed)
         if figure is not None:
-            from unbend.report.form_figures import draw_form
+            from unbend.report.shape_figures import draw_form
 
             progress("drawing", 0)
             draw_form(shape, form, figure, posed=posed, up=up)
@@ -192,19 +187,17 @@ def canonical(
                 if not batch:
                     raise
                 failures.append(Failure.of(path, error))
-    list_failures(failures)
     for one in done:
         for note in one["notes"]:
             say("note", f"{one['file']}: {note}" if batch else note)
     hint = "add -o OUT.ply to write the form, --report HTML to look at it"
     tell(
-        {"files": done, "failed": [vars(one) for one in failures]},
+        {"files": done},
         _overview(done, failures) if batch else rows(_summary(done[0])),
         written=[out, figure, report],
         next_step=look_at(report) or (None if out or figure or batch else hint),
+        failures=failures,
     )
-    if failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
 
 
 def _part(progress: Progress, i: int, paths: list[str]) -> Progress:

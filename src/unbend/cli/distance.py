@@ -47,12 +47,11 @@ def distance(
         ),
     ] = "geodesic",
     n_eigenpairs: Annotated[
-        int | None,
-        typer.Option("--n-eigenpairs", help="Number of eigenpairs; by default no truncation."),
+        int | None, typer.Option(help="Number of eigenpairs; by default no truncation.")
     ] = None,
     time: Annotated[
         float | None,
-        typer.Option("--time", help="Diffusion time, in units of the mesh's area; by default 0.1."),
+        typer.Option(help="Diffusion time, in units of the mesh's area; by default 0.1."),
     ] = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
@@ -98,7 +97,7 @@ def distance(
         _write(out, mesh, shape, sources, field)
     nearest = field.min(axis=0)
     if figure is not None:
-        from unbend.report.value_figures import draw_values
+        from unbend.report.shape_figures import draw_values
 
         draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:

@@ -35,14 +35,10 @@ def evaluate(
         str, typer.Argument(metavar="TARGET_TRUTH", help="Their true images, row by row.")
     ],
     mirrored_truth: Annotated[
-        str | None,
-        typer.Option(
-            "--mirrored-truth", metavar="FILE", help="Their images on the other side, left-right."
-        ),
+        str | None, typer.Option(metavar="FILE", help="Their images on the other side, left-right.")
     ] = None,
     distance: Annotated[
-        GeodesicKind,
-        typer.Option("--distance", help="geodesic: heat method, about -1 %; exact: slow."),
+        GeodesicKind, typer.Option(help="geodesic: heat method, about -1 %; exact: slow.")
     ] = "geodesic",
     base: options.Base = None,
     figure: Annotated[str | None, options.figure("Draw the error curves")] = None,

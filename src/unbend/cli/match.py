@@ -54,9 +54,7 @@ def match(
             help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
         ),
     ] = 1,
-    n_eigenpairs: Annotated[
-        int, typer.Option("--n-eigenpairs", help="Eigenfunctions of each shape.")
-    ] = 150,
+    n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 150,
     allow_mirror: Annotated[
         bool,
         typer.Option(
@@ -74,7 +72,6 @@ def match(
     colored: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            "--colored",
             metavar="OUT OUT",
             help="Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, "
             "for Blender, MeshLab and ParaView.",
@@ -90,15 +87,13 @@ def match(
     truth: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            "--truth",
             metavar="SOURCE_TRUTH TARGET_TRUTH",
             help="Source vertices whose image is known, and their true images, row by row: the "
             "report then shows the errors.",
         ),
     ] = None,
     mirrored_truth: Annotated[
-        str | None,
-        typer.Option("--mirrored-truth", metavar="FILE", help="Their images on the other side."),
+        str | None, typer.Option(metavar="FILE", help="Their images on the other side.")
     ] = None,
     up: options.Up = "y",
     cache: options.Cache = True,

@@ -24,7 +24,6 @@ def morph(
     steps: Annotated[
         int,
         typer.Option(
-            "--steps",
             metavar="N",
             min=1,
             help="How many shapes between the two, evenly spaced; 1 is the one halfway.",
@@ -61,14 +60,7 @@ def morph(
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
         match = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):

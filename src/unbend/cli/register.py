@@ -11,14 +11,14 @@ import typer
 
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, is_batch, list_failures, shown
+from unbend.cli._batch import expand_folders, is_batch
 from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import (
-    EXIT_SOME_FAILED,
     lines_to_keep,
     look_at,
     progress_on_stderr,
     rows,
+    shown,
     table,
     tell,
 )
@@ -99,14 +99,7 @@ def register(
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
         match = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
@@ -127,8 +120,9 @@ def register(
     colored = Path(out).suffix.lower() in COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
     tell(
-        {"template": template, "scans": [one], "failed": []},
+        {"template": template, "scans": [one]},
         rows(lines),
+        failures=(),
         shapes=shapes,
         written=[out, save_match, report],
         next_step=look_at(report)
@@ -169,15 +163,13 @@ def tell_registered(done: Registered, result: dict[str, Any], template: str, out
             f"look at doubtful ones: unbend match {quoted(template, shown(worst.path))} "
             "--report match.html; where limbs are swapped, register again with --landmarks"
         )
-    list_failures(done.failures)
     tell(
-        {**result, "failed": [vars(one) for one in done.failures]},
+        result,
         [*table("<>>>><", *lines), "", counts],
         written=[out],
         next_step=hint if done.shapes else None,
+        failures=done.failures,
     )
-    if done.failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
 
 
 def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:

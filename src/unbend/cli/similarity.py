@@ -42,11 +42,9 @@ def similarity(
         ),
     ] = False,
     matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
-    n_components: Annotated[
-        int, typer.Option("--n-components", help="Dimension that is compared.")
-    ] = 3,
+    n_components: Annotated[int, typer.Option(help="Dimension that is compared.")] = 3,
     distance: Annotated[
-        DistanceKind, typer.Option("--distance", help="The distance that the forms approximate.")
+        DistanceKind, typer.Option(help="The distance that the forms approximate.")
     ] = "biharmonic",
     component: options.Component = None,
     csv: options.Csv = None,
@@ -94,7 +92,7 @@ def similarity(
             cells = ([path, *row] for path, row in zip(paths, square, strict=True))
             write_table(csv, [["shape", *paths], *cells])
         if figure is not None and square is not None:
-            from unbend.report.match_figures import draw_similarities
+            from unbend.report.collection_figures import draw_similarities
 
             draw_similarities([Path(path).stem for path in paths], square, figure)
         ranked = sorted(pairs, key=lambda one: -round(one.similarity, 9))

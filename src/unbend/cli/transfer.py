@@ -23,7 +23,6 @@ def transfer(
     values: Annotated[
         str,
         typer.Option(
-            "--values",
             metavar="FILE",
             help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a "
             "mesh with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).",
@@ -38,8 +37,7 @@ def transfer(
         ),
     ],
     kind: Annotated[
-        ValueKind,
-        typer.Option("--kind", help="auto: scalar for fractions, label for whole numbers, text."),
+        ValueKind, typer.Option(help="auto: scalar for fractions, label for whole numbers, text.")
     ] = "auto",
     property_name: Annotated[
         str | None,
@@ -98,14 +96,7 @@ def transfer(
             chosen = value_kind(array, kind)
             check_storable(out, array, chosen)
         found = read_or_match(
-            shapes,
-            map_file,
-            base=base,
-            partial=partial,
-            landmarks=landmarks,
-            save_match=save_match,
-            min_confidence=min_confidence,
-            progress=progress,
+            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         progress("carrying", 0)
         if is_markup:

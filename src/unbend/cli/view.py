@@ -28,8 +28,7 @@ def view(
     ] = None,
     landmarks: options.Landmarks = None,
     values: Annotated[
-        str | None,
-        typer.Option("--values", metavar="FILE", help="Numbers per vertex of the first mesh."),
+        str | None, typer.Option(metavar="FILE", help="Numbers per vertex of the first mesh.")
     ] = None,
     show: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")

@@ -1,12 +1,8 @@
 """What describes a shape whatever its pose: a vector to compare by Euclidean distance.
 
-How heat and waves stay at the points of a surface depends on lengths within it alone, not on its
-pose. Two statistics of them are taken over the surface, by area: what values the heat kernel
-signature has (Sun, Ovsjanikov & Guibas, "A concise and provably informative multi-scale signature
-based on heat diffusion", SGP 2009), and which values of the wave kernel signature (Aubry,
-Schlickewei & Cremers, "The wave kernel signature", ICCV Workshops 2011) go together: their
-covariance, whose logarithm is compared (Arsigny, Fillard, Pennec & Ayache, "Geometric means in a
-novel vector space structure on symmetric positive-definite matrices", SIMAX 29, 2007).
+Two statistics over the surface, by area, that depend on lengths within it alone: the quantiles of
+the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009), and the logarithm of the covariance
+(Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei & Cremers, 2011).
 """
 
 from __future__ import annotations
@@ -130,8 +126,7 @@ def describe(basis: Basis) -> npt.NDArray[np.float32]:
 
 def heat_kernel(basis: Basis, times: FloatArray) -> FloatArray:
     """Heat kernel signature of each vertex at each time, (n, n_times)."""
-    signature: FloatArray = basis.functions**2 @ np.exp(-np.outer(basis.values, times))
-    return signature
+    return np.asarray(basis.functions**2 @ np.exp(-np.outer(basis.values, times)))
 
 
 def wave_kernel(basis: Basis, energies: FloatArray, width: float) -> FloatArray:
@@ -142,8 +137,7 @@ def wave_kernel(basis: Basis, energies: FloatArray, width: float) -> FloatArray:
     apart = energies - np.log(np.maximum(basis.values[1:], 1e-9))[:, None]
     shares = np.exp(-(apart**2) / (2 * width**2))
     shares /= np.maximum(shares.sum(axis=0), 1e-300)
-    signature: FloatArray = basis.functions[:, 1:] ** 2 @ shares
-    return signature
+    return np.asarray(basis.functions[:, 1:] ** 2 @ shares)
 
 
 def quantiles(columns: FloatArray, areas: FloatArray, levels: FloatArray) -> FloatArray:
@@ -164,5 +158,4 @@ def log_covariance(columns: FloatArray, areas: FloatArray) -> FloatArray:
     logarithm = (vectors * values) @ vectors.T
     upper = np.triu_indices(len(values))
     weights = np.where(upper[0] == upper[1], 1, np.sqrt(2))
-    flat: FloatArray = logarithm[upper] * weights
-    return flat
+    return np.asarray(logarithm[upper] * weights)

@@ -77,17 +77,8 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
     Yields a callable that applies a function, which workers can import and which raises nothing, to
     an iterable of items. It gives lists of :class:`Outcome`, in any order and perhaps empty, and
     takes no more items than are worked on. An item that is None yields the results so far, for
-    iterables that take their time.
-
-    A worker that crashes is replaced. The items it had are tried again at the end, one at a time;
-    an item whose worker crashes again is reported. ``workers=0`` works in this process.
-
-    Raises
-    ------
-    InputError
-        If `workers` is negative or given beside `scheduler`, or nobody answers at that address.
-    MissingExtraError
-        If Dask is not installed.
+    iterables that take their time. A worker that crashes is replaced. The items it had are tried
+    again at the end, one at a time; an item whose worker crashes again is reported.
     """
     if workers is not None and workers < 0:
         raise InputError(f"workers must be 0 or more, not {workers}")

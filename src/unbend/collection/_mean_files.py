@@ -86,7 +86,7 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
 
 def draw_components(found: MeanShape, path: Path) -> None:
     """Draw the mean as it changes along each of the first components."""
-    from unbend.report.variation_figures import draw_variation
+    from unbend.report.shape_figures import draw_variation
 
     steps = np.linspace(-DEVIATIONS, DEVIATIONS, 5)
     statistics = found.statistics

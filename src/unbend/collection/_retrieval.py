@@ -1,8 +1,4 @@
-"""How well a search by distance finds the shapes of a class: the field's measures.
-
-They are those of Shilane, Min, Kazhdan & Funkhouser, "The Princeton Shape Benchmark", SMI 2004,
-with mean average precision as later contests report it.
-"""
+"""How well a search by distance finds the shapes of a class: the field's measures."""
 
 from __future__ import annotations
 

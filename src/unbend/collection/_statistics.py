@@ -1,9 +1,7 @@
 """Statistics over shapes whose points correspond: mean, principal components, variability.
 
-Generalised Procrustes analysis (Gower, "Generalized Procrustes analysis", Psychometrika 40, 1975;
-Dryden & Mardia, "Statistical shape analysis", Wiley 2016): every shape is moved rigidly to fit the
-mean of all, and the mean is computed again, until it converges. Where sizes do not matter, all
-shapes are first scaled to one size.
+Generalised Procrustes analysis (Gower 1975; Dryden & Mardia 2016): every shape is moved rigidly to
+fit the mean of all, and the mean is computed again, until it converges.
 """
 
 from __future__ import annotations
@@ -70,8 +68,7 @@ class Statistics(Brief):
             )
         if not is_number(deviations):
             raise InputError(f"deviations must be a number, not {deviations!r}")
-        moved: FloatArray = self.mean + deviations * self.components[component]
-        return moved
+        return np.asarray(self.mean + deviations * self.components[component])
 
 
 def shape_statistics(

@@ -1,8 +1,7 @@
 """A mesh of any quality as one closed, connected surface.
 
-Meshes come in pieces, with holes, as sheets, or with a dozen large triangles. A shape should have
-the same descriptor however it was meshed. So the surface is welded, freed of tiny pieces, closed
-and refined, and its pieces are linked.
+A shape should have the same descriptor however it was meshed. So the surface is welded, freed of
+tiny pieces, closed and refined, and its pieces are linked.
 """
 
 from __future__ import annotations
@@ -76,8 +75,7 @@ def whole_surface(mesh: Mesh) -> Whole:
 def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Area of each face, (m,)."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
-    areas: FloatArray = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return areas
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

@@ -1,11 +1,6 @@
 """Uses of a map: evaluation, transfer, registration, morphing, similarity; files of matches."""
 
-from unbend.correspondence._archive import (
-    read_functional_map,
-    read_match,
-    write_functional_map,
-    write_match,
-)
+from unbend.correspondence._archive import read_match, write_match
 from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, evaluate
 from unbend.correspondence._morph import morph
 from unbend.correspondence._register import Registration, register, write_registration
@@ -21,13 +16,11 @@ __all__ = [
     "as_point_map",
     "evaluate",
     "morph",
-    "read_functional_map",
     "read_match",
     "register",
     "similarity",
     "transfer",
     "value_kind",
-    "write_functional_map",
     "write_match",
     "write_registration",
 ]

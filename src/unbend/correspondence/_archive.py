@@ -1,4 +1,4 @@
-"""Files (.npz) of functional maps and matches, never as pickles."""
+"""Files (.npz) of matches, never as pickles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.correspondence._belonging import check_mesh, mesh_hashes
 from unbend.errors import FileError, InputError
@@ -60,65 +59,6 @@ _MOST_GROWTH, _ALWAYS_ALLOWED = 100, 2**26
 _ROUNDING = 1e-6
 
 
-def write_functional_map(path: str | os.PathLike[str], functional_map: npt.ArrayLike) -> None:
-    """Write a functional map to a .npz file, under the name ``functional_map``.
-
-    Parameters
-    ----------
-    path : path
-        With the suffix .npz.
-    functional_map : (k_source, k_target) array_like of float
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    InputError
-        If the map is not a table of finite numbers.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> from pathlib import Path
-    >>> from unbend.correspondence import read_functional_map, write_functional_map
-    >>> path = Path(tempfile.mkdtemp()) / "map.npz"
-    >>> write_functional_map(path, np.eye(2))
-    >>> read_functional_map(path)
-    array([[1., 0.],
-           [0., 1.]])
-    """
-    array = numbers_of(functional_map, "a functional map")
-    if array.ndim != 2 or not array.size or not np.isfinite(array).all():
-        raise InputError("a functional map must be a table of finite numbers")
-    _save(path, {"functional_map": array})
-
-
-def read_functional_map(path: str | os.PathLike[str]) -> FloatArray:
-    """Read a functional map from a .npz file, written on its own or with a match.
-
-    Parameters
-    ----------
-    path : path
-        With the suffix .npz, holding an array named ``functional_map``.
-
-    Returns
-    -------
-    (k_source, k_target) ndarray of float64
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read or holds no such table.
-
-    See Also
-    --------
-    write_functional_map, write_match : The reverse.
-    """
-    with _reading(path) as data:
-        return _numbers(_load(data, ("functional_map",)), "functional_map", (None, None))
-
-
 def write_match(
     path: str | os.PathLike[str],
     match: Match,
@@ -154,7 +94,9 @@ def write_match(
     for name, mesh in zip(_MESHES, (source, target), strict=True):
         if mesh is not None:
             arrays[name] = np.array(mesh_hashes(as_mesh(mesh)), dtype=np.uint64)
-    _save(path, arrays)
+    check_writable(path, (".npz",))
+    with atomic_write(path) as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def _arrays_of(match: Match) -> _Arrays:
@@ -210,9 +152,10 @@ def read_match(
     >>> len(read_match(path).source_to_target)
     162
     """
-    with _reading(path) as data:
+    data = read_bytes(Path(path), (".npz",))
+    with _prefixed(Path(path).name):
         folders: dict[str, _Arrays] = {"": {}}
-        arrays = _load(data, _REQUIRED, (*_OPTIONAL, *_LISTS, *_MESHES))
+        arrays = _load(data)
         hashes = [arrays.pop(name, None) for name in _MESHES]
         for name, array in arrays.items():
             folder, _, own_name = name.rpartition("/")
@@ -322,36 +265,20 @@ def _prefixed(prefix: str) -> Iterator[None]:
         raise FileError(f"{prefix}: {error}") from error.__cause__
 
 
-@contextmanager
-def _reading(path: str | os.PathLike[str]) -> Iterator[bytes]:
-    """Read a .npz file, and name it in the errors of its contents."""
-    data = read_bytes(Path(path), (".npz",))
-    with _prefixed(Path(path).name):
-        yield data
-
-
-def _save(path: str | os.PathLike[str], arrays: dict[str, npt.NDArray[Any]]) -> None:
-    check_writable(path, (".npz",))
-    with atomic_write(path) as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
-
-def _load(data: bytes, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> _Arrays:
-    """Unpack only the arrays of these names, and none larger than its header says."""
+def _load(data: bytes) -> _Arrays:
+    """Unpack only the arrays of a match, and none larger than its header says."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
             found = {info.filename.removesuffix(".npy"): info for info in members}
-            for name in required:
+            for name in _REQUIRED:
                 if name not in found:
                     raise FileError(f"holds no {name}; it was not written by unbend match")
             if len(found) < len(members):
                 raise FileError("holds two arrays of one name; it was not written by unbend")
-            known = (*required, *optional)
+            known = (*_REQUIRED, *_OPTIONAL, *_LISTS, *_MESHES)
             wanted = {
-                name: info
-                for name, info in found.items()
-                if name in known or (optional and _ALTERNATIVE.sub("", name, 1) in known)
+                name: info for name, info in found.items() if _ALTERNATIVE.sub("", name, 1) in known
             }
             _check_sizes(archive, wanted, len(data))
             return {name: read_array(archive.read(info)) for name, info in wanted.items()}

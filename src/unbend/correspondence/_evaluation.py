@@ -18,7 +18,7 @@ from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
-from unbend.mesh import Mesh, edge_ends, vertex_areas
+from unbend.mesh import Mesh, vertex_areas
 
 THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
@@ -65,10 +65,6 @@ class Evaluation(Brief):
         One error for each of these rows that also has a mirrored image; None without any.
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
-    continuity : float or None
-        Total length of the images of the source's edges over that of the edges, both at unit area:
-        1 for a rigid map, more for a map that tears. None without a source, or where no edge with
-        a length has both ends mapped onto the target's faces.
     overlap : Overlap
         Of parts: rows of the ground truth with a negative target vertex have no true image.
     """
@@ -77,7 +73,6 @@ class Evaluation(Brief):
     map_min: FloatArray | None
     vertex_min: FloatArray | None
     coverage: float
-    continuity: float | None
     overlap: Overlap
 
     def errors(self, protocol: str = "direct") -> FloatArray:
@@ -137,7 +132,6 @@ def evaluate(
     target_points: Any,
     mirrored_target_points: Any = None,
     *,
-    source: MeshLike | None = None,
     distance: GeodesicKind = "geodesic",
 ) -> Evaluation:
     """Measure a point map against ground truth.
@@ -155,8 +149,6 @@ def evaluate(
     mirrored_target_points : (r,) array_like of int, optional
         The ground truth composed with the target's left-right symmetry; negative where a row has no
         mirrored image.
-    source : mesh-like, optional
-        Needed for `continuity` only.
     distance : {"geodesic", "geodesic-exact"}, default="geodesic"
         The heat method (biased by about -1 %), or exact polyhedral distances, which are slow and
         need the extra ``exact``.
@@ -171,7 +163,7 @@ def evaluate(
         If lengths differ, an index is out of range, a ground truth names a target vertex that no
         face uses, or none of its rows counts.
     MeshError
-        If a shape is a point cloud: errors are measured along faces.
+        If the target is a point cloud: errors are measured along faces.
     MissingExtraError
         If exact geodesics are asked for and pygeodesic is not installed.
 
@@ -198,9 +190,10 @@ def evaluate(
     """
     if distance not in GEODESIC:
         raise InputError(f"distance must be one of {', '.join(GEODESIC)}, not {distance!r}")
-    target = _with_faces(target)
-    source = None if source is None else _with_faces(source)
-    images = as_point_map(match, source, target)
+    target = as_mesh(target)
+    if target.is_point_cloud:
+        raise MeshError(f"{target.name}: errors are measured along faces; this is a point cloud")
+    images = as_point_map(match, target=target)
     sources = _indices(source_points, len(images), "source_points")
     truth = _ground_truth(target_points, len(sources), target, "target_points")
     found = images[sources]
@@ -214,12 +207,12 @@ def evaluate(
         mirrored = _errors(target, mirrored_truth, found, rows[both], name, distance)
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
+    areas = vertex_areas(target)
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
-        coverage=_coverage(images, target),
-        continuity=None if source is None else _continuity(images, source, target),
+        coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
         overlap=_overlap(found >= 0, truth >= 0),
     )
 
@@ -240,13 +233,6 @@ def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray
     if len(truth) != n_rows:
         raise InputError(f"the ground truth has {n_rows} source and {len(truth)} target vertices")
     return truth
-
-
-def _with_faces(shape: MeshLike) -> Mesh:
-    mesh = as_mesh(shape)
-    if mesh.is_point_cloud:
-        raise MeshError(f"{mesh.name}: errors are measured along faces; this is a point cloud")
-    return mesh
 
 
 def _errors(
@@ -291,17 +277,3 @@ def _forget() -> None:
 def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
     both = int((given & true).sum())
     return Overlap(*(both / int(one.sum()) for one in (given, true, given | true)))
-
-
-def _coverage(images: IntArray, target: Mesh) -> float:
-    areas = vertex_areas(target)
-    return float(areas[np.unique(images[images >= 0])].sum() / areas.sum())
-
-
-def _continuity(images: IntArray, source: Mesh, target: Mesh) -> float | None:
-    edges = edge_ends(source.faces, source.n_vertices)
-    edges = edges[np.isin(images, target.faces)[edges].all(axis=1)]
-    before = np.linalg.norm(np.diff(source.vertices[edges], axis=1)[:, 0], axis=1)
-    after = np.linalg.norm(np.diff(target.vertices[images[edges]], axis=1)[:, 0], axis=1)
-    scale = np.sqrt(vertex_areas(source).sum() / vertex_areas(target).sum())
-    return float(scale * after.sum() / before.sum()) if before.sum() > 0 else None

@@ -1,7 +1,6 @@
 """Nonrigid registration of a surface to a target, rigid at first, then ever softer.
 
-Neighbourhoods keep their shapes up to a rotation and a size, which varies slowly. Vertices are
-pulled to closest points on faces. These are found by walking over the surface from the vertices
+Vertices are pulled to closest points on faces, found by walking over the surface from the vertices
 that the match gives, so a leg is never registered to the leg beside it.
 """
 

@@ -33,24 +33,13 @@ class Target(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """Projections of n points onto a target.
+    """Projections of n points onto a target."""
 
-    Attributes
-    ----------
-    partners : (n,) ndarray of int64
-        The target vertex nearest to each projection.
-    places, normals : (n, 3) ndarray of float64
-        The projections, and the surface's unit normals there.
-    distances : (n,) ndarray of float64
-    valid : (n,) ndarray of bool
-        False beyond the boundary, and where the point's normal is opposite to the surface's.
-    """
-
-    partners: IntArray
-    places: FloatArray
-    normals: FloatArray
+    partners: IntArray  # the target vertex nearest to each projection
+    places: FloatArray  # (n, 3)
+    normals: FloatArray  # (n, 3), the surface's there
     distances: FloatArray
-    valid: BoolArray
+    valid: BoolArray  # not beyond the boundary, nor on the opposite side
 
 
 def make_target(vertices: FloatArray, faces: IntArray) -> Target:

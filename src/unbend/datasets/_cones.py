@@ -137,10 +137,8 @@ def _soft_min(
 def _squeezed(vectors: FloatArray, flats: FloatArray, extra: FloatArray) -> FloatArray:
     if not extra.any():
         return vectors + 0.0
-    result: FloatArray = vectors + (extra * _dot(vectors, flats))[..., None] * flats
-    return result
+    return np.asarray(vectors + (extra * _dot(vectors, flats))[..., None] * flats)
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-    return result
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])

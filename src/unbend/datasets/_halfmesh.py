@@ -1,7 +1,7 @@
 """Edge collapses and flips that keep a triangle mesh a manifold.
 
-The mesh may be one side of a symmetric surface: its border then lies on the mirror plane, and
-no operation may join two border vertices by an inner edge, which reflection would double.
+The mesh is one side of a symmetric surface: no operation may then join two border vertices,
+which lie on the mirror plane, by an inner edge.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ def collapse_short_edges(
     on_plane: BoolArray,
     sizes: FloatArray,
     excess: int,
-    symmetric: bool,
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Remove up to ``excess`` vertices of the whole surface by collapsing short edges.
 
@@ -51,14 +50,16 @@ def collapse_short_edges(
             continue
         if border[a] and not border[b]:
             a, b = b, a  # the vertex on the plane stays
-        cost = 1 if border[a] or not symmetric else 2
+        cost = 1 if border[a] else 2
         shared = around[a] & around[b]
         if cost > excess or (border[a] and border[b] and len(shared) == 2):
             continue
         ring_a, ring_b = ring[a], ring[b]
         common = ring_a & ring_b
-        if len(common) != len(shared) or _too_few_left(common, border, around):
+        if len(common) != len(shared):
             continue
+        if any(len(around[u]) <= (2 if border[u] else 4) for u in common):
+            continue  # a vertex opposite the edge would be left with too few faces
         joins_plane = border[b] and not border[a]
         if joins_plane and any(border[u] and u not in ring_b for u in ring_a - {b}):
             continue
@@ -88,11 +89,6 @@ def collapse_short_edges(
     number = np.cumsum(~gone) - 1
     kept = np.array(triangles, dtype=np.int64)[~dead]
     return vertices[~gone], number[kept], on_plane[~gone]
-
-
-def _too_few_left(common: set[int], border: list[bool], around: list[set[int]]) -> bool:
-    """Whether a vertex opposite the edge would be left with too few faces."""
-    return any(len(around[u]) <= (2 if border[u] else 4) for u in common)
 
 
 def _keeps_normals(
@@ -166,10 +162,8 @@ def delaunay_flips(
 def _angle(vertices: FloatArray, apex: IntArray, p: IntArray, q: IntArray) -> FloatArray:
     u, v = vertices[p] - vertices[apex], vertices[q] - vertices[apex]
     across = np.linalg.norm(np.cross(u, v), axis=1)
-    angle: FloatArray = np.arctan2(across, np.einsum("ni,ni->n", u, v))
-    return angle
+    return np.asarray(np.arctan2(across, np.einsum("ni,ni->n", u, v)))
 
 
 def _normal(vertices: FloatArray, p: IntArray, q: IntArray, r: IntArray) -> FloatArray:
-    normal: FloatArray = np.cross(vertices[q] - vertices[p], vertices[r] - vertices[p])
-    return normal
+    return np.asarray(np.cross(vertices[q] - vertices[p], vertices[r] - vertices[p]))

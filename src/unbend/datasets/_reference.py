@@ -1,9 +1,8 @@
 """Carry points from the skin of one body onto that of another with the same bones.
 
-The bones of the one become the bones of the other in small steps. At each step a point goes with
-the bones near it, keeping its place along each bone and its distance from it in bone radii, and
-then straight onto the new skin. What comes of it is one smooth map between the two skins,
-whatever their meshes, that commutes with the left-right symmetry.
+The bones change in small steps. At each, a point goes with the bones near it, keeping its place
+along each bone and its distance in bone radii, and then straight onto the new skin: a smooth map
+that commutes with the left-right symmetry.
 """
 
 from __future__ import annotations
@@ -70,8 +69,7 @@ def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
     """Turn one unit vector into another, less than half a turn away, the shortest way."""
     v = np.cross(a, b)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    rotation: FloatArray = np.eye(3) + cross + cross @ cross / (1 + a @ b)
-    return rotation
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + a @ b))
 
 
 def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:

@@ -1,8 +1,7 @@
-"""Take the stretch out of a posed skin.
+"""Take the stretch out of a posed skin, as blended bone motions bend a limb like rubber.
 
-Blended bone motions bend a limb like rubber: skin is stretched outside a joint and crushed
-inside it. A few steps of as-rigid-as-possible deformation (Sorkine, Alexa 2007), held close to
-the posed skin, give most of the lost edge lengths back.
+A few steps of as-rigid-as-possible deformation (Sorkine, Alexa 2007), held close to the posed skin,
+give most of the lost edge lengths back.
 """
 
 from __future__ import annotations
@@ -39,8 +38,7 @@ def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> Flo
         turns = nearest_rotation(covariance.reshape(-1, 3, 3))
         wanted = 0.5 * np.einsum("eij,ej->ei", turns[tails] + turns[heads], edges)
         moved = solve(to_tail @ wanted + hold[:, None] * posed)
-    result: FloatArray = moved
-    return result
+    return np.asarray(moved)
 
 
 def _cotangents(

@@ -37,25 +37,6 @@ class Bone(NamedTuple):
     chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
 
 
-def chosen_proportions(
-    species: Mapping[str, Mapping[str, float]],
-    defaults: Mapping[str, float],
-    name: str,
-    given: Mapping[str, float],
-) -> dict[str, float]:
-    """Combine the default, the species' and the caller's proportions, and check their names."""
-    if name not in species:
-        raise InputError(f"there is no species {name!r}; the species are {', '.join(species)}")
-    for key, value in given.items():
-        if key not in defaults:
-            raise InputError(
-                f"there is no proportion {key!r}; the proportions are {', '.join(defaults)}"
-            )
-        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
-            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
-    return {**defaults, **species[name], **given}
-
-
 def mirrored(bone: Bone) -> Bone:
     """Make the right-hand twin of a left-hand bone."""
 
@@ -112,19 +93,13 @@ def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
     distances = cones_of(bones, for_motion=True).distances(points)
     weights = np.exp((distances.min(axis=0) - distances) / _SPREAD)
     weights = np.maximum(weights - 0.01, 0).T
-    result: FloatArray = weights / weights.sum(axis=1, keepdims=True)
-    return result
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
     """Each bone's own rotation, (n_bones, 3, 3), from angles in degrees about x, y and z.
 
     A name without its side ("thigh" for "left_thigh" and "right_thigh") turns both, mirrored.
-
-    Raises
-    ------
-    InputError
-        If the pose names no bone of this body, or angles are not three finite numbers.
     """
     angles = {bone.name: np.zeros(3) for bone in bones}
     for name, given in pose.items():
@@ -139,8 +114,7 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
         else:
             raise InputError(f"no bone is called {name!r}; the bones are {', '.join(angles)}")
     stacked = np.stack(list(angles.values()))
-    matrices: FloatArray = Rotation.from_euler("xyz", stacked, degrees=True).as_matrix()
-    return matrices
+    return np.asarray(Rotation.from_euler("xyz", stacked, degrees=True).as_matrix())
 
 
 def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
@@ -171,8 +145,7 @@ def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArr
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     q, d = q / norm, d / norm
     shift = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
-    rotated: FloatArray = Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift
-    return rotated
+    return np.asarray(Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift)
 
 
 def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:

@@ -1,10 +1,8 @@
 """From a body made of rounded cones to an even, closed triangle mesh of its skin.
 
-A body is a smooth union of rounded cones. Its skin is found on a grid (naive surface nets,
-Gibson 1998), thinned by collapsing the shortest edges until the number of vertices is right,
-and evened out by Delaunay flips and tangential smoothing on the exact implicit surface.
-A body with left-right symmetry is meshed on the side x >= 0 only and then reflected, which is
-what makes the mirror map exact.
+The skin is found on a grid (naive surface nets, Gibson 1998), thinned by edge collapses, and evened
+out by Delaunay flips and tangential smoothing on the exact implicit surface. A symmetric body is
+meshed on the side x >= 0 only and then reflected, which makes the mirror map exact.
 """
 
 from __future__ import annotations
@@ -22,43 +20,38 @@ from unbend.mesh import edge_ends
 _COARSEST = 0.025  # grid spacing that no part of a body slips through
 
 
-def skin(
-    cones: Cones, n_vertices: int, *, symmetric: bool, meshing: int
-) -> tuple[FloatArray, IntArray, IntArray | None]:
-    """Mesh the skin of a body with exactly so many vertices; also return its mirror map, or None.
+def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, IntArray, IntArray]:
+    """Mesh the skin of a body with exactly so many vertices; also return its mirror map.
 
-    If `symmetric`, the body is symmetric about x = 0, and one side is meshed and reflected.
-    `meshing` is the seed of the grid's orientation and offset. Raises InputError if no grid tried
-    gives a surface without handles.
+    The body is symmetric about x = 0: one side is meshed and reflected. `meshing` is the seed of
+    the grid's orientation and offset. Raises InputError if no grid tried gives a surface without
+    handles.
     """
     rng = np.random.default_rng(meshing)
     # A turn about x keeps the left-right symmetry; so does any shift in y and z.
     turns = [0.0, 0.0, 0.0] if meshing == 0 else [rng.uniform(0.2, 1.3), 0.0, 0.0]
-    if not symmetric and meshing:
-        turns[1:] = rng.uniform(-0.6, 0.6, 2)
     rotation = Rotation.from_euler("xyz", turns).as_matrix()
-    shift = rng.uniform(0, 0.01, 3) * [not symmetric, 1, 1]
+    shift = rng.uniform(0, 0.01, 3) * [0, 1, 1]
     turned = cones.turned(rotation, shift)
     spacing = _COARSEST
     for _ in range(8):
-        vertices, faces = surface_net(turned, spacing, symmetric)
-        on_plane = (vertices[:, 0] == 0) & symmetric
-        count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
+        vertices, faces = surface_net(turned, spacing)
+        on_plane = vertices[:, 0] == 0
+        count = 2 * len(vertices) - int(on_plane.sum())
         n_edges = len(edge_ends(faces, len(vertices)))
-        sphere = len(vertices) - n_edges + len(faces) == (1 if symmetric else 2)
-        if sphere and count >= n_vertices:
+        disk = len(vertices) - n_edges + len(faces) == 1
+        if disk and count >= n_vertices:
             break
         spacing *= 0.95 if count >= n_vertices else min(0.95, (count / (1.15 * n_vertices)) ** 0.5)
     else:
         raise InputError("these proportions make parts of the body touch; choose milder ones")
-    vertices, faces = _even_out(turned, vertices, faces, on_plane, n_vertices, symmetric)
-    vertices = (vertices - shift) @ rotation
-    if not symmetric:
-        return vertices, faces, None
-    return _reflect(vertices, faces)
+    vertices, faces = _even_out(turned, vertices, faces, on_plane, n_vertices)
+    return _reflect((vertices - shift) @ rotation, faces)
 
 
-def surface_net(cones: Cones, spacing: float, symmetric: bool) -> tuple[FloatArray, IntArray]:
+def surface_net(
+    cones: Cones, spacing: float, symmetric: bool = True
+) -> tuple[FloatArray, IntArray]:
     """One vertex per grid cell that the skin passes, one quad (two triangles) per crossed edge."""
     inside, origin = _inside(cones, spacing, symmetric)
     inside = _well_composed(inside, symmetric)
@@ -161,8 +154,7 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
 
 def _fill(inside: BoolArray) -> BoolArray:
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
-    filled: BoolArray = ndimage.binary_fill_holes(doubled)[len(inside) - 2 :]
-    return filled
+    return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 
 
 def _even_out(
@@ -171,14 +163,13 @@ def _even_out(
     faces: IntArray,
     on_plane: BoolArray,
     n_vertices: int,
-    symmetric: bool,
 ) -> tuple[FloatArray, IntArray]:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
-    area = (1 + symmetric) * 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     even = (1.15 * area / n_vertices) ** 0.5  # edge length if all triangles were equilateral
     vertices, thickness = _relax(cones, vertices, faces, on_plane, 4)
     while True:
-        count = 2 * len(vertices) - int(on_plane.sum()) if symmetric else len(vertices)
+        count = 2 * len(vertices) - int(on_plane.sum())
         if count == n_vertices:
             break
         goal = max(n_vertices, int(0.75 * count))
@@ -186,7 +177,7 @@ def _even_out(
         sizes = np.clip(thickness, 0.35 * even, even)
         n_before = len(vertices)
         vertices, faces, on_plane = collapse_short_edges(
-            vertices, faces, on_plane, sizes, count - goal, symmetric
+            vertices, faces, on_plane, sizes, count - goal
         )
         if len(vertices) == n_before:
             raise InputError(f"{n_vertices} vertices are too few for these proportions")

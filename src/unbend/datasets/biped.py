@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
-from unbend.datasets.shape import Shape, make_shape
+from collections.abc import Mapping
+
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets.shape import Maker, Shape, make_shape
 
 _SPECIES: dict[str, dict[str, float]] = {
     "human": {},
@@ -76,7 +78,6 @@ def make_biped(
     *,
     n_vertices: int = 5000,
     species: str = "human",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -88,21 +89,11 @@ def make_biped(
     pose : str, mapping, or None, default="standing"
         "standing", "spread", "walking", "running", "sitting", "squatting", "waving",
         "kicking", "lunging", "bowing" or "dancing";
-        a mapping from bone names to angles in degrees about x, y and z (``"thigh"`` turns both
-        sides, ``"left_thigh"`` one; an unknown name lists them all); or None: a random pose
-        between two named ones.
-    n_vertices : int, default=5000
-        Number of vertices, met exactly; 500 to 200000.
+        or as for :func:`make_quadruped`.
     species : str, default="human"
         "human", "child" or "ape".
-    asymmetric : bool, default=False
-        Make the left forearm and hand much bigger. The mesh is then
-        not mirror symmetric either and ``mirror`` is None.
-    meshing : int, default=0
-        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
-        relates meshings. Posed surfaces of two meshings agree up to about an edge length.
-    random_state : int or None, default=None
-        Seed of a random pose; unused otherwise. None: another pose each time.
+    n_vertices, meshing, random_state
+        See :func:`make_quadruped`.
     **proportions : float
         Factors on the species' proportions: ``legs``, ``arms``, ``torso``, ``head``,
         ``girth``, ``hands``, ``limbs`` (how thick arms and legs are). From about 0.7 to 1.4 of
@@ -111,15 +102,12 @@ def make_biped(
     Returns
     -------
     Shape
-        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
-        alike in all poses of one body and meshing. A human is
-        1.7 units (metres) tall.
+        A human is 1.7 units (metres) tall.
 
     Raises
     ------
     InputError
-        If a pose, bone, species or proportion does not exist (the message lists those that do),
-        a number is out of range, or the proportions make parts of the body touch.
+        As for :func:`make_quadruped`.
 
     See Also
     --------
@@ -134,21 +122,11 @@ def make_biped(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
-    return make_shape(
-        _bones(sizes, asymmetric),
-        _bones(_DEFAULTS, asymmetric),
-        _POSES,
-        pose,
-        n_vertices=n_vertices,
-        symmetric=not asymmetric,
-        meshing=meshing,
-        random_state=random_state,
-        name=species,
-    )
+    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     girth, head, torso = p["girth"], p["head"], p["torso"]
     crotch = 0.9 * p["legs"]
     wide, deep = 0.5 + 0.5 * girth, girth
@@ -213,14 +191,4 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
         Bone("left_toes", "left_foot", leg(0.165, 0.04, 0.08), leg(0.17, 0.034, 0.145),
              0.042 * p["limbs"], 0.032 * p["limbs"], "left_leg"),
     ]  # fmt: skip
-    bones = both_sides(left)
-    if asymmetric:
-        grown = {"left_hand": 1.7, "left_fingers": 1.9, "left_forearm": 1.25}
-        bones = [
-            bone._replace(
-                head_radius=bone.head_radius * grown.get(bone.name, 1),
-                tail_radius=bone.tail_radius * grown.get(bone.name, 1),
-            )
-            for bone in bones
-        ]
-    return bones
+    return both_sides(left)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
-from unbend.datasets.shape import Shape, make_shape
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets.shape import Maker, Shape, make_shape
 
 _SPECIES: dict[str, dict[str, float]] = {
     "octopus": {},
@@ -22,9 +22,8 @@ _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees 
 def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Point) -> Pose:
     """Make a pose from a rule for the arms.
 
-    ``bend(s, arm, side)`` gives the droop (positive: downward) and the sideways turn (positive:
-    towards the animal's back) of the segment at share ``s`` of the arm's length, in degrees;
-    ``arm`` is 1 (front) to 4 (back), ``side`` +1 (left) or -1.
+    ``bend(s, arm, side)`` gives the droop and the turn towards the back, in degrees, of the segment
+    at share ``s`` of the arm 1 (front) to 4 (back), on the side +1 (left) or -1.
     """
     pose: dict[str, Point] = dict(others)
     for side, word in ((1, "left"), (-1, "right")):
@@ -78,7 +77,6 @@ def make_octopus(
     *,
     n_vertices: int = 5000,
     species: str = "octopus",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -90,21 +88,11 @@ def make_octopus(
     pose : str, mapping, or None, default="crawling"
         "floating" (the rest pose), "crawling", "resting", "swimming", "curled", "reaching",
         "dancing" or "standing";
-        a mapping from bone names to angles in degrees about x, y and z (``"arm_1_2"`` turns both
-        sides, ``"left_arm_1_2"`` one; an unknown name lists them all); or None: a random pose
-        between two named ones.
-    n_vertices : int, default=5000
-        Number of vertices, met exactly; 500 to 200000.
+        or as for :func:`make_quadruped`, with bones such as ``"arm_1_2"``.
     species : str, default="octopus"
         "octopus" or "squid".
-    asymmetric : bool, default=False
-        Make the second left arm half as long. The mesh is then
-        not mirror symmetric either and ``mirror`` is None.
-    meshing : int, default=0
-        Any other number: other vertices and triangles on the same surface. :func:`rest_map`
-        relates meshings. Posed surfaces of two meshings agree up to about an edge length.
-    random_state : int or None, default=None
-        Seed of a random pose; unused otherwise. None: another pose each time.
+    n_vertices, meshing, random_state
+        See :func:`make_quadruped`.
     **proportions : float
         Factors on the species' proportions: ``arms``, ``mantle`` (their lengths),
         ``girth``, ``eyes``, ``limbs`` (how thick the arms are). From about 0.7 to 1.4 of the
@@ -113,15 +101,12 @@ def make_octopus(
     Returns
     -------
     Shape
-        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
-        alike in all poses of one body and meshing. Arms are
-        about 1 unit long.
+        Arms are about 1 unit long.
 
     Raises
     ------
     InputError
-        If a pose, bone, species or proportion does not exist (the message lists those that do),
-        a number is out of range, or the proportions make parts of the body touch.
+        As for :func:`make_quadruped`.
 
     See Also
     --------
@@ -136,21 +121,11 @@ def make_octopus(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
-    return make_shape(
-        _bones(sizes, asymmetric),
-        _bones(_DEFAULTS, asymmetric),
-        _POSES,
-        pose,
-        n_vertices=n_vertices,
-        symmetric=not asymmetric,
-        meshing=meshing,
-        random_state=random_state,
-        name=species,
-    )
+    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     girth, mantle, eye = p["girth"], p["mantle"], 0.045 * p["eyes"]
     end = (0.0, 0.36 + 0.34 * mantle, -0.06 - 0.2 * mantle)
     left = [
@@ -161,12 +136,7 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
     ]  # fmt: skip
     for arm, azimuth in _AZIMUTHS.items():
         left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"], p["limbs"])
-    bones = both_sides(left)
-    if asymmetric:
-        short = _arm("left_arm_2", np.deg2rad(_AZIMUTHS[2]), 0.5 * p["arms"], p["limbs"])
-        by_name = {bone.name: bone for bone in short}
-        bones = [by_name.get(bone.name, bone) for bone in bones]
-    return bones
+    return both_sides(left)
 
 
 def _arm(name: str, azimuth: float, length: float, thickness: float) -> list[Bone]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chosen_proportions
-from unbend.datasets.shape import Shape, make_shape
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets.shape import Maker, Shape, make_shape
 
 # Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
 _SPECIES: dict[str, dict[str, float]] = {
@@ -100,7 +101,6 @@ def make_quadruped(
     *,
     n_vertices: int = 5000,
     species: str = "dog",
-    asymmetric: bool = False,
     meshing: int = 0,
     random_state: int | None = None,
     **proportions: float,
@@ -119,9 +119,6 @@ def make_quadruped(
         Number of vertices, met exactly; 500 to 200000.
     species : str, default="dog"
         "dog", "cat", "horse", "bear" or "giraffe".
-    asymmetric : bool, default=False
-        Grow a horn on the left of the head. The mesh is then
-        not mirror symmetric either and ``mirror`` is None.
     meshing : int, default=0
         Any other number: other vertices and triangles on the same surface. :func:`rest_map`
         relates meshings. Posed surfaces of two meshings agree up to about an edge length.
@@ -159,21 +156,11 @@ def make_quadruped(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    sizes = chosen_proportions(_SPECIES, _DEFAULTS, species, proportions)
-    return make_shape(
-        _bones(sizes, asymmetric),
-        _bones(_DEFAULTS, asymmetric),
-        _POSES,
-        pose,
-        n_vertices=n_vertices,
-        symmetric=not asymmetric,
-        meshing=meshing,
-        random_state=random_state,
-        name=species,
-    )
+    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
+    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
 
 
-def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
+def _bones(p: Mapping[str, float]) -> list[Bone]:
     legs, girth, paws, head = p["legs"], p["girth"], p["paws"], p["head"]
     limbs = p["limbs"]
     drop = 0.55 * (legs - 1)  # how much higher longer legs carry the body
@@ -237,15 +224,10 @@ def _bones(p: dict[str, float], asymmetric: bool) -> list[Bone]:
              _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
              "left_hindleg", chain="left_hindleg"),
     ]  # fmt: skip
-    bones = both_sides(bones)
-    if asymmetric:
-        horn = face(0.04, 0.075, 0.055)
-        up = (horn[0] + 0.05, horn[1] + 0.17 * head, horn[2] + 0.09 * head)
-        bones.append(Bone("left_horn", "head", horn, up, 0.036 * head, 0.018, "head"))
-    return bones
+    return both_sides(bones)
 
 
-def _tail(root: Point, p: dict[str, float]) -> list[Bone]:
+def _tail(root: Point, p: Mapping[str, float]) -> list[Bone]:
     lift = np.deg2rad(p["tail_lift"])
     step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
     joints = [np.array(root) + i * step for i in range(5)]

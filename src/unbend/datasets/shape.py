@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,9 +31,9 @@ class Shape(Brief):
         x points to its left, y up, z forward.
     rest : (n, 3) ndarray of float64, read-only
         The same vertices in the rest pose.
-    mirror : (n,) ndarray of int64, read-only, or None
+    mirror : (n,) ndarray of int64, read-only
         ``mirror[i]`` is the left-right mirror image of vertex ``i``, exactly so in the rest
-        pose. None for an asymmetric body.
+        pose.
     labels : (n,) ndarray of int64, read-only
         The body part of each vertex, an index into ``parts``.
     parts : tuple of str
@@ -43,7 +44,7 @@ class Shape(Brief):
 
     mesh: Mesh
     rest: FloatArray
-    mirror: IntArray | None
+    mirror: IntArray
     labels: IntArray
     parts: tuple[str, ...]
     bones: tuple[Bone, ...]
@@ -67,7 +68,7 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     Parameters
     ----------
     source, target : Shape
-        Made by the same maker, both with or both without its asymmetry.
+        Made by the same maker.
 
     Returns
     -------
@@ -97,28 +98,47 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     return nearest_rows(*points)
 
 
+class Maker(NamedTuple):
+    """What a kind of animals has in common: proportions by species, poses, and bones of sizes."""
+
+    species: Mapping[str, Mapping[str, float]]
+    defaults: Mapping[str, float]
+    poses: Mapping[str, Pose]
+    bones: Callable[[Mapping[str, float]], list[Bone]]
+
+
 def make_shape(
-    bones: Sequence[Bone],
-    plain_bones: Sequence[Bone],
-    poses: Mapping[str, Pose],
+    maker: Maker,
     pose: str | Pose | None,
-    *,
     n_vertices: int,
-    symmetric: bool,
+    species: str,
     meshing: int,
     random_state: int | None,
-    name: str,
+    proportions: Mapping[str, float],
 ) -> Shape:
-    """Mesh a body at rest and move it into a pose: what all makers do."""
+    """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
+    sizes = _sizes(maker, species, proportions)
+    bones, plain = (tuple(maker.bones(one)) for one in (sizes, maker.defaults))
     if not 500 <= n_vertices <= 200_000:
         raise InputError(f"n_vertices must be from 500 to 200000, not {n_vertices}")
-    angles = _angles(poses, pose, random_state)
-    rest, faces, mirror, labels, parts = _rest_body(tuple(bones), n_vertices, symmetric, meshing)
-    posed = rest
-    if angles:
-        posed = restore_lengths(rest, move_skin(bones, rest, angles), faces)
-    mesh = Mesh(posed, faces, name=name)
-    return Shape(mesh, rest, mirror, labels, parts, tuple(bones), tuple(plain_bones))
+    angles = _angles(maker.poses, pose, random_state)
+    rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, meshing)
+    posed = restore_lengths(rest, move_skin(bones, rest, angles), faces) if angles else rest
+    return Shape(Mesh(posed, faces, name=species), rest, mirror, labels, parts, bones, plain)
+
+
+def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, float]:
+    """Combine the default, the species' and the caller's proportions, and check their names."""
+    if species not in maker.species:
+        known = ", ".join(maker.species)
+        raise InputError(f"there is no species {species!r}; the species are {known}")
+    for key, value in given.items():
+        if key not in maker.defaults:
+            known = ", ".join(maker.defaults)
+            raise InputError(f"there is no proportion {key!r}; the proportions are {known}")
+        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
+            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
+    return {**maker.defaults, **maker.species[species], **given}
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
@@ -148,15 +168,14 @@ def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
 
 @lru_cache(maxsize=16)
 def _rest_body(
-    bones: tuple[Bone, ...], n_vertices: int, symmetric: bool, meshing: int
-) -> tuple[FloatArray, IntArray, IntArray | None, IntArray, tuple[str, ...]]:
+    bones: tuple[Bone, ...], n_vertices: int, meshing: int
+) -> tuple[FloatArray, IntArray, IntArray, IntArray, tuple[str, ...]]:
     """Posing is quick and meshing is not: the poses of one body share its resting mesh."""
     cones = cones_of(bones)
-    rest, faces, mirror = skin(cones, n_vertices, symmetric=symmetric, meshing=meshing)
+    rest, faces, mirror = skin(cones, n_vertices, meshing=meshing)
     parts = tuple(dict.fromkeys(bone.part for bone in bones))
     part_of_bone = np.array([parts.index(bone.part) for bone in bones])
     labels = part_of_bone[cones.distances(rest).argmin(axis=0)]
     for array in (rest, faces, mirror, labels):
-        if array is not None:
-            array.setflags(write=False)
+        array.setflags(write=False)
     return rest, faces, mirror, labels, parts

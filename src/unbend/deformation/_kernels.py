@@ -1,8 +1,7 @@
 """Compiled loops over edges, faces and poses of a surface.
 
-Kernels are compiled without Numba's own threads, which take long to compile for and must not be
-entered twice at a time: they release the GIL and work on a range of rows, and a function beside
-each spreads the ranges over threads.
+Kernels release the GIL and work on a range of rows, and a function beside each spreads the ranges
+over threads: Numba's own threads take long to compile for and must not be entered twice at a time.
 """
 
 from __future__ import annotations
@@ -161,29 +160,19 @@ def scatter(
     ``rows`` and ``weights`` (m,) may be several, (m, p), of the same ``values`` (m, d): then sums
     are (n, p, d), and weights (n, p).
     """
-    going = rows[:, None] if rows.ndim == 1 else rows
-    sums = np.zeros((n, going.shape[1], values.shape[1]))
-    total = np.zeros((n, going.shape[1]))
-    _scatter(going, weights.reshape(going.shape), values, sums, total)
-    return sums.reshape(n, *rows.shape[1:], -1), total.reshape(n, *rows.shape[1:])
-
-
-@compiled
-def _scatter(rows, weights, values, sums, total):  # type: ignore[no-untyped-def]
-    for i in range(len(rows)):
-        for m in range(rows.shape[1]):
-            to = rows[i, m]
-            total[to, m] += weights[i, m]
-            for a in range(values.shape[1]):
-                sums[to, m, a] += weights[i, m] * values[i, a]
+    m, p = len(rows), int(np.prod(rows.shape[1:]))
+    places = rows.reshape(m, p) * p + np.arange(p)
+    ends = places.ravel(), np.repeat(np.arange(m), p)
+    going = sp.csr_array((weights.ravel(), ends), shape=(n * p, m))
+    found = (going @ np.column_stack([values[:m], np.ones(m)])).reshape(n, *rows.shape[1:], -1)
+    return found[..., :-1], found[..., -1]
 
 
 def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
-    """Turn rotations (..., 3, 3), in place, to those that best explain covariances.
+    """Turn rotations (..., 3, 3), in place, to those that maximise the trace of R C.
 
-    The rotation R that maximises the trace of R C, by the fixed-point iteration of Müller,
-    Bender, Chentanez & Macklin ("A robust method to extract the rotational part of
-    deformations", 2016), from where it stands.
+    The fixed-point iteration of Müller, Bender, Chentanez & Macklin ("A robust method to extract
+    the rotational part of deformations", 2016).
     """
     turned = rotations.reshape(-1, 3, 3)
     over_rows(len(turned), 1, _turn_rotations, covariances.reshape(turned.shape), turned)

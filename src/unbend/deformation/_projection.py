@@ -79,24 +79,10 @@ def closest_faces(
     fans: tuple[IntArray, IntArray],
     vertices: IntArray,
 ) -> tuple[IntArray, FloatArray]:
-    """Nearest point to each given point on the faces around a given vertex.
+    """Nearest point to each given point (n, d) on the faces around a given vertex of a surface.
 
-    Parameters
-    ----------
-    points : (n, d) ndarray of float64
-    positions : (m, d) ndarray of float64
-        Vertices of the surface to land on.
-    triangles : (f, 3) ndarray of int64
-    fans : two ndarrays of int64
-        The faces around each vertex, in compressed rows.
-    vertices : (n,) ndarray of int64
-        The vertex of that surface around which to look.
-
-    Returns
-    -------
-    faces : (n,) ndarray of int64
-    weights : (n, 3) ndarray of float64
-        Barycentric coordinates: non-negative, each row sums to one.
+    The surface has vertices `positions` (m, d), and the faces around each in compressed rows,
+    `fans`. Returns faces (n,) and barycentric coordinates (n, 3).
     """
     return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
 

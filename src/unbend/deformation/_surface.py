@@ -1,8 +1,7 @@
-"""A surface that deforms as rigidly as possible.
+"""A surface that deforms as rigidly as possible (Sorkine & Alexa, SGP 2007).
 
-Its neighbourhoods may be rotated but resist being stretched (Sorkine & Alexa, "As-rigid-as-possible
-surface modeling", SGP 2007). The energy is minimised in alternation: the global step solves for
-places, given a rotation for each vertex; the local step rotates the neighbourhoods to fit them.
+Its energy is minimised in alternation: the global step solves for places, given a rotation for each
+vertex; the local step rotates the neighbourhoods to fit them.
 """
 
 from __future__ import annotations

@@ -128,5 +128,4 @@ def distance(
             )
         metric = truncated_metric(distance, eigenpairs(surface, n_eigenpairs), diffused)
     found = metric.from_sources(local) * np.sqrt(surface.area) ** length_power(distance)
-    spread: FloatArray = surface.prepared.expand(found.T).T
-    return spread
+    return np.asarray(surface.prepared.expand(found.T).T)

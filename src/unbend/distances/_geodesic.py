@@ -36,8 +36,7 @@ def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
     scale = 1 / np.sqrt(surface.area)
 
     def from_sources(sources: IntArray) -> FloatArray:
-        rows: FloatArray = np.stack([one(int(source)) for source in sources]) * scale
-        return rows
+        return np.asarray(np.stack([one(int(source)) for source in sources]) * scale)
 
     def between(samples: IntArray) -> FloatArray:
         rows = from_sources(samples)[:, samples]
@@ -47,41 +46,13 @@ def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
 
 
 def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
-    """Geodesic distances from any vertex of a mesh, which may have several components.
+    """Geodesic distances from any vertex of a mesh with faces, which may have several components.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With faces.
-    exact : bool
-        Exact polyhedral distances, or those of the heat method.
-
-    Returns
-    -------
-    callable
-        A vertex to the distances (n,) from it to all vertices, in the mesh's unit of length:
-        infinite where no path leads.
-
-    Raises
-    ------
-    MeshError
-        If exact geodesics are not defined; and by the callable, if a component is less than 1e-60
-        or more than 1e60 across.
-    SolverError
-        By the callable: if the exact solver does not get to a vertex that a path leads to.
-
-    Warns
-    -----
-    UnbendWarning
-        By the callable, once for each component: of distances that cannot be right.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.distances import geodesic_solver
-    >>> corner = Mesh([[0, 0, 0], [3, 0, 0], [0, 4, 0], [9, 9, 9]], [[0, 1, 2]])
-    >>> geodesic_solver(corner, exact=True)(1)
-    array([ 3.,  0.,  5., inf])
+    Returns a function from a vertex to the distances (n,) in the mesh's unit of length, infinite
+    where no path leads. Raises MeshError if exact geodesics are not defined. The function raises
+    MeshError if a component is less than 1e-60 or more than 1e60 across, SolverError if the exact
+    solver does not get to a vertex that a path leads to; it warns, once for each component, of
+    distances that cannot be right.
     """
     twice = has_earlier_twin(mesh.faces)
     if twice.any():  # they add no surface
@@ -188,7 +159,6 @@ def _exact(mesh: Mesh) -> _FromVertex:
                 f"by up to {steep:.1g} of the largest: needle triangles make them inaccurate; "
                 "use geodesic, or remesh it"
             )
-        scaled: FloatArray = distances * unit
-        return scaled
+        return np.asarray(distances * unit)
 
     return one

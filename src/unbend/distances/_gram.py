@@ -1,7 +1,7 @@
 """Distances of the form d_ij^2 = g_ii + g_jj - 2 g_ij: biharmonic, commute-time, diffusion.
 
-Each kernel is a function of the Laplacian, ``g = sum_i h(lambda_i) phi_i phi_i^T`` over the
-non-constant eigenpairs, with ``h = lambda^-2``, ``lambda^-1`` and ``exp(-2 t lambda)``.
+Over the non-constant eigenpairs, ``g = sum_i h(lambda_i) phi_i phi_i^T``, with ``h = lambda^-2``,
+``lambda^-1`` and ``exp(-2 t lambda)``.
 """
 
 from __future__ import annotations
@@ -147,8 +147,7 @@ def _distances(kernel: FloatArray, rows: FloatArray, columns: FloatArray) -> Flo
             f"a squared distance came out at {least / largest:.1e} of the kernel's largest entry: "
             "the kernel is not positive semi-definite"
         )
-    distances: FloatArray = np.sqrt(np.maximum(squared, 0.0))
-    return distances
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
 def _indicators(vertices: IntArray, n: int) -> FloatArray:

@@ -17,19 +17,11 @@ GEODESIC = ("geodesic", "geodesic-exact")
 class Metric:
     """One distance on one surface of unit area.
 
-    Attributes
-    ----------
-    from_sources : callable
-        Vertex ids (s,) to the distances from each of them to all vertices (s, n).
-    between : callable
-        Vertex ids (p,) to the distances between all of them (p, p).
-    gram : callable or None
-        Where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``: the product with g,
-        (n, r) to (n, r).
+    `gram` gives products with g, (n, r), where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``.
     """
 
-    from_sources: Callable[[IntArray], FloatArray]
-    between: Callable[[IntArray], FloatArray]
+    from_sources: Callable[[IntArray], FloatArray]  # (s,) to (s, n): to all vertices
+    between: Callable[[IntArray], FloatArray]  # (p,) to (p, p)
     gram: Callable[[FloatArray], FloatArray] | None = None
 
 

@@ -32,33 +32,12 @@ _GREY = 153
 def value_colors(
     values: npt.ArrayLike, *, kind: str = "scalar", limits: tuple[float, float] | None = None
 ) -> npt.NDArray[np.uint8]:
-    """Turn values per vertex into colours that colour-blind eyes tell apart, too.
+    """Turn values per vertex into colours (n, 3) of uint8 that colour-blind eyes tell apart, too.
 
-    Parameters
-    ----------
-    values : (n,) array_like, or (n, k) of weights
-        Numbers, labels, or weights.
-    kind : {"scalar", "label", "weights"}, default="scalar"
-        Numbers go from dark blue to yellow. Each label has a colour, in
-        its turn of seven; of weights each vertex has that of its largest.
-    limits : (float, float), optional
-        The numbers that are the first and the last colour; by default the least and the greatest.
-
-    Returns
-    -------
-    (n, 3) ndarray of uint8
-        Red, green and blue; grey where a number is not finite, and for the labels -1 and "".
-
-    Raises
-    ------
-    InputError
-        If there are several numbers for each vertex.
-
-    Examples
-    --------
-    >>> from unbend.io import value_colors
-    >>> value_colors([0.0, 1.0, float("nan")]).tolist()
-    [[68, 1, 84], [253, 231, 37], [153, 153, 153]]
+    Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`.
+    Each label has a colour, in its turn of seven; of weights (n, k) each vertex has that of its
+    largest. Grey stands for numbers that are not finite, and for the labels -1 and "". Raises
+    InputError if there are several numbers for each vertex.
     """
     array = np.asarray(values)
     if kind == "weights":

@@ -58,10 +58,8 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> str:
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
     """Read a whole file whose suffix is one of these; empty: any.
 
-    Raises
-    ------
-    FileError
-        If the file is missing, of another kind, larger than the free memory, empty, or unreadable.
+    Raises FileError if it is missing, of another kind, larger than the free memory, empty, or
+    unreadable.
     """
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder; give a file's name")
@@ -101,12 +99,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
     It is written under a temporary name in the same folder, and renamed at the end of the ``with``
     block. If the block fails or is interrupted, nothing is left. A replaced file's permissions are
-    kept.
-
-    Raises
-    ------
-    FileError
-        If the folder is missing, closed to us or full.
+    kept. Raises FileError if the folder is missing, closed to us or full.
     """
     check_writable(path, ())
     # Replace the target of a symbolic link, not the link.

@@ -152,12 +152,8 @@ def read_landmarks(
     """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
     The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
-    file may begin with column names. Numbers must be below `n_source` and `n_target`, if given.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is empty, or has other lines.
+    file may begin with column names. Raises FileError if it cannot be read or has other lines, or
+    numbers not below `n_source` and `n_target`.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))

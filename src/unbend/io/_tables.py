@@ -14,11 +14,10 @@ from unbend.io._files import atomic_write, read_bytes
 
 
 def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[list[str]]:
-    """Read the values of these columns; row i is line i + 2 of a file without empty lines.
+    """Read the values of these columns, in any order and among others; the first line names them.
 
-    The first line names the columns, which may be in any order and among others.
-
-    Raises FileError if the file cannot be read, or lacks a column or a value.
+    Row i is line i + 2 of a file without empty lines. Raises FileError if the file cannot be read,
+    or lacks a column or a value.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))

@@ -194,7 +194,7 @@ def write_values(
             np.save(file, array)
             return
         columns = array.reshape(len(array), -1)
-        rows = [list(map(_word, row)) for row in columns.tolist()]
+        rows = [[str(one) for one in row] for row in columns.tolist()]
         if suffix == ".csv":
             file.write(_csv([_names(kind, columns.shape[1]), *rows]))
         else:
@@ -211,21 +211,14 @@ def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind:
             f"{suffix} files show a colour for each vertex, not {values[:1].size} numbers; "
             "write .ply"
         )
-    if suffix == ".txt" and values.dtype.kind == "U" and not _all_words(values):
+    words = np.unique(values).tolist() if suffix == ".txt" and values.dtype.kind == "U" else []
+    if not all(re.fullmatch(r"[^#\s]\S*", word) for word in words):
         raise InputError(
             ".txt files hold one word for each vertex, and a label is empty or more than one; "
             "write .csv"
         )
     if suffix != ".npy" and values.ndim > 2:
         raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
-
-
-def _word(value: Any) -> str:
-    return value if isinstance(value, str) else repr(value)
-
-
-def _all_words(labels: npt.NDArray[Any]) -> bool:
-    return all(re.fullmatch(r"[^#\s]\S*", label) for label in np.unique(labels).tolist())
 
 
 def _csv(rows: list[list[str]]) -> bytes:
@@ -269,7 +262,8 @@ def _write_mesh(
 
 
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
-    lines = [line for line in text_lines(data, suffix[1:]) if not _is_comment(line)]
+    lines = text_lines(data, suffix[1:])
+    lines = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     if suffix == ".csv":
         try:
             cells = csv.reader(f"{line}\n" for line in lines)
@@ -324,10 +318,6 @@ def _in_order(rows: list[list[str]]) -> list[list[str]]:
         if vertex not in found:
             raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
     return [found[str(vertex)] for vertex in range(len(rows))]
-
-
-def _is_comment(line: str) -> bool:
-    return not line.strip() or line.lstrip().startswith("#")
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:

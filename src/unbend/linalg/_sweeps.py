@@ -1,12 +1,8 @@
 """Compiled triangular solves, for a chunk of right-hand sides at once.
 
-A solve reads the whole factor for every right-hand side, so its time is memory traffic. A chunk of
-right-hand sides, stored row by row, shares that traffic: each entry of the factor is multiplied
-with a row of the chunk. The innermost loops are generated as LLVM code. Numba's own take 1.5 to 2
-times as long: its compiler cannot know that two rows of an array do not overlap, and does not keep
-rows of the result in registers.
-
-How wide a chunk is must be known when a kernel is compiled, so kernels get a tuple of that length.
+A solve's time is memory traffic: a chunk, stored row by row, shares that of the factor. The
+innermost loops are generated as LLVM code, for Numba's own take 1.5 to 2 times as long: its
+compiler cannot know that two rows do not overlap. Kernels get a chunk's width as a tuple's length.
 """
 
 from __future__ import annotations

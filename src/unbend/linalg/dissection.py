@@ -19,30 +19,15 @@ _LEAST = 0.2  # share of the vertices on the smaller side of a separator, if tha
 
 
 class Supernodes(NamedTuple):
-    """Columns of a factor, in groups with the same rows below them.
+    """Columns of a factor, in m groups with the same rows below them."""
 
-    Attributes
-    ----------
-    order, inverse : (n,) ndarrays of int32
-        Row of the matrix for each row of the factor, and the reverse.
-    starts : (m + 1,) ndarray of int64
-        Supernode i has the columns ``starts[i]`` to ``starts[i + 1]``.
-    children : (m, 2) ndarray of int64
-        Supernodes whose updates go to this one, all of them before it; -1 for none.
-    row_starts, rows : ndarrays of int64 and int32
-        Rows below a supernode's own, ascending, in compressed form.
-    parts : (p, 2) ndarray of int64
-        Ranges of supernodes: subtrees that have nothing to do with each other, the largest first,
-        and at the end the supernodes above them all.
-    """
-
-    order: Any
-    inverse: Any
-    starts: IntArray
-    children: IntArray
-    row_starts: IntArray
-    rows: Any
-    parts: IntArray
+    order: Any  # (n,) int32: row of the matrix for each row of the factor
+    inverse: Any  # the reverse
+    starts: IntArray  # (m + 1,): group i has the columns starts[i] to starts[i + 1]
+    children: IntArray  # (m, 2): groups before it whose updates go to each one; -1 for none
+    row_starts: IntArray  # compressed rows below a group's own
+    rows: Any  # int32, ascending
+    parts: IntArray  # (p, 2): ranges of groups, independent subtrees and last what is above all
 
 
 def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
@@ -50,11 +35,7 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
 
     The graph is in compressed rows, each edge in both directions. A part is separated where the
     distances from two far ends of it differ by some amount: by the amount that needs the fewest
-    vertices for the size of the smaller side.
-
-    References
-    ----------
-    George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10, 1973.
+    vertices for the size of the smaller side (after George, SIAM J. Numer. Anal. 10, 1973).
     """
     n = len(starts) - 1
     graph = starts, neighbors

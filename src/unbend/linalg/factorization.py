@@ -1,10 +1,7 @@
 """Sparse symmetric factorisation behind one small interface.
 
-:func:`_backend` chooses between three backends:
-
-- ``"multifrontal"``: our own L D L^T (nested dissection, no pivoting), for large systems.
-- ``"qdldl+numba"``: L D L^T by qdldl (minimum degree order, no pivoting), with our own solves.
-- ``"qdldl"``: the same with qdldl's solves, for systems too small to pay for importing Numba.
+Backends are our own multifrontal L D L^T for large systems, qdldl's with our solves, and qdldl
+alone for systems too small to pay for importing Numba. None pivots.
 """
 
 from __future__ import annotations
@@ -33,15 +30,7 @@ _BACKWARD_ERROR = 1e-13  # solves less exact than this are refined: without grow
 
 @dataclass(frozen=True, eq=False)
 class Factorization:
-    """A factorised sparse symmetric matrix.
-
-    Attributes
-    ----------
-    n_negative : int
-        Number of negative eigenvalues of the matrix (Sylvester's law of inertia).
-    backend : str
-        What did the work: ``"multifrontal"``, ``"qdldl+numba"`` or ``"qdldl"``.
-    """
+    """A factorised sparse symmetric matrix, with its number of negative eigenvalues (Sylvester)."""
 
     n_negative: int
     backend: str
@@ -50,24 +39,10 @@ class Factorization:
     _n_refinements: int
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solve for one right-hand side or for a block of them.
+        """Solve for one right-hand side (n,) or, which is faster, for a block of them (n, r).
 
-        Safe to call from several threads. Blocks are faster than columns one by one.
-
-        Parameters
-        ----------
-        rhs : (n,) or (n, r) array of float64
-
-        Returns
-        -------
-        array of float64, shaped like ``rhs``
-
-        Raises
-        ------
-        InputError
-            If ``rhs`` has the wrong shape or holds NaN or infinity.
-        SolverError
-            If the solution overflows.
+        Safe to call from several threads. Raises InputError if the right-hand side has the wrong
+        shape or is not finite, SolverError if the solution overflows.
         """
         rhs = np.asarray(rhs, dtype=np.float64)
         n = self._matrix.shape[0]
@@ -88,25 +63,11 @@ class Factorization:
         return solution.reshape(rhs.shape)
 
     def inverse_diagonals(self, weights: FloatArray | None = None) -> FloatArray:
-        """Compute the diagonal of the inverse B and, for a diagonal matrix A, of B A B.
+        """Compute the diagonal (1, n) of the inverse B, or (2, n) also of B A B, A diagonal.
 
-        This takes about as long as the factorisation. The matrix must have been factorised with
-        ``diagonal=True``.
-
-        Parameters
-        ----------
-        weights : (n,) ndarray of float64, optional
-            The diagonal of A.
-
-        Returns
-        -------
-        (1, n) or (2, n) ndarray of float64
-            The diagonal of B and, given `weights`, the diagonal of B A B.
-
-        Raises
-        ------
-        SolverError
-            If the matrix is so close to singular that its solves must be refined.
+        This takes about as long as the factorisation, which must have been made with
+        ``diagonal=True``. Raises SolverError if the matrix is so close to singular that its solves
+        must be refined.
         """
         from unbend.linalg._selected_inverse import inverse_diagonals
 
@@ -124,45 +85,19 @@ def factorize(
     many: bool = False,
     diagonal: bool = False,
 ) -> Factorization:
-    """Factorise a sparse, symmetric, non-singular matrix.
+    """Factorise a sparse, symmetric, non-singular matrix, definite or not.
 
     Pivots are taken from the diagonal in an order that keeps the factor sparse, which for an
     indefinite matrix may go wrong. So every factorisation is tried out: two solves with a known
     solution measure which share of an error a step of iterative refinement leaves. A small share
-    proves that the matrix is far from singular and that the inertia is right (all matrices
-    between the given one and the one factorised are non-singular then); a larger one leads to a
-    new try with a slightly shifted diagonal, refined in every solve, and at last to an error.
+    proves that the matrix is far from singular and that the inertia is right (all matrices between
+    the given one and the one factorised are non-singular then); a larger one leads to a new try
+    with a slightly shifted diagonal, refined in every solve, and at last to a SolverError.
 
-    Parameters
-    ----------
-    matrix : (n, n) sparse matrix of float64
-        Symmetric; may be indefinite.
-    refine : bool
-        Whether solves are refined to rounding where the factor has grown. Without, a relative
-        error of up to 1e-8 stays, which halves the time of such solves.
-    many : bool
-        Whether so much will be solved for that compiled solves pay for a small matrix too.
-    diagonal : bool
-        Whether :meth:`Factorization.inverse_diagonals` will be called: it needs the multifrontal
-        factor, whatever the size of the matrix.
-
-    Returns
-    -------
-    Factorization
-
-    Raises
-    ------
-    InputError
-        If the matrix is not square, is empty, or holds NaN or infinity.
-    SolverError
-        If the matrix is singular, nearly so, or not symmetric.
-
-    Examples
-    --------
-    >>> import scipy.sparse as sp
-    >>> from unbend.linalg.factorization import factorize
-    >>> factorize(sp.csc_array([[2.0, 1.0], [1.0, 3.0]])).solve([3.0, 4.0]).round(6)
-    array([1., 1.])
+    Without `refine`, a relative error of up to 1e-8 may stay in solves, which halves their time.
+    `many` says that so much will be solved for that compiled solves pay for a small matrix too;
+    `diagonal`, that :meth:`Factorization.inverse_diagonals` will be called, which needs the
+    multifrontal factor.
     """
     matrix = sp.csc_matrix(matrix, dtype=np.float64)
     n = matrix.shape[0]

@@ -28,55 +28,16 @@ def smallest_eigenpairs(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the k smallest eigenpairs of ``stiffness @ x = value * areas * x``.
 
-    Block Lanczos on the inverse, shifted into the spectrum, with full orthogonalisation [1]_. The
-    signs of the pivots of L D L^T count the eigenvalues below a shift (Sylvester), here below the
-    one in use and below one just above the last pair: no pair is missed, however many are equal.
+    Block Lanczos on the inverse, shifted into the spectrum (Grimes, Lewis and Simon, "A shifted
+    block Lanczos algorithm for solving sparse symmetric generalized eigenproblems", SIAM J. Matrix
+    Anal. Appl. 15, 1994). The signs of the pivots of L D L^T count the eigenvalues below a shift:
+    no pair is missed, however many are equal.
 
-    Parameters
-    ----------
-    stiffness : (n, n) sparse matrix of float64
-        Symmetric, positive semi-definite.
-    areas : (n,) array of float64
-        Positive diagonal of the mass matrix.
-    k : int
-        Number of eigenpairs, 1 <= k <= n.
-    tol : float
-        Largest relative residual: |W x - value A x| / |value A x| in the norm of A^-1. Values
-        close to 0 count as if they were the mean distance between the first k (if all k are 0: as
-        1e-6 of the median of the diagonal of A^-1/2 W A^-1/2). What rounding in the product W x
-        makes unavoidable comes on top.
-    random_state : int
-        Seed of the starting vectors. The same input gives the same output.
-    progress : callable, optional
-        Called with the share of the work done, from 0 to 1.
-
-    Returns
-    -------
-    values : (k,) array of float64
-        Ascending, none negative.
-    vectors : (n, k) array of float64
-        Orthonormal in the area inner product: ``vectors.T @ (areas[:, None] * vectors) = I``.
-
-    Raises
-    ------
-    InputError
-        If an argument has the wrong shape or values.
-    SolverError
-        If the accuracy is not reached.
-
-    References
-    ----------
-    .. [1] R. G. Grimes, J. G. Lewis, H. D. Simon, "A shifted block Lanczos algorithm for solving
-       sparse symmetric generalized eigenproblems", SIAM J. Matrix Anal. Appl. 15, 1994.
-
-    Examples
-    --------
-    >>> import numpy as np, scipy.sparse as sp
-    >>> from unbend.linalg.lanczos import smallest_eigenpairs
-    >>> path = sp.csc_array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    >>> values, vectors = smallest_eigenpairs(path, np.ones(3), 2)
-    >>> bool(np.allclose(values, [0.0, 1.0]))
-    True
+    Returns the values (k,), ascending and not negative, and the vectors (n, k), orthonormal in the
+    area inner product. `tol` bounds the relative residual |W x - value A x| / |value A x| in the
+    norm of A^-1. Values close to 0 count as in :func:`least_that_counts`, and what rounding in W x
+    makes unavoidable comes on top. Raises InputError for shapes or values that do not fit,
+    SolverError if the accuracy is not reached.
     """
     areas = np.asarray(areas, dtype=np.float64)
     n = len(areas)
@@ -125,22 +86,11 @@ def measure_eigenpairs(
     vectors: FloatArray,
     tol: float,
 ) -> tuple[float, float]:
-    """Measure the errors of eigenpairs, from one random combination of them.
+    """Measure the errors of eigenpairs from one random combination of them.
 
-    Pairs that are off by some share make a combination that is off by about as much, so one product
-    with the matrix measures all pairs at once.
-
-    Parameters
-    ----------
-    stiffness, areas, tol
-        As :func:`smallest_eigenpairs` had them.
-    values, vectors : (k,) and (n, k) arrays of float64
-
-    Returns
-    -------
-    skew, residual : float
-        About the size of ``vectors.T @ (areas[:, None] * vectors) - I``, and that of the relative
-        residuals. If the residual is above `tol`, what rounding makes unavoidable is subtracted.
+    Pairs that are off by some share make a combination that is off by about as much. Returns about
+    the size of ``vectors.T @ (areas[:, None] * vectors) - I``, and that of the relative residuals.
+    If the latter is above `tol`, what rounding makes unavoidable is subtracted.
     """
     floor = least_that_counts(values, stiffness.diagonal() / areas)
     shares = np.random.default_rng(0).standard_normal((len(values), 2))
@@ -165,37 +115,12 @@ def largest_eigenpairs(
     random_state: int = 0,
     block_size: int | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the k algebraically largest eigenpairs of a symmetric operator.
+    """Compute the k algebraically largest eigenpairs of a symmetric operator, (n, b) to (n, b).
 
-    Block Lanczos with full orthogonalisation; stops as soon as the k leading pairs are accurate.
-
-    Parameters
-    ----------
-    operator : callable
-        Takes an (n, b) array of float64 and returns the operator times it, a new array.
-    n, k : int
-        Size of the operator, and number of eigenpairs.
-    tol : float
-        Largest residual |operator(x) - value x|, relative to the largest absolute eigenvalue.
-    random_state : int
-        Seed of the starting vectors. The same input gives the same output.
-    block_size : int, optional
-        Number of vectors the operator is given at once, k + 3 by default. Of an eigenvalue that
-        occurs more often than this, copies may be missed.
-
-    Returns
-    -------
-    values : (k,) array of float64
-        Descending.
-    vectors : (n, k) array of float64
-        Orthonormal.
-
-    Raises
-    ------
-    InputError
-        If k or the block size is out of range.
-    SolverError
-        If the accuracy is not reached, or the operator returns NaN or infinity.
+    Block Lanczos with full orthogonalisation. Returns the values (k,), descending, and orthonormal
+    vectors (n, k). `tol` bounds the residual relative to the largest absolute eigenvalue. Of an
+    eigenvalue that occurs more often than `block_size`, k + 3 by default, copies may be missed.
+    Raises SolverError if the accuracy is not reached, or the operator returns NaN or infinity.
     """
     if not 1 <= k <= n:
         raise InputError(f"k = {k} eigenpairs of an operator of size {n}: k must be from 1 to {n}")

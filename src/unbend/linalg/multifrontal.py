@@ -1,10 +1,7 @@
 """L D L^T by the multifrontal method: dense blocks, subtrees in threads, no pivoting.
 
 The columns of a supernode are eliminated in a dense front, and what that does to later rows, the
-update matrix, is added to its parent's front. Kept for each supernode are D, the inverse of its
-square of L, and the rows of L below.
-
-Importing this module imports Numba; only :mod:`unbend.linalg.factorization` does, when needed.
+update matrix, is added to its parent's front. Importing this module imports Numba.
 """
 
 from __future__ import annotations
@@ -24,40 +21,23 @@ _ROWS = 128  # of an update matrix computed at once: half of it is never needed
 
 
 class Factor(NamedTuple):
-    """P A P^T = L D L^T.
-
-    Attributes
-    ----------
-    nodes : Supernodes
-    widest, tallest : int
-        Most columns of a supernode, and most rows below one.
-    pivots : (n,) ndarray of float64
-        D.
-    places : (m + 1, 2) ndarray of int64
-        Where each supernode's entries start in the two arrays that follow.
-    squares, lows : ndarrays of float64
-        The inverse of the square of L of each supernode, and the rows below it.
-    """
+    """P A P^T = L D L^T."""
 
     nodes: Supernodes
-    widest: int
-    tallest: int
-    pivots: FloatArray
-    places: IntArray
-    squares: FloatArray
-    lows: FloatArray
+    widest: int  # most columns of a supernode
+    tallest: int  # most rows below one
+    pivots: FloatArray  # D
+    places: IntArray  # (m + 1, 2): where each supernode's entries start in the two arrays below
+    squares: FloatArray  # the inverse of the square of L of each supernode
+    lows: FloatArray  # the rows of L below
 
 
 def factor(matrix: SparseMatrix) -> Factor:
     """Factorise a symmetric matrix in compressed columns, of which both halves are stored.
 
-    Raises ArithmeticError at a pivot that is zero or not finite, or at an entry that has no mirror
-    image.
-
-    References
-    ----------
     Duff and Reid, "The multifrontal solution of indefinite sparse symmetric linear equations", ACM
-    TOMS 9, 1983.
+    TOMS 9, 1983. Raises ArithmeticError at a pivot that is zero or not finite, or at an entry that
+    has no mirror image.
     """
     starts, indices = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32)
     nodes = dissect(starts, indices)

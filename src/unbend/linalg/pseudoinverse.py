@@ -18,32 +18,12 @@ _AT_ONCE = 256  # columns solved for together
 def green_operator(
     stiffness: SparseMatrix, areas: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
-    """Operator K that inverts the stiffness matrix on functions of zero mean.
+    """Operator K, (n,) or (n, r) to the same, that inverts the stiffness on functions of zero mean.
 
-    ``x = K b`` solves ``W x = b - a (1^T b) / sum(a)`` with ``a^T x = 0``; equally
-    ``K = sum_{i >= 1} phi_i phi_i^T / lambda_i`` over all eigenpairs but the constant one.
-
-    Parameters
-    ----------
-    stiffness : (n, n) sparse matrix
-        W: symmetric, positive semi-definite, with the constants alone as null space (a
-        connected mesh).
-    areas : (n,) ndarray of float64
-        a: lumped vertex areas.
-
-    Returns
-    -------
-    callable
-        Maps (n,) to (n,) or (n, r) to (n, r).
-
-    Raises
-    ------
-    SolverError
-        If the matrix is singular beyond the constants.
-
-    References
-    ----------
-    Lipman, Rustamov and Funkhouser, "Biharmonic distance", ACM TOG 29(3), 2010, section 4.
+    ``x = K b`` solves ``W x = b - a (1^T b) / sum(a)`` with ``a^T x = 0``; equally ``K = sum_{i >=
+    1} phi_i phi_i^T / lambda_i`` over all eigenpairs but the constant one (Lipman, Rustamov and
+    Funkhouser, "Biharmonic distance", ACM TOG 29(3), 2010, section 4). The constants must be the
+    only null space of the stiffness matrix W, as of a connected mesh; a are the vertex areas.
     """
     return on_zero_means(factorize(pinned(stiffness)).solve, areas)
 

@@ -1,7 +1,4 @@
-"""Rules for what eigenvectors leave open, so that equal input gives equal output.
-
-Of a simple eigenvalue that is the sign; of a multiple one, the basis of a whole space.
-"""
+"""Rules for the sign of an eigenvector, and for the basis of a multiple eigenvalue's space."""
 
 from __future__ import annotations
 
@@ -59,5 +56,4 @@ def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     scale = weights @ (size * size * size)
     at_peak = vectors[first_largest(size), np.arange(vectors.shape[1])]
     deciding = np.where(np.abs(third) > _SYMMETRIC * scale, third, at_peak)
-    signed: FloatArray = vectors * np.where(deciding < 0, -1.0, 1.0)
-    return signed
+    return np.asarray(vectors * np.where(deciding < 0, -1.0, 1.0))

@@ -19,8 +19,7 @@ def _by_rows(work: Callable[[slice], Any], n: int) -> list[Any]:
 def inner(left: FloatArray, right: FloatArray) -> FloatArray:
     """Compute ``left.T @ right`` of tall arrays, (n, p) and (n, q) to (p, q)."""
     parts = _by_rows(lambda rows: left[rows].T @ right[rows], len(left))
-    total: FloatArray = functools.reduce(np.add, parts)
-    return total
+    return np.asarray(functools.reduce(np.add, parts))
 
 
 def multiply(tall: FloatArray, small: FloatArray, out: FloatArray | None = None) -> FloatArray:

@@ -12,16 +12,9 @@ def measure_corners(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Measure what the cotangents of faces are made of, without cancellation on needles.
 
-    The cotangent of a corner is the dot product of the two edges that leave it over twice the area
-    of the face.
-
-    Returns
-    -------
-    dots, squared : (m, 3) ndarrays of float64
-        At each corner, the dot product of the two edges that leave it, and the squared length of
-        the edge that faces it.
-    double_areas : (m,) ndarray of float64
-        Twice the area of each face.
+    Returns the dot product (m, 3) of the two edges that leave each corner, the squared length (m,
+    3) of the edge that faces it, and twice the area (m,) of each face. The cotangent of a corner is
+    the first over the last.
     """
     corners = vertices[faces]  # (m, 3 corners, 3 coordinates)
     facing = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)

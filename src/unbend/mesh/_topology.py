@@ -25,24 +25,12 @@ _LONGEST_WALK = 1000
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The undirected edges of a mesh.
+    """The undirected edges of a mesh."""
 
-    Attributes
-    ----------
-    ends : (n_edges, 2) ndarray of int64
-        Vertex indices, the lower one first.
-    n_faces : (n_edges,) ndarray of int64
-        Faces at each edge.
-    n_upward : (n_edges,) ndarray of int64
-        How many of them walk from the lower to the higher vertex index.
-    of_side : (3 * m,) ndarray of int64
-        Edge of side ``k`` (from corner ``k`` to the next one) of face ``i``, at ``3 * i + k``.
-    """
-
-    ends: IntArray
-    n_faces: IntArray
-    n_upward: IntArray
-    of_side: IntArray
+    ends: IntArray  # (n_edges, 2), the lower vertex first
+    n_faces: IntArray  # faces at each edge
+    n_upward: IntArray  # how many of them walk from the lower to the higher vertex
+    of_side: IntArray  # (3 m,) edge of side k, from corner k to the next, of face i, at 3 i + k
 
 
 def find_edges(faces: IntArray, n_vertices: int) -> Edges:
@@ -101,23 +89,15 @@ def group_rows(rows: IntArray, n_groups: int) -> IntArray:
     size = m + n_groups
     data = np.ones(m * k, dtype=np.int8)
     graph = csr_matrix((data, rows.ravel() + m, indptr), shape=(size, size))
-    labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels
+    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """The connected components, largest first.
+    """The connected components, largest first."""
 
-    Attributes
-    ----------
-    of_vertex : (n,) ndarray of int64
-        Component of each vertex, -1 for vertices that no face uses.
-    n_vertices, n_faces : (n_components,) ndarray of int64
-    """
-
-    of_vertex: IntArray
-    n_vertices: IntArray
+    of_vertex: IntArray  # (n,) -1 for vertices that no face uses
+    n_vertices: IntArray  # of each component
     n_faces: IntArray
 
 
@@ -204,8 +184,7 @@ def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
 def has_repeated_index(faces: IntArray) -> BoolArray:
     """Which faces name a vertex twice."""
     a, b, c = faces.T
-    repeated: BoolArray = (a == b) | (b == c) | (c == a)
-    return repeated
+    return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def has_earlier_twin(faces: IntArray) -> BoolArray:

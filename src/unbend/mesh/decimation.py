@@ -1,14 +1,8 @@
 """Coarser meshes whose vertices are some of the fine one's, by collapses of edges.
 
 Every collapse moves a vertex onto a neighbour, the cheapest first: cheap is what leaves the faces'
-planes little [1]_ and is short. A collapse that would pinch the surface, fold it, part it or eat
-into its boundary is not made, so that thin limbs stay tubes, and what was joined or separate stays
-so.
-
-References
-----------
-.. [1] M. Garland and P. Heckbert. Surface simplification using quadric error metrics. SIGGRAPH
-   1997.
+planes little (Garland and Heckbert 1997) and is short. A collapse that would pinch the surface,
+fold it, part it or eat into its boundary is not made, so that thin limbs stay tubes.
 """
 
 from __future__ import annotations
@@ -29,21 +23,11 @@ _SHARE_OF_EDGES = 0.4
 
 
 class Decimated(NamedTuple):
-    """A coarser mesh.
+    """A coarser mesh."""
 
-    Attributes
-    ----------
-    kept : (m,) ndarray of int64
-        Its vertices among the fine mesh's, ascending.
-    faces : (f, 3) ndarray of int64
-        Of the coarse vertices.
-    parents : (n,) ndarray of int64
-        The coarse vertex that each fine vertex became.
-    """
-
-    kept: IntArray
-    faces: IntArray
-    parents: IntArray
+    kept: IntArray  # its vertices among the fine mesh's, ascending
+    faces: IntArray  # of the coarse vertices
+    parents: IntArray  # the coarse vertex that each fine vertex became
 
 
 def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:

@@ -1,7 +1,7 @@
 """Pictures and pages of results."""
 
 from unbend.report._plot import plot
-from unbend.report.collection_figures import draw_distances
+from unbend.report.collection_figures import draw_distances, draw_similarities
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
     draw_canonical_forms,
@@ -10,17 +10,14 @@ from unbend.report.figures import (
     same_scale,
     save_figure,
 )
-from unbend.report.form_figures import draw_form
 from unbend.report.match_figures import (
     draw_error_curves,
     draw_match,
-    draw_similarities,
     match_colors,
     pattern_colors,
 )
 from unbend.report.pages import Page, form_page, match_page, search_page, similarity_page, view
-from unbend.report.value_figures import draw_values
-from unbend.report.variation_figures import draw_variation
+from unbend.report.shape_figures import draw_form, draw_values, draw_variation
 
 __all__ = [
     "Page",

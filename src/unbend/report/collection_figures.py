@@ -1,4 +1,4 @@
-"""Pictures of many shapes at once."""
+"""Heat maps of how far apart or how alike many shapes are."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from unbend._types import FloatArray
 from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
-from unbend.report.trees import join_alike
+from unbend.report.trees import apart, join_alike
 
-_MOST_NAMES = 150  # more names would be too small to read
+_MOST_NAMES, _MOST_NUMBERS = 150, 20  # more would be too small to read
 
 
 def draw_distances(
@@ -33,10 +34,8 @@ def draw_distances(
     ------
     InputError
         If the table does not fit the names.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -45,12 +44,62 @@ def draw_distances(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
     """
-    table = np.asarray(distances, dtype=np.float64)
-    n = len(names)
+    table = _square(names, distances)
+    _draw_table(names, table, table, path, label="distance", cmap="viridis_r")
+
+
+def draw_similarities(
+    names: Sequence[str], similarities: npt.ArrayLike, path: str | os.PathLike[str]
+) -> None:
+    """Write a heat map of how alike shapes are, and the dendrogram that orders it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the n shapes.
+    similarities : (n, n) array_like of float
+        Symmetric; NaN where unknown.
+    path : path
+        The file to write; its ending decides the format (.png, .pdf, .svg).
+
+    Raises
+    ------
+    InputError
+        If the table does not fit the names, or there are fewer than two.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from unbend.report import draw_similarities
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
+    """
+    table = _square(names, similarities)
+    _draw_table(names, table, apart(table), path, label="similarity", cmap="viridis")
+
+
+def _square(names: Sequence[str], values: npt.ArrayLike) -> FloatArray:
+    table, n = np.asarray(values, dtype=np.float64), len(names)
     if table.shape != (n, n) or n < 2:
-        raise InputError(f"{n} names need distances of shape ({n}, {n}), two at least")
-    order, heights, places = join_alike(table)
-    side = min(max(3.0, 0.14 * n), 24.0)
+        raise InputError(f"{n} names need a table of shape ({n}, {n}), two at least")
+    return table
+
+
+def _draw_table(
+    names: Sequence[str],
+    table: FloatArray,
+    distances: FloatArray,
+    path: str | os.PathLike[str],
+    *,
+    label: str,
+    cmap: str,
+) -> None:
+    n = len(names)
+    order, heights, places = join_alike(distances)
+    table = table[np.ix_(order, order)]
+    side = min(max(3.0, (0.42 if n <= _MOST_NUMBERS else 0.14) * n), 24.0)
     figure = new_figure(side + 3.0, side + 1.0)
     figure.set_layout_engine("constrained")
     left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.5, side]})
@@ -60,15 +109,18 @@ def draw_distances(
     left.set_yticks([])
     left.spines[["top", "left", "right"]].set_visible(False)
     left.tick_params(labelsize=7)
-    picture = right.imshow(table[np.ix_(order, order)], cmap="viridis_r", aspect="auto")
+    picture = right.imshow(table, cmap=cmap, aspect="auto")
     right.set_xticks([])
-    if n <= _MOST_NAMES:
-        right.yaxis.tick_right()
-        right.set_yticks(range(n), [as_written(names[i]) for i in order], fontsize=min(8, 600 / n))
-    else:
-        right.set_yticks([])
+    right.yaxis.tick_right()
+    shown = [as_written(names[i]) for i in order] if n <= _MOST_NAMES else []
+    right.set_yticks(range(len(shown)), shown, fontsize=min(8, 600 / n))
     right.tick_params(length=0)
+    if n <= _MOST_NUMBERS:
+        for i, j in np.argwhere(np.isfinite(table)):
+            dark = picture.cmap(picture.norm(table[i, j]))[1] < 0.5
+            style = {"ha": "center", "va": "center", "color": "white" if dark else "black"}
+            right.text(j, i, f"{table[i, j]:.3g}", fontsize=6, **style)
     bar = figure.colorbar(picture, ax=right, location="bottom", fraction=0.05, pad=0.02)
-    bar.set_label("distance", fontsize=8)
+    bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7)
     save_figure(figure, path)

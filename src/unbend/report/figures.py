@@ -23,6 +23,7 @@ from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
 __all__ = [
     "FORM_THICKER",
+    "FRONT_AND_BACK",
     "UPRIGHT",
     "VIEWS",
     "CanonicalColumn",
@@ -47,6 +48,8 @@ _UNDATED: dict[str, dict[str, None]] = {
 }
 # Pixels added to the outline of canonical forms, whose limbs are thin as threads.
 FORM_THICKER = 2.5
+# Views from which all of a shape is seen: azimuth and elevation in degrees.
+FRONT_AND_BACK = ((60.0, 15.0), (240.0, 15.0))
 # Rotations that turn a shape's upward axis into the picture's, y.
 UPRIGHT = {
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
@@ -56,22 +59,7 @@ UPRIGHT = {
 
 
 class CanonicalColumn(NamedTuple):
-    """One shape in a figure of canonical forms.
-
-    Attributes
-    ----------
-    caption : str
-        Printed below the column.
-    original : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-    canonical : (n, 3) array_like
-        The canonical form's points, one per vertex of the original.
-    colors : (n,) or (n, 3) array_like, optional
-        As for :func:`draw_mesh`. None: those of the first column if the numbers of vertices
-        agree, else from the original's positions.
-    surface : (n, 3) array_like, optional
-        The surface itself in the form's pose, drawn below the form; for all columns or for none.
-    """
+    """One shape in a figure of canonical forms: see :func:`draw_canonical_forms`."""
 
     caption: str
     original: Any
@@ -163,7 +151,6 @@ def draw_canonical_forms(
     columns: Sequence[CanonicalColumn | tuple[Any, ...]],
     path: str | os.PathLike[str],
     *,
-    view: str | tuple[float, float] = "three-quarter",
     canonical_view: str | tuple[float, float] = "front",
 ) -> None:
     """Write a picture of shapes above their canonical forms, like Figure 1 of the paper.
@@ -171,21 +158,21 @@ def draw_canonical_forms(
     Parameters
     ----------
     columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors[, surface]])
-        The shapes, left to right. The same point has the same colour above and below. Forms are
+        The shapes, left to right: a mesh, the points (n, 3) of its form, colours as for
+        :func:`draw_mesh` (by default those of the first column, or by position), and perhaps the
+        surface in the form's pose (n, 3), drawn below it, for all columns or for none. Forms are
         drawn 2.5 pixels thicker on each side than they are, for their limbs are threads.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
-    view, canonical_view : str or (azimuth, elevation)
-        As for :func:`draw_mesh`, for the upper row (and surfaces), and for the row of forms.
+    canonical_view : str or (azimuth, elevation), default="front"
+        Of the row of forms, as for :func:`draw_mesh`.
 
     Raises
     ------
     InputError
         If there are no columns, or a canonical form does not fit its original.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     References
     ----------
@@ -220,10 +207,10 @@ def draw_canonical_forms(
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
             colors = first_colors if fits else position_colors(used_vertices(mesh))
         first_colors = colors if first_colors is None else first_colors
-        drawn = [(mesh.vertices, view, 0.0), (points, canonical_view, FORM_THICKER)]
+        drawn = [(mesh.vertices, "three-quarter", 0.0), (points, canonical_view, FORM_THICKER)]
         if surface is not None:
             fitted = _places(surface, mesh, f"the surface of {caption!r}")
-            drawn.append((fitted, view, 0.0))
+            drawn.append((fitted, "three-quarter", 0.0))
         width, height = 0.96 / len(filled), 0.94 / count
         for row, (vertices, seen_from, thicker) in enumerate(drawn):
             below = 0.05 + (count - 1 - row) * height
@@ -314,12 +301,6 @@ def drawable(shape: MeshLike) -> Mesh:
     """Return a mesh, or a point cloud with triangles between its points."""
     mesh = as_mesh(shape)
     return triangulate_points(mesh) if mesh.is_point_cloud else mesh
-
-
-def front_and_back(view: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return a view, and the one from the other side at the same height."""
-    azimuth, elevation = view
-    return [(azimuth, elevation), (azimuth + 180, elevation)]
 
 
 def fitting_height(

@@ -1,9 +1,9 @@
-"""Pictures of matches, of their errors, and of how alike many shapes are."""
+"""Pictures of matches and of their errors."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from unbend.matching import Match
 from unbend.mesh import Mesh, used_vertices
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
+    FRONT_AND_BACK,
     UPRIGHT,
     as_written,
     check_up,
@@ -24,16 +25,13 @@ from unbend.report.figures import (
     drawable,
     fit_rigidly,
     fitting_height,
-    front_and_back,
     new_figure,
     save_figure,
 )
-from unbend.report.trees import apart, join_alike
 
 __all__ = [
     "draw_error_curves",
     "draw_match",
-    "draw_similarities",
     "error_curves",
     "match_colors",
     "pattern_colors",
@@ -128,7 +126,6 @@ def draw_match(
     path: str | os.PathLike[str],
     *,
     up: str = "y",
-    view: tuple[float, float] = (60.0, 15.0),
 ) -> None:
     """Write a picture of a match: corresponding points have the same colour.
 
@@ -146,17 +143,13 @@ def draw_match(
         The file to write; its ending decides the format (.png, .pdf, .svg).
     up : {"x", "y", "z"}, default="y"
         The source's axis that points upward.
-    view : (azimuth, elevation), default=(60, 15)
-        Of the upper pictures, in degrees; see :func:`unbend.report.figures.draw_mesh`.
 
     Raises
     ------
     InputError
         If the map does not fit, or there is no such axis.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -182,7 +175,7 @@ def draw_match(
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
     ]
-    views = front_and_back(view)
+    views = FRONT_AND_BACK
     height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
     total = 2 * height + 0.5  # inches
     figure = new_figure(8.0, total)
@@ -195,9 +188,7 @@ def draw_match(
     save_figure(figure, path)
 
 
-def draw_error_curves(
-    evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str], *, title: str = ""
-) -> None:
+def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str]) -> None:
     """Write a picture of the share of points within each geodesic error.
 
     Parameters
@@ -207,16 +198,13 @@ def draw_error_curves(
         dashed.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
-    title : str, default=""
 
     Raises
     ------
     InputError
         If there is nothing to draw.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
+    FileError, MissingExtraError
+        If the file cannot be written, or matplotlib is not installed.
 
     References
     ----------
@@ -236,10 +224,7 @@ def draw_error_curves(
     """
     if not evaluations:
         raise InputError("there are no evaluations to draw")
-    figure = error_curves(evaluations)
-    if title:
-        figure.axes[0].set_title(as_written(title), fontsize=10)
-    save_figure(figure, path)
+    save_figure(error_curves(evaluations), path)
 
 
 def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
@@ -261,63 +246,3 @@ def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", frameon=False, fontsize=9)
     return figure
-
-
-def draw_similarities(
-    names: Sequence[str], similarities: npt.ArrayLike, path: str | os.PathLike[str]
-) -> None:
-    """Write a heat map of how alike shapes are, the most alike beside each other.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the n shapes.
-    similarities : (n, n) array_like of float
-        Symmetric; NaN where unknown.
-    path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
-
-    Raises
-    ------
-    InputError
-        If the table does not fit the names.
-    FileError
-        If the file cannot be written.
-    MissingExtraError
-        If matplotlib is not installed.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from unbend.report import draw_similarities
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
-    """
-    table = np.asarray(similarities, dtype=np.float64)
-    n = len(names)
-    if table.shape != (n, n) or n == 0:
-        raise InputError(f"{n} names need similarities of shape ({n}, {n}), not {table.shape}")
-    order = join_alike(apart(table)).order if n > 2 else np.arange(n)
-    table, labels = table[np.ix_(order, order)], [as_written(names[i]) for i in order]
-    side = 1.2 + max(0.42, 2.0 / n) * n
-    figure = new_figure(side + 1.0, side)
-    figure.set_layout_engine("constrained")
-    ax = figure.add_subplot()
-    others = table[~np.eye(n, dtype=bool) & np.isfinite(table)]
-    low = float(others.min()) if len(others) else 0.0
-    picture = ax.imshow(table, cmap="viridis", vmin=min(low, 0.999), vmax=1.0)
-    ax.set_xticks(range(n), labels, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
-    ax.set_yticks(range(n), labels, fontsize=8)
-    ax.tick_params(length=0)
-    if n <= 20:
-        middle = (low + 1) / 2
-        digits = int(np.clip(np.ceil(-np.log10(max(1 - low, 1e-9) / 50)), 2, 4))
-        for i, j in np.argwhere(np.isfinite(table)):
-            ax.text(
-                j, i, f"{table[i, j]:.{digits}f}", ha="center", va="center", fontsize=7,
-                color="black" if table[i, j] > middle else "white",
-            )  # fmt: skip
-    bar = figure.colorbar(picture, ax=ax, fraction=0.05, pad=0.03)
-    bar.set_label("similarity", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
-    save_figure(figure, path)

@@ -53,8 +53,7 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     turn = np.array([[ca, 0, -sa], [0, 1, 0], [sa, 0, ca]])
     tilt = np.array([[1, 0, 0], [0, ce, -se], [0, se, ce]])
-    rotation: FloatArray = tilt @ turn
-    return rotation
+    return np.asarray(tilt @ turn)
 
 
 def rasterize(
@@ -64,27 +63,13 @@ def rasterize(
     size: tuple[int, int],
     thicker: float = 0.0,
 ) -> tuple[FloatArray, tuple[float, float, float, float]]:
-    """Draw triangles, the nearest in front.
+    """Draw triangles, the nearest in front, fitted into a size in pixels (width, height).
 
-    Parameters
-    ----------
-    seen : (n, 3) ndarray of float64
-        Vertices in the viewer's axes: right, up, towards the viewer. Faces with a corner that
-        is not finite are left out.
-    faces : (m, 3) ndarray of int64
-    rgb : (n, 3) ndarray of float64
-        Colours of the vertices, 0 to 1.
-    size : (int, int)
-        Width and height in pixels that the picture is fitted into.
-    thicker : float, default=0
-        Pixels by which outlines are moved outward, so that threads can be seen.
-
-    Returns
-    -------
-    picture : (rows, columns, 4) ndarray of float64
-        Red, green, blue and opacity, 0 to 1; the first row is the lowest.
-    extent : (left, right, bottom, top)
-        What the picture covers, in the units of ``seen``.
+    Vertices `seen` (n, 3) are in the viewer's axes: right, up, towards the viewer. Faces with a
+    corner that is not finite are left out. Outlines are moved outward by `thicker` pixels, so that
+    threads can be seen. Returns the picture (rows, columns, 4), its first row the lowest, with red,
+    green, blue and opacity from 0 to 1; and what it covers in the units of `seen`: left, right,
+    bottom, top.
     """
     faces = faces[np.isfinite(seen[faces]).all(axis=(1, 2))]
     if len(faces) == 0:
@@ -162,18 +147,9 @@ def _png(pixels: npt.NDArray[np.uint8]) -> bytes:
 def _cover(flat: FloatArray, depths: FloatArray, front: IntArray, shares: FloatArray) -> None:
     """Find what is seen in each pixel: the nearest face over its middle, and the corners' shares.
 
-    Parts thinner than a pixel, the limbs of canonical forms, are drawn by their edges where no
-    face covers the middle of a pixel.
-
-    Parameters
-    ----------
-    flat : (m, 3, 2) ndarray of float64
-        Corners of faces, in pixels whose middles are at whole numbers.
-    depths : (m, 3) ndarray of float64
-        Towards the viewer.
-    front : (rows, columns) ndarray of int64
-        The face of each pixel, -1 before and where there is none.
-    shares : (rows, columns, 3) ndarray of float64
+    Corners `flat` (m, 3, 2) are in pixels whose middles are at whole numbers; `front` gets -1 where
+    there is no face. Parts thinner than a pixel, the limbs of canonical forms, are drawn by their
+    edges where no face covers the middle of a pixel.
     """
     nearest = np.full(front.shape, -np.inf)
     for face in range(len(flat)):
@@ -223,5 +199,4 @@ def _lit(color: FloatArray, normal: FloatArray) -> FloatArray:
     light *= 0.72 + 0.28 * normal[:, 2]  # darker towards the outline: parts stand out
     half = key + np.array([0.0, 0.0, 1.0])
     shine = 0.10 * np.maximum(normal @ (half / np.linalg.norm(half)), 0) ** 24
-    result: FloatArray = color * light[:, None] * 1.12 + shine[:, None]
-    return result
+    return np.asarray(color * light[:, None] * 1.12 + shine[:, None])

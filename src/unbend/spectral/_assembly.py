@@ -31,5 +31,4 @@ def mixed_voronoi(
     voronoi = (np.roll(product, -1, axis=1) + np.roll(product, -2, axis=1)) / 8
     obtuse = cotangents < 0
     clipped = np.where(obtuse, face_areas[:, None] / 2, face_areas[:, None] / 4)
-    shares: FloatArray = np.where(obtuse.any(axis=1, keepdims=True), clipped, voronoi)
-    return shares
+    return np.asarray(np.where(obtuse.any(axis=1, keepdims=True), clipped, voronoi))

@@ -1,9 +1,7 @@
 """Spectra kept on disk, so that a mesh's eigenpairs are computed once.
 
-Each file holds the eigenpairs of one mesh at unit area under a name made from everything they
-depend on. A file that is damaged, foreign or from another solver is recomputed, never trusted;
-a folder that cannot be written is done without. Files appear whole (written aside, renamed), so
-any number of processes may share a folder.
+A file is named after everything that its eigenpairs depend on. One that is damaged or foreign is
+recomputed; a folder that cannot be written is done without. Any number of processes may share it.
 """
 
 from __future__ import annotations
@@ -32,16 +30,7 @@ _ABANDONED_SECONDS = 3600.0
 
 @dataclass(frozen=True)
 class CacheInfo:
-    """What the cache holds.
-
-    Attributes
-    ----------
-    folder : Path
-    n_files, n_bytes : int
-        Number of spectra and their total size.
-    most_bytes : int
-        Size the cache may grow to.
-    """
+    """What the cache holds, and the size that it may grow to."""
 
     folder: Path
     n_files: int

@@ -22,14 +22,10 @@ def fans(inverse, near, flat):  # type: ignore[no-untyped-def]
     """Triangles of each point with two neighbours whose edges of its Voronoi cell meet.
 
     A neighbour has an edge of the cell if it is a vertex of the convex hull of the point and all
-    neighbours, each at the inverse of its distance. Neighbours on one circle with the point lie on
-    one side of that hull. Which of them are joined then depends on their numbers alone, so that all
-    points on the circle choose the same triangles.
-
-    ``inverse`` (m, k, 2) leads from each point to its neighbours in the tangent plane, over their
-    squared distances; ``near`` (m, k + 1) has the numbers of each point and of its neighbours. A
-    point whose neighbours leave a gap of 180 degrees, but for the angle ``flat`` in radians, is on
-    the boundary.
+    neighbours, each at the inverse of its distance: ``inverse`` (m, k, 2), in the tangent plane. Of
+    neighbours on one circle with the point, their numbers ``near`` (m, k + 1) alone decide which
+    are joined, so that all points on the circle choose the same triangles. A point whose neighbours
+    leave a gap of 180 degrees, but for ``flat`` radians, is on the boundary.
 
     Returns the faces (t, 3), the point itself first, and whether each point is on the boundary.
     """

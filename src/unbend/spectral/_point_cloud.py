@@ -1,11 +1,9 @@
 """The Laplacian of a point cloud, from Delaunay triangles around each of its points.
 
-Around a point, the surface is close to its tangent plane there. The point's Voronoi cell, as the
-bisectors with its neighbours cut it out of that plane, tells which triangles it is a corner of
-(the tangential Delaunay complex of Boissonnat and Ghosh, 2014). Every corner adds the share of a
-triangle that lies in its own cell. Where the triangles around neighbouring points agree, the
-shares sum to one, and the result is a cotangent Laplacian. Where they disagree, the surface is
-still covered once. Sharp and Crane (2020, section 5.7) add a third for each corner instead.
+A point's Voronoi cell in its tangent plane tells which triangles it is a corner of (the tangential
+Delaunay complex of Boissonnat and Ghosh, 2014). Every corner adds the share of a triangle that lies
+in its own cell: where neighbouring points disagree, the surface is still covered once. Sharp and
+Crane (2020, section 5.7) add a third for each corner instead.
 """
 
 from __future__ import annotations
@@ -41,49 +39,18 @@ _AGREEMENT = 0.85  # share of the triangles' area that counts, below which there
 
 
 class Triangulation(NamedTuple):
-    """Triangles between the points of a cloud.
+    """Triangles between the points of a cloud."""
 
-    Attributes
-    ----------
-    faces : (m, 3) ndarray of int64
-        Each triangle once. Of the points at one place, only the first is a corner.
-    weights : (m,) ndarray of float64
-        Share of each triangle that counts, more than 0 and at most 1: 1 if the triangles around
-        all three corners include it.
-    first : (n,) ndarray of int64
-        For each point the first point at the same place.
-    """
-
-    faces: IntArray
-    weights: FloatArray
-    first: IntArray
+    faces: IntArray  # (m, 3), each once; of the points at one place, only the first is a corner
+    weights: FloatArray  # (m,) share that counts, up to 1 if all three corners agree on it
+    first: IntArray  # (n,) for each point the first point at the same place
 
 
 def triangulate_points(mesh: Mesh) -> Triangulation:
     """Find the Delaunay triangles around each point of a cloud.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A point cloud.
-
-    Returns
-    -------
-    Triangulation
-
-    Raises
-    ------
-    MeshError
-        If a point is in no triangle, or the cloud is less than 1e-60 or more than 1e60 across.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.spectral import triangulate_points
-    >>> found = triangulate_points(Mesh([[0, 0, 0], [2, 0, 0], [0, 3, 0], [4, 4, 0]]))
-    >>> found.faces
-    array([[0, 1, 2],
-           [1, 2, 3]])
+    Raises MeshError if a point is in no triangle, or the cloud is less than 1e-60 or more than 1e60
+    across.
     """
     check_size(mesh)
     placed = (mesh.vertices - mesh.vertices.min(axis=0)) / unit_of(mesh.vertices)
@@ -204,28 +171,16 @@ def _first_at_place(points: FloatArray) -> IntArray:
     graph = sp.coo_array((np.ones(len(close)), close.T), shape=(n, n))
     place = csgraph.connected_components(graph, directed=False)[1]
     lowest = np.unique(place, return_index=True)[1]
-    merged: IntArray = distinct[lowest[place]][of_point]
-    return merged
+    return np.asarray(distinct[lowest[place]][of_point])
 
 
 def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArray, FloatArray]:
-    """Delaunay triangles around each point.
+    """Delaunay triangles around each of n points at n places.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float64
-        At n places.
-
-    Returns
-    -------
-    faces : (m, 3) ndarray of int64
-        Each triangle once, its corners in increasing order.
-    found : (m, 3) ndarray of bool
-        Whether it is one of the triangles around each of its corners.
-    unseen : (m, 3) ndarray of bool
-        Whether it lies beyond the neighbours of a corner that seems to be on the boundary.
-    widest : (n,) ndarray of float64
-        Largest circumradius that a triangle around each point may have.
+    Returns each triangle once (m, 3), its corners in increasing order; whether it is one of those
+    around each of its corners (m, 3); whether it lies beyond the neighbours of a corner that seems
+    to be on the boundary (m, 3); and the largest circumradius that a triangle around each point may
+    have.
     """
     from scipy.spatial import cKDTree
 
@@ -265,8 +220,7 @@ def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArra
 def _tangent_planes(offsets: FloatArray, squared: FloatArray) -> FloatArray:
     """Axes (m, 3, 2) of planes fitted to the neighbours of points, the nearest above all.
 
-    ``offsets`` (m, k, 3) lead from each point to its neighbours; ``squared`` (m, k, 1) are their
-    squared lengths, increasing.
+    ``offsets`` (m, k, 3) lead to the neighbours; ``squared`` (m, k, 1) are their squared lengths.
     """
     farthest = squared[:, -1:]
     weights = (1 - squared / (9 / 8 * farthest)) ** 3

@@ -231,5 +231,4 @@ def null_space(operator: Laplacian, most: int) -> FloatArray:
     basis = np.eye(count, min(count, most))
     basis[:, 0] = np.sqrt(component_areas / component_areas.sum())
     basis = np.linalg.qr(basis)[0]
-    functions: FloatArray = (basis / np.sqrt(component_areas)[:, None])[label]
-    return functions
+    return np.asarray((basis / np.sqrt(component_areas)[:, None])[label])

@@ -22,24 +22,12 @@ from unbend.spectral._laplacian import laplacian as build_laplacian
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What every computation on a mesh starts from.
+    """What every computation on a mesh starts from."""
 
-    Attributes
-    ----------
-    prepared : Prepared
-        The vertices in use, and where they stand in the whole mesh.
-    operator : Laplacian
-        Of the vertices in use, with areas that sum to one.
-    area : float
-        Total area in squared units of length.
-    area_kind : str
-        ``"voronoi"`` or ``"barycentric"``: how the vertex areas were taken.
-    """
-
-    prepared: Prepared
-    operator: Laplacian
-    area: float
-    area_kind: str
+    prepared: Prepared  # the vertices in use, and where they stand in the whole mesh
+    operator: Laplacian  # of the vertices in use, with areas that sum to one
+    area: float  # in squared units of length
+    area_kind: str  # "voronoi" or "barycentric"
 
     @property
     def mesh(self) -> Mesh:
@@ -62,26 +50,8 @@ def make_surface(
 ) -> Surface:
     """Check a mesh, choose its component, and build its Laplacian at unit area.
 
-    Parameters
-    ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-    laplacian, area_kind : str
-        See :func:`unbend.laplacian`.
-    component : "largest" or int, optional
-        Which component of a mesh that has several.
-    connected : bool, default=True
-        Whether a single component is needed.
-
-    Raises
-    ------
-    MeshError
-        If the mesh cannot be used; the message names the vertex or face.
-
-    Warns
-    -----
-    UnbendWarning
-        For each thing that was done to the mesh.
+    `connected` says that a single component is needed. Raises MeshError if the mesh cannot be used;
+    warns of each thing that was done to it.
     """
     prepared = prepare(as_mesh(mesh), component=component, connected=connected)
     for note in prepared.notes:

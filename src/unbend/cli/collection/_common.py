@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from unbend.cli._batch import shown
-from unbend.cli._output import command_line, say
+from unbend.cli._output import command_line, say, shown
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray

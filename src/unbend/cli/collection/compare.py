@@ -38,9 +38,8 @@ def search(
     rerank: Annotated[
         Rerank,
         typer.Option(
-            "--rerank",
             help="Order the best again: form, by aligned canonical forms (hundredths of a second "
-            "each), or match, by point maps (seconds each).",
+            "each), or match, by point maps (seconds each)."
         ),
     ] = "none",
     index: Annotated[

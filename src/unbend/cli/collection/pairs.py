@@ -7,12 +7,7 @@ from typing import Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._batch import list_failures
-from unbend.cli._output import (
-    EXIT_SOME_FAILED,
-    progress_on_stderr,
-    tell,
-)
+from unbend.cli._output import progress_on_stderr, tell
 from unbend.cli.collection._common import opened
 
 
@@ -28,11 +23,7 @@ def match(
     ],
     pairs: Annotated[
         str | None,
-        typer.Option(
-            "--pairs",
-            metavar="PAIRS.csv",
-            help="The pairs: columns source,target of paths or ids.",
-        ),
+        typer.Option(metavar="PAIRS.csv", help="The pairs: columns source,target of paths or ids."),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="Match every shape with each that follows it.")
@@ -63,20 +54,13 @@ def match(
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
         )
-    list_failures(done.failures)
     line = (
         f"matched {done.matched:,}, there before {done.skipped:,}, failed "
         f"{len(done.failures):,} ({done.seconds:.1f} s); {out}/matches.csv lists all"
     )
     tell(
-        {
-            "store": store,
-            "n_matched": done.matched,
-            "n_skipped": done.skipped,
-            "failed": [vars(one) for one in done.failures],
-        },
+        {"store": store, "n_matched": done.matched, "n_skipped": done.skipped},
         [line],
         written=[out],
+        failures=done.failures,
     )
-    if done.failures:
-        raise typer.Exit(EXIT_SOME_FAILED)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._batch import list_failures
-from unbend.cli._output import progress_on_stderr, rows, tell
+from unbend.cli._output import list_failures, progress_on_stderr, rows, tell
 from unbend.cli.collection._common import opened
 from unbend.cli.register import tell_registered
 
@@ -22,9 +21,7 @@ def register(
     template: Annotated[
         str,
         typer.Option(
-            "--template",
-            metavar="MESH",
-            help="The mesh to deform: a file, or a path or id of the collection.",
+            metavar="MESH", help="The mesh to deform: a file, or a path or id of the collection."
         ),
     ],
     out: Annotated[
@@ -38,7 +35,6 @@ def register(
     landmarks: Annotated[
         str | None,
         typer.Option(
-            "--landmarks",
             metavar="CSV",
             help="Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex "
             "of the template, and the corresponding vertex of the shape, counted from 0.",
@@ -103,18 +99,14 @@ def mean(
     ],
     out: Annotated[str, options.out("The folder to write to.", "OUT")],
     n_components: Annotated[
-        int,
-        typer.Option("--n-components", metavar="N", min=1, help="How many components to keep."),
+        int, typer.Option(metavar="N", min=1, help="How many components to keep.")
     ] = 5,
     scale: Annotated[
         bool, typer.Option("--scale/--keep-scale", help="Scale all shapes to one size first.")
     ] = False,
-    min_confidence: Annotated[
-        float, typer.Option("--min-confidence", help="Leave out less confident matches.")
-    ] = 0.5,
+    min_confidence: Annotated[float, typer.Option(help="Leave out less confident matches.")] = 0.5,
     min_coverage: Annotated[
-        float,
-        typer.Option("--min-coverage", help="Least share of the template that is covered."),
+        float, typer.Option(help="Least share of the template that is covered.")
     ] = 0.5,
 ) -> None:
     """Compute the mean, components and variability of shapes that are registered to a template.

@@ -10,13 +10,7 @@ import typer
 
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._batch import list_failures, shown
-from unbend.cli._output import (
-    EXIT_SOME_FAILED,
-    progress_on_stderr,
-    rows,
-    tell,
-)
+from unbend.cli._output import progress_on_stderr, rows, shown, tell
 from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
 
 if TYPE_CHECKING:
@@ -53,7 +47,6 @@ def add(
     collection = Collection(store)
     with progress_on_stderr() as progress:
         done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
-    list_failures(done.failures)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
     moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
     line = (
@@ -69,13 +62,11 @@ def add(
             "n_skipped": done.skipped,
             "n_new_paths": done.new_paths,
             "n_shapes": len(collection),
-            "failed": [vars(one) for one in done.failures],
         },
         [line],
         next_step=hint if len(collection) else None,
+        failures=done.failures,
     )
-    if done.failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
 
 
 def list_(
@@ -115,8 +106,7 @@ def info(
         str | None, typer.Argument(metavar="[SHAPE]", help="A path or id, to show one shape.")
     ] = None,
     thumbnail: Annotated[
-        str | None,
-        typer.Option("--thumbnail", metavar="PNG", help="Write the picture of SHAPE."),
+        str | None, typer.Option(metavar="PNG", help="Write the picture of SHAPE.")
     ] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.

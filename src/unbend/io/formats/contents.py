@@ -1,8 +1,6 @@
-"""One file per mesh format: ``read(data) -> Contents`` and ``write(file, mesh, ...)``.
+"""What readers of mesh formats share. Vertex order is sacred, and truncated files are refused.
 
-These readers are unbend's own because vertex order is sacred: general loaders merge, split or
-reorder vertices when a file has texture coordinates, and accept truncated files in silence.
-They raise FileError and MeshError without the file's name; :mod:`unbend.io` puts it in front.
+Readers raise FileError and MeshError without the file's name; :mod:`unbend.io` puts it in front.
 """
 
 from __future__ import annotations

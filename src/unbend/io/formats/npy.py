@@ -17,13 +17,7 @@ _MOST_DIMENSIONS, _MOST_BYTES = 32, 2**62
 
 
 def read_array(data: bytes) -> npt.NDArray[Any]:
-    """Read an array of numbers, booleans or text from the bytes of a .npy file.
-
-    Raises
-    ------
-    FileError
-        If this is no such file, is truncated, or holds Python objects.
-    """
+    """Read an array of numbers, booleans or text; FileError if it is none, or truncated."""
     stream = io.BytesIO(data)
     shape, fortran_order, dtype = read_header(stream)
     size = math.prod(shape)
@@ -38,13 +32,7 @@ def read_array(data: bytes) -> npt.NDArray[Any]:
 
 
 def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read shape, column order and type of a .npy file; leaves the stream at the first value.
-
-    Raises
-    ------
-    FileError
-        If this is no such file, or it holds something else than numbers, booleans or text.
-    """
+    """Read shape, column order and type of a .npy file; leave the stream at the first value."""
     try:
         version = np.lib.format.read_magic(stream)
         header = (

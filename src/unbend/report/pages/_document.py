@@ -71,39 +71,19 @@ class Page:
     html: str
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file that is either complete or not there.
+        """Write the page to a .html file that is either complete or not there.
 
-        Parameters
-        ----------
-        path : path
-            The file to write, .html.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Raises FileError if the file cannot be written.
         """
         check_writable(path, SUFFIXES)
         with atomic_write(path) as file:
             file.write(self.html.encode("utf-8"))
 
     def open(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Write the page and open it in the browser that the system prefers.
+        """Write the page to a .html file, and open it in the browser that the system prefers.
 
-        Parameters
-        ----------
-        path : path, optional
-            The file to write, .html; by default a temporary one, which stays.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        By default the file is a temporary one, which stays. Returns its path. Raises FileError if
+        it cannot be written.
         """
         if path is None:
             number, path = tempfile.mkstemp(".html", "unbend-")

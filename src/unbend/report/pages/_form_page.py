@@ -17,7 +17,6 @@ from unbend.distances import spectral_filter
 from unbend.errors import UnbendWarning
 from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
-from unbend.report.form_figures import checked_shape, turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -32,6 +31,7 @@ from unbend.report.pages._document import (
 )
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+from unbend.report.shape_figures import checked_shape, turned_to_fit
 from unbend.spectral import spectrum
 
 # Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
@@ -67,18 +67,12 @@ def form_page(
         Anything :func:`unbend.as_mesh` accepts.
     form : CanonicalForm
         Of that mesh, from :func:`unbend.canonical_form`.
-    path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself.
     posed : (n, 3) ndarray of float64, optional
         The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be shown too.
-    up : {"x", "y", "z"}, default="y"
-        The shape's axis that points upward.
     keep_scale : bool, default=False
         Whether the form was made with this option.
-    command : str, default=""
-        What made the form, shown on the page.
-    progress : callable, optional
-        Called with a stage's name and the share of it that is done.
+    path, up, command, progress
+        As for :func:`match_page`.
 
     Returns
     -------

@@ -127,7 +127,7 @@ def match_page(
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
         packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
-    found = None if truth is None else evaluate(first, target, *truth, source=source)
+    found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
     blocks = [
         words.pictures(

@@ -1,7 +1,6 @@
-"""Arrays as short text within a page.
+"""Arrays as short text within a page, which ``data.js`` unpacks.
 
-Neighbouring rows are alike. So each number is stored as the difference from the one before, bytes
-of equal weight are put together, and zlib compresses them. ``data.js`` unpacks.
+Each number is stored as the difference from the one before; bytes of equal weight are compressed.
 """
 
 from __future__ import annotations

@@ -51,18 +51,12 @@ def similarity_page(
         picture.
     values : (n, n) array_like of float
         Symmetric and not negative; NaN where unknown.
-    path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself.
     measure : {"similarity", "distance"}, default="similarity"
         What the values are: 1 for the same shape, as of :func:`unbend.similarity`, or 0.
     groups : (n,) array_like of int, optional
         The number of each one's group, from 0: the pictures are put together by it.
-    up : {"x", "y", "z"}, default="y"
-        The axis of the shapes that points upward.
-    command : str, default=""
-        What made the values, shown on the page.
-    progress : callable, optional
-        Called with a stage's name and the share of it that is done.
+    path, up, command, progress
+        As for :func:`match_page`.
 
     Returns
     -------
@@ -168,12 +162,10 @@ def search_page(
         picture.
     values : (n,) array_like of float
         How far each is from the query, or how much like it; NaN where unknown.
-    path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself.
     measure : str, default="distance"
         What the values are called.
-    up, command, progress
-        As for :func:`similarity_page`.
+    path, up, command, progress
+        As for :func:`match_page`.
 
     Returns
     -------
@@ -186,10 +178,6 @@ def search_page(
         If there is nothing or too much to show, or something does not fit.
     FileError
         If the file cannot be written.
-
-    Notes
-    -----
-    Of all shapes together 300,000 vertices are drawn, and 20,000 of any one.
 
     Examples
     --------

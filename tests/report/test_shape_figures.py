@@ -8,8 +8,8 @@ import pytest
 from unbend import Mesh, canonical_form
 from unbend.canonical import CanonicalForm
 from unbend.errors import FileError, InputError
-from unbend.report import form_figures
-from unbend.report.form_figures import draw_form, turned_to_fit
+from unbend.report import shape_figures
+from unbend.report.shape_figures import draw_form, turned_to_fit
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def test_everything_that_there_is_is_drawn(
     blob: Mesh, form: CanonicalForm, up: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures: list = []
-    monkeypatch.setattr(form_figures, "save_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(shape_figures, "save_figure", lambda figure, path: figures.append(figure))
     draw_form(blob, form, "a.png", posed=2 * blob.vertices, up=up)
     draw_form(blob, form, "a.png", up=up)
     assert [len(one.axes) for one in figures] == [3, 2]
