@@ -15,7 +15,7 @@ def health(mesh: Mesh) -> tuple[bool, list[str]]:
     found = diagnose(mesh)
     told = list(mesh.notes)
     if mesh.is_point_cloud:
-        told.append("These are points without faces. They can be matched, but not shown.")
+        told.append("These are points without faces. A surface between them is used.")
     try:
         prepare(mesh)
     except InputError as refusal:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from unbend._display import is_doubtful
-from unbend._text import plural
+from unbend._text import plural, quoted
 from unbend.app._work import Result, Work, reading
 from unbend.correspondence import read_match, write_match
 from unbend.io import write_map
@@ -138,31 +138,28 @@ def _matched(
             about = f"{mesh.name} in the colours of the match"
             work.keep_mesh(f"{work.stems[i]}-coloured", about, mesh, own)
         work.draw(mesh.name, mesh, own)
-    result = work.result("", {}, command, python)
-    if not any(mesh.is_point_cloud for mesh in work.meshes):
-        match_page(
-            source,
-            target,
-            found,
-            work.page,
-            up=work.up,
-            landmarks=landmarks or None,
-            command=result["command"],
-            progress=work.progress,
-        )
-        result["page"] = str(work.page)
-    hints = f", with {plural(len(landmarks), 'landmark')}" if landmarks else ""
+    match_page(
+        source,
+        target,
+        found,
+        work.page,
+        up=work.up,
+        landmarks=landmarks or None,
+        command=quoted("unbend", *command),
+        progress=work.progress,
+    )
+    title = " to ".join(work.names)
+    if target is source:
+        title = f"Left and right of {source.name}"
+    elif landmarks:
+        title += f", with {plural(len(landmarks), 'landmark')}"
     matched, n = int((found.source_to_target >= 0).sum()), source.n_vertices
     one, other = found.overlap_source, found.overlap_target
     facts = {
         "matched": f"{matched:,} of {n:,} vertices",
         "overlap": f"{one:.0%} of the first surface, {other:.0%} of the second",
     }
-    return result | {
-        "title": " to ".join(work.names) + hints
-        if target is not source
-        else f"Left and right of {source.name}",
-        "facts": list(facts.items()),
+    return work.result(title, facts, command, python) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),
         "doubtful": is_doubtful(found.confidence),

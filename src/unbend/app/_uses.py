@@ -70,8 +70,7 @@ def form(work: Work) -> Result:
         f"{stem}-canonical", "the canonical form in the colours of the shape", bare, colors
     )
     write_values(work.new_file(f"{stem}-canonical.csv", "its coordinates"), found.points, mesh)
-    if not mesh.is_point_cloud:
-        form_page(mesh, found, work.page, up=work.up, progress=work.progress)
+    form_page(mesh, found, work.page, up=work.up, progress=work.progress)
     command = ["canonical", mesh.name, "--component", "largest", "-o", f"{stem}-canonical.ply"]
     call = f'form = canonical_form({mesh.name!r}, component="largest")'
     python = ["from unbend import canonical_form", "", call]
@@ -165,8 +164,7 @@ def register(work: Work, map_file: str, map_name: str) -> Result:
     for suffix in (".ply", ".obj", ".glb"):
         path = work.new_file(stem + suffix, "coloured by the distance from the second shape")
         write_registration(path, found)
-    if not target.is_point_cloud:
-        view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
+    view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
     facts = {
         "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
         "mean distance": f"{np.nanmean(found.distances):.3g} in the unit of the file",

@@ -12,9 +12,10 @@ import numpy as np
 from unbend._text import quoted
 from unbend._types import Progress
 from unbend.choices import Axis
+from unbend.errors import MeshError
 from unbend.io import read_mesh, write_mesh
 from unbend.mesh import Mesh
-from unbend.report.figures import UPRIGHT
+from unbend.report.figures import UPRIGHT, drawable
 from unbend.report.raster import thumbnail
 
 Result = dict[str, Any]
@@ -69,13 +70,16 @@ class Work:
             write_mesh(self.new_file(stem + suffix, about), mesh, colors=colors)
 
     def draw(self, caption: str, mesh: Mesh, colors: Any = None) -> None:
-        """Draw a shape, with colours from 0 to 255; points have no picture."""
-        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, mesh.faces)
-        drawn = thumbnail(upright, _PICTURE, None if colors is None else np.asarray(colors) / 255)
-        if drawn:
-            path = self.folder / f"picture-{len(self.pictures)}.png"
-            path.write_bytes(drawn)
-            self.pictures.append({"caption": caption, "path": str(path)})
+        """Draw a shape, with colours from 0 to 255; points that are too few have no picture."""
+        try:
+            faces = drawable(mesh).faces
+        except MeshError:
+            return
+        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, faces)
+        path = self.folder / f"picture-{len(self.pictures)}.png"
+        shares = None if colors is None else np.asarray(colors) / 255
+        path.write_bytes(thumbnail(upright, _PICTURE, shares))
+        self.pictures.append({"caption": caption, "path": str(path)})
 
     def result(
         self, title: str, facts: dict[str, str], command: Sequence[str], python: Sequence[str]
