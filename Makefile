@@ -6,11 +6,14 @@ BIN := .venv/bin
 # with neighbouring tests, which share shapes, and Python keeps what it compiles, for all of them.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
+.PHONY: app demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
 	lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
+
+app: .venv/app.stamp ## a window in the browser; ARGS="FILES" to begin with
+	$(BIN)/unbend app $(ARGS)
 
 reproduce: .venv/test.stamp ## the paper's experiments, into reproduction/; ARGS="--quick", ARGS="table1 --data DIR"
 	$(BIN)/python -m paper $(ARGS)
@@ -38,7 +41,7 @@ test-kernels: .venv/test.stamp ## tests of kernels, uncompiled; begins the cover
 # thread. The others leave out files, the command line, figures and experiments, whose arithmetic is
 # the library's; the second gives unbend and BLAS two threads each, the third unbend alone.
 NEWEST_BLAS := $(if $(shell grep -w avx512dq /proc/cpuinfo 2>/dev/null),SkylakeX,Sandybridge)
-ARITHMETIC := $(addprefix --ignore=tests/,cli io report paper test_benchmarks.py)
+ARITHMETIC := $(addprefix --ignore=tests/,app cli io report paper test_benchmarks.py)
 
 test-portable: .venv/test.stamp ## the tests again under what rounds differently on other processors
 	OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
@@ -53,7 +56,7 @@ test-portable: .venv/test.stamp ## the tests again under what rounds differently
 
 test-browser: .venv/test.stamp browser ## the pages in Chromium; what they look like is kept in screenshots/
 	UNBEND_BROWSER_NEEDED=1 UNBEND_SCREENSHOTS=$(CURDIR)/screenshots \
-	$(BIN)/pytest tests/report/pages/test_browser*.py
+	$(BIN)/pytest tests/report/pages/test_browser*.py tests/app/test_browser_app.py
 
 CHROMIUM = $(UNBEND_BROWSER) $(shell command -v chromium chromium-browser google-chrome google-chrome-stable)
 

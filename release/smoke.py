@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 from contextlib import suppress
 from pathlib import Path
 
@@ -112,7 +113,19 @@ def collection(folder: Path) -> None:
     assert Path(hit.path).name == "dog.ply"
 
 
-CHECKS = {one.__name__: one for one in (none, plot, sklearn, exact, data, collection)}
+def app(folder: Path) -> None:
+    """Open the window without a browser, and ask for it."""
+    run = [sys.executable, "-m", "unbend", "app", "--no-browser"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            with urllib.request.urlopen(process.stdout.readline().strip()) as answer:
+                assert b"unbend" in answer.read()
+        finally:
+            process.terminate()
+
+
+CHECKS = {one.__name__: one for one in (none, plot, sklearn, exact, data, collection, app)}
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:

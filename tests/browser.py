@@ -37,9 +37,15 @@ def find_browser() -> str | None:
 
 
 class Browser:
-    """A page in a browser that has no network; everything that goes wrong is in `problems`."""
+    """A page in a browser that has no network; everything that goes wrong is in `problems`.
 
-    def __init__(self, program: str, profile: Path, *, width: int = 940, height: int = 720):
+    With an address, what begins with it may be asked for.
+    """
+
+    def __init__(
+        self, program: str, profile: Path, *, width: int = 940, height: int = 720, address: str = ""
+    ):
+        self._allowed = ("file:", "data:", "blob:", "about:", *([address] if address else []))
         # High descriptors, which the two that Chromium wants cannot overwrite.
         import fcntl
 
@@ -70,11 +76,11 @@ class Browser:
         self.problems: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
-        self._session = attached["sessionId"]
+        self._session = self._first = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         offline = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
-        self.call("Network.emulateNetworkConditions", offline=True, **offline)
+        self.call("Network.emulateNetworkConditions", offline=not address, **offline)
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
@@ -125,7 +131,7 @@ class Browser:
             self.problems.append(told["entry"]["text"])
         if method == "Network.requestWillBeSent":
             address = told["request"]["url"]
-            if not address.startswith(("file:", "data:", "blob:", "about:")):
+            if not address.startswith(self._allowed):
                 self.problems.append(f"asked the network for {address}")
 
     def run(self, script: str) -> Any:
@@ -139,13 +145,21 @@ class Browser:
 
     def open(self, page: Path) -> None:
         """Open a file from disk and wait until it has drawn."""
-        self.call("Page.navigate", url=page.resolve().as_uri())
+        self.visit(page.resolve().as_uri())
+
+    def visit(self, address: str) -> None:
+        """Open an address and wait until the page there says that it is ready."""
+        self.call("Page.navigate", url=address)
         until = time.monotonic() + _PATIENCE
         while not self.run("document.documentElement?.dataset.ready || ''"):
             if self.problems or time.monotonic() > until:
-                raise RuntimeError(f"{page.name} did not draw: {self.problems}")
+                raise RuntimeError(f"{address} did not draw: {self.problems}")
             time.sleep(0.05)
         self.settle()
+
+    def switch(self, session: str | None) -> None:
+        """Go on with another page, or with the first one again."""
+        self._session = session or self._first
 
     def settle(self) -> None:
         """Wait until two frames have been drawn."""
@@ -194,15 +208,15 @@ class Browser:
         self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
         self.settle()
 
-    def choose_file(self, selector: str, path: Path) -> None:
-        """Choose a file in a file input."""
+    def choose_file(self, selector: str, *paths: Path) -> None:
+        """Choose files in a file input."""
         found = self.call("Runtime.evaluate", expression=f"document.querySelector({selector!r})")
         name = found["result"]["objectId"]
-        self.call("DOM.setFileInputFiles", objectId=name, files=[str(path)])
+        self.call("DOM.setFileInputFiles", objectId=name, files=list(map(str, paths)))
 
-    def drop(self, x: float, y: float, path: Path) -> None:
-        """Drop a file onto a place on the screen."""
-        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    def drop(self, x: float, y: float, *paths: Path) -> None:
+        """Drop files onto a place on the screen."""
+        data = {"items": [], "files": list(map(str, paths)), "dragOperationsMask": 1}
         for kind in ("dragEnter", "dragOver", "drop"):
             self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+
 
 def printable(text: str) -> str:
     """Write what does not print as an escape: a file's name may hold line breaks and worse."""
@@ -13,3 +16,13 @@ def plural(number: int, noun: str) -> str:
     if number == 1:
         return f"1 {noun}"
     return f"{number} {noun.removesuffix('ex')}ices" if noun.endswith("ex") else f"{number} {noun}s"
+
+
+def quoted(*words: str) -> str:
+    """Put words together as this system's shell takes them."""
+    shown = [printable(word) for word in words]
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(shown)
+    return shlex.join(shown)

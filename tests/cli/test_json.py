@@ -156,6 +156,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "variances": [NUMBER], "total_variance": NUMBER,
     },
     "collection export store -o OUT/all.csv": {"store": str, "n_rows": int},
+    "app --no-browser": {"address": str},
     "cache info": {"folder": str, "n_files": int, "n_bytes": int, "most_bytes": int},
     "cache clear": {"n_removed": int},
 }  # fmt: skip
@@ -190,6 +191,7 @@ def test_json_has_the_keys_and_types_of_the_table(
 ) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr("unbend.app.serve", lambda paths, ready, **_: ready("http://address/"))
     monkeypatch.setattr(demo, "_N_VERTICES", 600)
     monkeypatch.setattr(demo, "_COMPARED", 100)
     if line.startswith("collection remove"):

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 import unbend
 from unbend import Mesh, write_mesh
 from unbend._memory import LIMIT_VARIABLE
+from unbend._text import quoted
 from unbend.cli import _input, _output, app, main
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
@@ -283,9 +284,9 @@ def test_what_a_pipe_cannot_encode_is_escaped(tmp_path: Path) -> None:
 
 
 def test_commands_are_quoted_as_the_shell_takes_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert _output.quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
+    assert quoted("unbend", "my cat.off") == "unbend 'my cat.off'"
     monkeypatch.setattr(sys, "platform", "win32")
-    assert _output.quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
+    assert quoted("unbend", "my cat.off") == 'unbend "my cat.off"'
 
 
 def test_an_interruption_that_python_has_to_ignore_comes_again() -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -14,7 +12,7 @@ from scipy.spatial import cKDTree
 from unbend import Mesh, canonical_form, spectrum, write_mesh
 from unbend.collection import Failure, _entry
 from unbend.collection._descriptor import Basis
-from unbend.collection._entry import FORM_POINTS, make_row, sample_form, thumbnail
+from unbend.collection._entry import FORM_POINTS, make_row, sample_form
 from unbend.datasets import make_sphere
 from unbend.errors import UnbendWarning
 from unbend.mesh import vertex_areas
@@ -48,20 +46,6 @@ def test_of_few_points_some_repeat() -> None:
     assert found.shape == (FORM_POINTS, 3)
     np.testing.assert_array_equal(np.unique(found[:, 0]), [-1, 0, 1, 2])
     assert not found[:, 1:].any()
-
-
-def test_a_point_cloud_has_no_picture() -> None:
-    assert thumbnail(Mesh(BALL.vertices)) == b""
-
-
-def test_a_surface_is_seen_before_nothing() -> None:
-    picture = matplotlib.image.imread(io.BytesIO(thumbnail(BALL)))
-    red, green, blue, solid = picture.transpose(2, 0, 1)
-    assert solid.shape[0] == solid.shape[1]
-    assert (solid[0, 0], solid[len(solid) // 2, len(solid) // 2]) == (0, 1)
-    shown = solid == 1
-    assert 0.05 < red[shown].min() < 0.8 * red[shown].max()  # with light and shade
-    assert max(one[shown].max() for one in (red, green, blue)) <= 1
 
 
 def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

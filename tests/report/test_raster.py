@@ -1,10 +1,14 @@
 """Triangles to pixels."""
 
+import io
+
+import matplotlib.image
 import numpy as np
 import pytest
 
+from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.report.raster import rasterize
+from unbend.report.raster import rasterize, thumbnail
 
 
 @pytest.mark.kernels
@@ -44,3 +48,17 @@ def test_outlines_move_outward_by_pixels_in_every_direction():
         radii.append((np.sqrt(covered / np.pi), pixel))
     assert abs(radii[0][0] - 1) < 0.02
     assert abs(radii[1][0] - (1 + 5 * radii[1][1])) < 0.02
+
+
+def test_a_point_cloud_has_no_picture() -> None:
+    assert thumbnail(Mesh(make_sphere(2).vertices), 96) == b""
+
+
+def test_a_surface_is_seen_before_nothing() -> None:
+    picture = matplotlib.image.imread(io.BytesIO(thumbnail(make_sphere(3), 96)))
+    red, green, blue, solid = picture.transpose(2, 0, 1)
+    assert solid.shape[0] == solid.shape[1]
+    assert (solid[0, 0], solid[len(solid) // 2, len(solid) // 2]) == (0, 1)
+    shown = solid == 1
+    assert 0.05 < red[shown].min() < 0.8 * red[shown].max()  # with light and shade
+    assert max(one[shown].max() for one in (red, green, blue)) <= 1

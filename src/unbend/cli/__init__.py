@@ -38,6 +38,7 @@ from unbend.cli import (
     symmetry,
     transfer,
     view,
+    window,
 )
 from unbend.cli._command import make_group
 from unbend.cli._output import EXIT_REFUSED, say, warning_printer
@@ -110,6 +111,7 @@ app = make_group(
     morph.morph,
     similarity.similarity,
     view.view,
+    window.app,
     demo.demo,
     name="unbend",
     cls=_Group,

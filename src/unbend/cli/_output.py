@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from unbend._display import is_doubtful, where_landmarks_help
-from unbend._text import printable
+from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
@@ -239,16 +238,6 @@ def look_at(report: str | None) -> str | None:
 def command_line() -> str:
     """Give the command that is running, as it could be typed again."""
     return quoted("unbend", *sys.argv[1:])
-
-
-def quoted(*words: str) -> str:
-    """Put words together as this system's shell takes them."""
-    shown = [printable(word) for word in words]
-    if sys.platform == "win32":
-        from subprocess import list2cmdline
-
-        return list2cmdline(shown)
-    return shlex.join(shown)
 
 
 def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:

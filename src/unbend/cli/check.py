@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli._batch import expand_folders
-from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, quoted, say, table, tell
+from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, say, table, tell
 from unbend.errors import UnbendError
 
 if TYPE_CHECKING:

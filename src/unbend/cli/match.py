@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import (
     is_unsure,
@@ -24,7 +25,6 @@ from unbend.cli._output import (
     lines_to_keep,
     look_at,
     progress_on_stderr,
-    quoted,
     rows,
     tell,
     warn_if_doubtful,

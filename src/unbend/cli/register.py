@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._batch import expand_folders, is_batch
 from unbend.cli._input import read_or_match, read_shapes
@@ -16,7 +17,6 @@ from unbend.cli._output import (
     lines_to_keep,
     look_at,
     progress_on_stderr,
-    quoted,
     rows,
     shown,
     table,

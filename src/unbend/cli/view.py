@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
-from unbend.cli._output import look_at, progress_on_stderr, quoted, tell
+from unbend.cli._output import look_at, progress_on_stderr, tell
 
 if TYPE_CHECKING:
     from unbend.mesh import Mesh

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 import warnings
-import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,8 +14,8 @@ from unbend.canonical import spread_samples
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, Basis, describe, make_basis
 from unbend.collection._rows import Failure
 from unbend.io import read_mesh
-from unbend.mesh import Mesh, vertex_areas
-from unbend.report.raster import rasterize, rgb_of, view_rotation
+from unbend.mesh import vertex_areas
+from unbend.report.raster import thumbnail
 
 FORM_POINTS, FORM_COMPONENTS = 256, 3
 _THUMBNAIL = 96  # pixels across
@@ -56,7 +54,7 @@ def make_row(path: str, digest: str) -> dict[str, Any] | Failure:
             "version": DESCRIPTOR_VERSION,
             "descriptor": descriptor,
             "form": form.astype(np.float32).ravel(),
-            "thumbnail": thumbnail(mesh),
+            "thumbnail": thumbnail(mesh, _THUMBNAIL),
         }
     except Exception as error:  # of any kind: other meshes go on
         return Failure.of(path, error)
@@ -79,34 +77,3 @@ def sample_form(basis: Basis) -> FloatArray:
         start,
     ).indices
     return points[np.resize(taken, FORM_POINTS)]
-
-
-def thumbnail(mesh: Mesh) -> bytes:
-    """Draw a shape as a small square PNG; empty for a point cloud."""
-    if not mesh.n_faces:
-        return b""
-    seen = mesh.vertices @ view_rotation("three-quarter").T
-    picture, _ = rasterize(seen, mesh.faces, rgb_of(None, mesh), (_THUMBNAIL, _THUMBNAIL))
-    pixels = np.round(255 * np.clip(picture[::-1], 0, 1)).astype(np.uint8)
-    return _png(pixels)
-
-
-def _png(pixels: np.ndarray[Any, np.dtype[np.uint8]]) -> bytes:
-    """Encode (rows, columns, 4) pixels; the format's specification is RFC 2083."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        )
-
-    rows, columns, _ = pixels.shape
-    lines = np.concatenate([np.zeros((rows, 1), np.uint8), pixels.reshape(rows, -1)], axis=1)
-    header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        chunk(kind, data)
-        for kind, data in (
-            (b"IHDR", header),
-            (b"IDAT", zlib.compress(lines.tobytes())),
-            (b"IEND", b""),
-        )
-    )

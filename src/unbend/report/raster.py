@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
 from unbend._compiled import compiled
@@ -107,6 +110,37 @@ def rasterize(
     return np.concatenate([np.clip(blended, 0, 1), alpha], axis=2), (
         float(origin[0]), float(end[0]), float(origin[1]), float(end[1]),
     )  # fmt: skip
+
+
+def thumbnail(mesh: Mesh, size: int, colors: Any = None) -> bytes:
+    """Draw a shape as a small square PNG; empty for a point cloud."""
+    if not mesh.n_faces:
+        return b""
+    seen = mesh.vertices @ view_rotation("three-quarter").T
+    picture, _ = rasterize(seen, mesh.faces, rgb_of(colors, mesh), (size, size))
+    pixels = np.round(255 * np.clip(picture[::-1], 0, 1)).astype(np.uint8)
+    return _png(pixels)
+
+
+def _png(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """Encode (rows, columns, 4) pixels; the format's specification is RFC 2083."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
+
+    rows, columns, _ = pixels.shape
+    lines = np.concatenate([np.zeros((rows, 1), np.uint8), pixels.reshape(rows, -1)], axis=1)
+    header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        chunk(kind, data)
+        for kind, data in (
+            (b"IHDR", header),
+            (b"IDAT", zlib.compress(lines.tobytes())),
+            (b"IEND", b""),
+        )
+    )
 
 
 @compiled

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._output import progress_on_stderr, quoted, rows, shown, tell
+from unbend.cli._output import progress_on_stderr, rows, shown, tell
 from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
 
 if TYPE_CHECKING:

@@ -62,6 +62,7 @@ start(async ({ shapes, landmarks: given }) => {
       return line;
     }));
     part("undo").disabled = !landmarks.past.length;
+    if (parent !== window) parent.postMessage({ landmarks: landmarks.list }, "*"); // to unbend app
   }
 
   // What is under the pointer or the cursor.
@@ -244,6 +245,12 @@ start(async ({ shapes, landmarks: given }) => {
       event.stopImmediatePropagation();
       mark(side, shape.cursor);
     }, true);
+  });
+  // The page in whose frame this one is may put landmarks back.
+  addEventListener("message", ({ source, data }) => {
+    if (parent === window || source !== parent || !Array.isArray(data?.landmarks)) return;
+    for (const { at } of data.landmarks) at.forEach((vertex, side) => vertex < 0 || landmarks.check(vertex, side));
+    landmarks.edit(() => { landmarks.list = data.landmarks; });
   });
   show();
 });

@@ -1,0 +1,111 @@
+"""What a page may ask for: every word of a request is checked here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from unbend.errors import InputError
+
+TITLES = {
+    "look": "Reading {}",
+    "sample": "Making a sample pair",
+    "match": "Matching {}",
+    "choose": "Taking another map of {}",
+    "symmetry": "Looking for left and right of {}",
+    "landmarks": "Opening {}",
+    "distance": "Measuring distances on {}",
+    "form": "Computing the canonical form of {}",
+    "transfer": "Carrying values of {}",
+    "register": "Fitting {}",
+    "morph": "Morphing {}",
+    "search": "Searching with {}",
+}
+_N_SHAPES = {"sample": (0,), "landmarks": (1, 2)} | dict.fromkeys(
+    ("symmetry", "distance", "form", "search"), (1,)
+)
+_WITH_MAP = ("choose", "transfer", "register", "morph")
+_MOST_STEPS = 9
+_MOST_LETTERS = 120
+
+
+def check_request(
+    asked: Mapping[str, Any],
+    shapes: Mapping[int, Any],
+    results: Mapping[int, Any],
+    values: Mapping[int, Any],
+    collection: str | None,
+) -> dict[str, Any]:
+    """Turn what a page asked for into a job; raise InputError for anything else."""
+    what, chosen = asked.get("do"), asked.get("shapes", [])
+    if what not in TITLES or what == "look":
+        raise InputError("there is no such job")
+    job: dict[str, Any] = {"do": what}
+    result: Mapping[str, Any] = {}
+    if what in _WITH_MAP:
+        result = results.get(_whole(asked.get("result")), {})
+        if "map_file" not in result:
+            raise InputError("that match is not there any more")
+        chosen = result["shapes"]
+        job |= {"map_file": result["map_file"], "map_name": result["files"][0]["name"]}
+    if not isinstance(chosen, list) or len(chosen) not in _N_SHAPES.get(what, (2,)):
+        raise InputError("choose another number of shapes for this")
+    if any(shapes.get(_whole(one), {}).get("state") != "good" for one in chosen):
+        raise InputError("that shape is not there any more, or cannot be used")
+    job["shapes"] = chosen
+    if what in ("match", "landmarks"):
+        job["landmarks"] = _rows(asked.get("landmarks", []), len(chosen))
+    if what == "match":
+        job["mirror"] = asked.get("mirror") is True
+    elif what == "distance":
+        job["vertices"] = [row[0] for row in _rows(asked.get("landmarks", []), 1)]
+        if not job["vertices"]:
+            raise InputError("click a place on the shape first")
+    elif what == "choose":
+        alternatives = dict(enumerate(result["alternatives"]))
+        other = alternatives.get(_whole(asked.get("alternative")))
+        if other is None:
+            raise InputError("that map is not there")
+        job |= {"map_file": other["path"], "map_name": other["name"]}
+        job |= {"command": other["command"], "python": other["python"]}
+        job["landmarks"] = result["landmarks"]
+    elif what == "transfer":
+        job["values"] = values.get(_whole(asked.get("values")))
+        job["column"] = str(asked.get("column", ""))[:_MOST_LETTERS] or None
+    elif what == "morph":
+        job["steps"] = min(max(_whole(asked.get("steps")), 1), _MOST_STEPS)
+    elif what == "search":
+        if collection is None:
+            raise InputError("there is no collection: start with unbend app --collection STORE")
+        job["store"] = collection
+    return job
+
+
+def check_landmarks(given: list[Any], width: int) -> list[dict[str, Any]]:
+    """Check landmarks as the page has them: a name, and a vertex or -1 on each shape."""
+    good = all(
+        isinstance(one, dict)
+        and isinstance(one.get("name"), str)
+        and isinstance(one.get("at"), list)
+        and len(one["at"]) == width
+        and all(isinstance(vertex, int) for vertex in one["at"])
+        for one in given
+    )
+    if not good:
+        raise InputError("landmarks have a name and a vertex of each shape")
+    return [{"name": one["name"], "at": one["at"]} for one in given]
+
+
+def _whole(value: Any) -> int:
+    return value if isinstance(value, int) and not isinstance(value, bool) else -1
+
+
+def _rows(given: Any, width: int) -> list[list[int]]:
+    """Check landmarks: rows of as many vertex numbers as there are shapes."""
+    good = isinstance(given, list) and all(
+        isinstance(row, list) and len(row) == width and all(0 <= _whole(one) < 2**53 for one in row)
+        for row in given
+    )
+    if not good:
+        raise InputError("landmarks are rows of vertex numbers, one of each shape")
+    return [list(row) for row in given]

@@ -1,0 +1,213 @@
+"""What the app's server answers, and whom: only pages that know the token.
+
+The page is our own, on Starlette: frameworks such as NiceGUI need what a strict content security
+policy forbids.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import secrets
+import time
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from unbend.app._session import Session
+from unbend.errors import InputError
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+_MOST_JSON = 2**20  # bytes of a request that is no file
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data: blob:; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+# Pages of results have their own policy in them; in this sandbox they cannot call the app.
+_PAGE_POLICY = "sandbox allow-scripts allow-downloads; frame-ancestors 'self'"
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+}
+_ASSETS = {
+    "": ("unbend.app", "app.html", "text/html"),
+    "app.js": ("unbend.app", "app.js", "text/javascript"),
+    "app.css": ("unbend.app", "app.css", "text/css"),
+    "page.css": ("unbend.report.pages", "page.css", "text/css"),
+}
+
+
+def make_app(
+    session: Session, tabs: dict[str, float], token: str, port: int, lifetime: Any = None
+) -> Any:
+    """Make the ASGI application; `tabs` gets when each open page was last heard of."""
+    from starlette.applications import Starlette
+    from starlette.requests import ClientDisconnect
+    from starlette.responses import FileResponse, JSONResponse, PlainTextResponse
+    from starlette.routing import Mount, Route
+
+    async def asset(request: Request) -> Response:
+        package, name, kind = _ASSETS[request.path_params.get("name", "")]
+        text = files(package).joinpath(name).read_text("utf-8")
+        return PlainTextResponse(
+            text, media_type=kind, headers={"Content-Security-Policy": _POLICY}
+        )
+
+    async def state(request: Request) -> Response:
+        if tab := request.query_params.get("tab", "")[:40]:
+            tabs[tab] = time.monotonic()
+        found = session.state(_number(request.query_params.get("seen", "")))
+        return JSONResponse(found)
+
+    async def bye(request: Request) -> Response:
+        if (tab := request.query_params.get("tab", "")) in tabs:
+            tabs[tab] = -math.inf
+        return JSONResponse(None)
+
+    async def upload(request: Request) -> Response:
+        values = request.query_params.get("as") == "values"
+        size = _number(request.headers.get("content-length", ""))
+        path, label, room = session.new_upload(
+            request.query_params.get("name", ""), size, values=values
+        )
+        try:
+            with path.open("wb") as file:
+                async for chunk in request.stream():
+                    room -= len(chunk)
+                    if room < 0:
+                        raise InputError(f"{label} is too large")
+                    file.write(chunk)
+            return JSONResponse({"id": session.add(path, label, values=values)})
+        except (InputError, ClientDisconnect):
+            path.unlink()
+            raise
+
+    async def submit(request: Request) -> Response:
+        return JSONResponse({"id": session.submit(await _asked(request, dict))})
+
+    async def turn(request: Request) -> Response:
+        session.turn((await _asked(request, dict)).get("up"))
+        return JSONResponse(None)
+
+    async def landmarks(request: Request) -> Response:
+        session.keep_landmarks(request.path_params["i"], await _asked(request, list))
+        return JSONResponse(None)
+
+    async def remove(request: Request) -> Response:
+        what = {
+            "jobs": session.cancel,
+            "shapes": session.remove_shape,
+            "results": session.remove_result,
+            "troubles": session.remove_trouble,
+        }[request.path_params["kind"]]
+        await asyncio.to_thread(what, request.path_params["i"])
+        return JSONResponse(None)
+
+    async def shape(request: Request) -> Response:
+        i = request.path_params["i"]
+        if request.path_params["what"] == "picture":
+            return FileResponse(session.shape_picture(i), media_type="image/png")
+        path, name = session.shape_file(i)
+        return FileResponse(path, filename=name)
+
+    async def page(request: Request) -> Response:
+        path, name = session.result_file(request.path_params["i"], "page")
+        saved = name if "save" in request.query_params else None
+        headers = {"Content-Security-Policy": _PAGE_POLICY}
+        return FileResponse(path, media_type="text/html", filename=saved, headers=headers)
+
+    async def part(request: Request) -> Response:
+        kind = request.path_params["kind"]
+        given = session.result_file(request.path_params["i"], kind, request.path_params["n"])
+        if kind == "pictures":
+            return FileResponse(given[0], media_type="image/png")
+        return FileResponse(given[0], filename=given[1])
+
+    async def refused(request: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error)}, status_code=400)
+
+    async def missing(request: Request, error: Exception) -> Response:
+        return JSONResponse({"error": "that is not there any more"}, status_code=404)
+
+    routes = [
+        Route("/", asset),
+        Route("/state", state),
+        Route("/bye", bye, methods=["POST"]),
+        Route("/up", turn, methods=["PUT"]),
+        Route("/files", upload, methods=["PUT"]),
+        Route("/jobs", submit, methods=["POST"]),
+        Route("/{kind}/{i:int}", remove, methods=["DELETE"]),
+        Route("/shapes/{i:int}/{what}", shape),
+        Route("/results/{i:int}/page", page),
+        Route("/results/{i:int}/landmarks", landmarks, methods=["PUT"]),
+        Route("/results/{i:int}/{kind}/{n:int}", part),
+        Route("/{name}", asset),
+    ]
+    handlers: Any = {InputError: refused, LookupError: missing, RuntimeError: missing}
+    mount = Mount(f"/{token}", routes=routes)
+    app = Starlette(routes=[mount], exception_handlers=handlers, lifespan=lifetime)
+    return _guarded(app, token, port)
+
+
+def _guarded(app: Any, token: str, port: int) -> Any:
+    """Refuse requests of other pages, names and addresses, and add headers to all answers."""
+    names = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
+    hosts = {name.encode(): f"http://{name}".encode() for name in names}
+
+    async def guarded(scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] != "http":
+            await app(scope, receive, send)
+            return
+        given = dict(scope["headers"])
+        host, origin = given.get(b"host", b""), given.get(b"origin")
+        foreign = origin not in (None, hosts.get(host))
+        foreign |= given.get(b"sec-fetch-site", b"none") not in (b"same-origin", b"none")
+        changes = scope["method"] not in ("GET", "HEAD")
+        known = secrets.compare_digest(scope["path"].split("/")[1].encode(), token.encode())
+        status = 0
+        if host not in hosts or foreign or (changes and origin is None):
+            status = 403
+        elif not known:
+            status = 404
+
+        async def answer(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                extra = [(name.lower().encode(), text.encode()) for name, text in _HEADERS.items()]
+                message["headers"] = [*message["headers"], *extra]
+            await send(message)
+
+        if not status:
+            await app(scope, receive, answer)
+            return
+        text = b"unbend app: open the address that the command printed"
+        head = [(b"content-type", b"text/plain"), (b"content-length", str(len(text)).encode())]
+        await answer({"type": "http.response.start", "status": status, "headers": head})
+        await answer({"type": "http.response.body", "body": text})
+
+    return guarded
+
+
+async def _asked(request: Request, kind: type) -> Any:
+    """Read a JSON body of bounded size."""
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > _MOST_JSON:
+            raise InputError("this request is too long")
+    try:
+        found = json.loads(body)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, kind):
+        raise InputError("this request is no JSON of the kind that is expected here")
+    return found
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() and len(text) < 16 else -1

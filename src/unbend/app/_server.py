@@ -1,0 +1,126 @@
+"""The app's server: loopback only, and only for pages that know the token."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import socket
+import time
+import urllib.error
+import urllib.request
+import webbrowser
+from collections.abc import AsyncIterator, Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from unbend._memory import available_memory
+from unbend.app._routes import make_app
+from unbend.app._session import Session, remove_dead
+from unbend.errors import InputError, MissingExtraError
+
+_SHARE_OF_MEMORY = 0.8
+_CLOSED_SECONDS, _SILENT_SECONDS = 8.0, 600.0
+
+
+def serve(
+    paths: Sequence[str],
+    *,
+    port: int = 0,
+    collection: str | None = None,
+    ready: Callable[[str], object] = webbrowser.open,
+) -> None:
+    """Run the app until Ctrl-C, or until its last page has been closed.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        Files of shapes to begin with.
+    port : int, default=0
+        Of 127.0.0.1; 0 takes any that is free.
+    collection : str, optional
+        The folder of a collection to search.
+    ready : callable
+        Called with the address once the server listens.
+
+    Raises
+    ------
+    InputError
+        If the port is taken.
+    MissingExtraError
+        If Starlette or uvicorn is not installed.
+    """
+    try:
+        import uvicorn
+    except ImportError:
+        raise MissingExtraError("uvicorn", "starlette") from None
+    listener = socket.socket()
+    with listener:
+        try:
+            listener.bind(("127.0.0.1", port))
+        except (OSError, OverflowError):
+            raise InputError(
+                f"port {port} of this machine cannot be had; leave out --port"
+            ) from None
+        listener.listen()
+        port = listener.getsockname()[1]
+        token = secrets.token_urlsafe(24)
+        address = f"http://127.0.0.1:{port}/{token}/"
+        remove_dead(_answers)
+        session = Session(int(_SHARE_OF_MEMORY * (available_memory() or 2**34)), collection)
+        try:
+            (session.folder / "address").write_text(address, encoding="utf-8")
+            for path in paths:
+                session.add(Path(path).resolve(), Path(path).name)
+            tabs: dict[str, float] = {}
+
+            @contextlib.asynccontextmanager
+            async def lifetime(app: Any) -> AsyncIterator[None]:
+                opening = asyncio.create_task(asyncio.to_thread(ready, address))
+                watch = asyncio.create_task(_stop_when_closed(server, session, tabs))
+                yield
+                watch.cancel()
+                opening.cancel()
+                session.close()  # before the signal that ended the server is raised again
+
+            settings = uvicorn.Config(
+                make_app(session, tabs, token, port, lifetime),
+                ws="none",
+                log_level="warning",
+                access_log=False,
+                server_header=False,
+                timeout_graceful_shutdown=1,
+            )
+            server = uvicorn.Server(settings)
+            with contextlib.suppress(KeyboardInterrupt):
+                server.run(sockets=[listener])
+        finally:
+            session.close()
+
+
+async def _stop_when_closed(server: Any, session: Session, tabs: dict[str, float]) -> None:
+    """End the server some seconds after the last page was closed; `tabs` has when it spoke."""
+    heard = time.monotonic()
+    while True:
+        await asyncio.sleep(0.5)
+        now = time.monotonic()
+        if not tabs or max(tabs.values()) > now - _SILENT_SECONDS:
+            heard = now
+        if now - heard > (_SILENT_SECONDS if session.busy else _CLOSED_SECONDS):
+            server.should_exit = True
+
+
+def _answers(address: str) -> bool:
+    """Tell whether an app listens at an address that an earlier run has left."""
+    if not address.startswith("http://127.0.0.1:"):
+        return False
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(address, timeout=2) as answer:
+            return bool(answer.status == 200)
+    except urllib.error.HTTPError:
+        return False
+    except TimeoutError:
+        return True
+    except OSError:
+        return False

@@ -1,0 +1,320 @@
+"""One run of the app: its shapes, its results, and the queue of jobs."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import itertools
+import os
+import shutil
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any, get_args
+
+from unbend._text import printable
+from unbend.app._requests import TITLES, check_landmarks, check_request
+from unbend.app._worker import Worker
+from unbend.choices import Axis
+from unbend.errors import InputError
+
+PREFIX = "unbend-app-"
+# Suffixes of uploads that only carry values or landmarks.
+_VALUE_SUFFIXES = (".npy", ".csv", ".txt", ".json", ".fcsv")
+_SHAPE_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".glb")
+_MOST_BYTES = 512 * 2**20  # of one upload
+_MOST_BYTES_IN_ALL = 2 * 2**30
+_MOST_SHAPES, _MOST_JOBS = 200, 500
+_MOST_LETTERS = 120  # of a name
+
+_SHOWN = ("name", "state", "size", "told", "picture", "sample")  # of a shape
+
+
+class Session:
+    """Shapes, results and jobs. Every method may be called from any thread.
+
+    Parameters
+    ----------
+    memory : int
+        Bytes that a job may take.
+    collection : str or None
+        The folder of a collection that shapes are searched in.
+    """
+
+    def __init__(self, memory: int, collection: str | None = None) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+        self._collection = collection
+        self._worker = Worker(memory)
+        self._ids = itertools.count(1)
+        self._changed = threading.Condition()
+        self._version = 0
+        self._shapes: dict[int, dict[str, Any]] = {}
+        self._values: dict[int, tuple[str, str]] = {}
+        self._results: dict[int, dict[str, Any]] = {}
+        self._jobs: dict[int, dict[str, Any]] = {}
+        self._troubles: dict[int, str] = {}
+        self._up: Axis = "y"
+        self._bytes = 0
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job runs or waits."""
+        return bool(self._jobs)
+
+    def close(self) -> None:
+        """End the worker and remove all files."""
+        with self._changed:
+            self._closed = True
+            self._jobs.clear()
+            self._changed.notify_all()
+        self._worker.close()
+        self._thread.join()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def state(self, seen: int) -> dict[str, Any] | None:
+        """Everything that a page shows, or None if nothing has changed since it was `seen`."""
+        with self._changed:
+            if seen == self._version:
+                return None
+            shapes = [
+                {key: one[key] for key in _SHOWN if key in one} | {"id": i}
+                for i, one in self._shapes.items()
+            ]
+            results = [_told(i, one) for i, one in self._results.items()]
+            jobs = [
+                {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
+                for i, one in self._jobs.items()
+            ]
+            troubles = [{"id": i, "text": text} for i, text in self._troubles.items()]
+            return {
+                "version": self._version,
+                "shapes": shapes,
+                "results": results,
+                "jobs": jobs,
+                "troubles": troubles,
+                "collection": self._collection or "",
+                "up": self._up,
+            }
+
+    # Files
+
+    def new_upload(self, name: str, size: int | None, *, values: bool) -> tuple[Path, str, int]:
+        """Give the path for a file of the user, the name to show, and the bytes that it may have.
+
+        Nothing of the user's name but its suffix is used for the path.
+        """
+        label = printable(name.replace("\\", "/").rsplit("/", 1)[-1])[-_MOST_LETTERS:]
+        suffix = Path(label).suffix.lower()
+        allowed = _VALUE_SUFFIXES + _SHAPE_SUFFIXES if values else _SHAPE_SUFFIXES
+        if suffix not in allowed:
+            raise InputError(f"{label}: files that can be opened here end in {', '.join(allowed)}")
+        with self._changed:
+            if len(self._shapes) + len(self._values) >= _MOST_SHAPES:
+                raise InputError(f"{_MOST_SHAPES} files are open; remove some first")
+            room = min(_MOST_BYTES, _MOST_BYTES_IN_ALL - self._bytes)
+            if size is not None and size > room:
+                raise InputError(f"{label} is too large: {room // 2**20} MiB can be taken")
+            kept = label.lower().endswith(".mrk.json")
+            path = self.folder / f"upload-{next(self._ids)}{'.mrk.json' if kept else suffix}"
+        return path, label, room
+
+    def add(self, path: Path, label: str, *, values: bool = False) -> int:
+        """Add a file that is there; a shape is then looked at."""
+        with self._changed:
+            i = next(self._ids)
+            if path.parent == self.folder:
+                self._bytes += path.stat().st_size
+            if values:
+                self._values[i] = str(path), label
+                return i
+            self._shapes[i] = {"path": str(path), "name": label, "state": "reading"}
+            self._submit({"do": "look", "shapes": [i]})
+        return i
+
+    def turn(self, up: Axis) -> None:
+        """Take another axis for the one that points upward, and draw all shapes again."""
+        if up not in get_args(Axis):
+            raise InputError("the upward axis is x, y or z")
+        with self._changed:
+            self._up = up
+            for i, shape in self._shapes.items():
+                if shape["state"] == "good":
+                    self._submit({"do": "look", "shapes": [i]})
+
+    def shape_file(self, i: int) -> tuple[str, str]:
+        """Path and name of a shape."""
+        return self._shapes[i]["path"], self._shapes[i]["name"]
+
+    def shape_picture(self, i: int) -> str:
+        """Path of a shape's picture."""
+        return str(self._shapes[i]["picture_path"])
+
+    def remove_shape(self, i: int) -> None:
+        """Forget a shape, and remove its file if it is ours."""
+        with self._changed:
+            path = Path(self._shapes.pop(i)["path"])
+            if path.parent == self.folder:
+                self._bytes -= path.stat().st_size
+                with contextlib.suppress(OSError):  # Windows keeps what is being read
+                    path.unlink()
+            self._note()
+
+    # Results
+
+    def result_file(self, i: int, kind: str, number: int = 0) -> tuple[str, str]:
+        """Path and name of a result's page, or of one of its files or pictures."""
+        result = self._results[i]
+        if kind == "page":
+            return result["page"], f"{result['title']}.html"
+        one = result[kind][number]
+        return one["path"], one.get("name", "picture.png")
+
+    def keep_landmarks(self, i: int, given: list[Any]) -> None:
+        """Keep the landmarks that were placed on the page of a result."""
+        with self._changed:
+            result = self._results[i]
+            result["placed"] = check_landmarks(given, len(result["shapes"]))
+            self._note()
+
+    def remove_result(self, i: int) -> None:
+        """Forget a result and remove its files."""
+        with self._changed:
+            shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True)
+            self._note()
+
+    def remove_trouble(self, i: int) -> None:
+        """Forget what went wrong."""
+        with self._changed:
+            self._troubles.pop(i, None)
+            self._note()
+
+    # Jobs
+
+    def submit(self, asked: dict[str, Any]) -> int:
+        """Put into the queue what a page asked for, after checking every word of it."""
+        with self._changed:
+            return self._submit(
+                check_request(asked, self._shapes, self._results, self._values, self._collection)
+            )
+
+    def cancel(self, i: int) -> None:
+        """Take a job out of the queue, and end it if it runs."""
+        with self._changed:
+            entry = self._jobs.pop(i, None)
+            if entry is None:
+                return
+            if entry["job"]["do"] == "look":
+                self._failed(i, entry, "cancelled")
+            if entry["running"]:
+                self._worker.cancel()
+            self._note()
+
+    def _submit(self, job: dict[str, Any]) -> int:
+        if len(self._jobs) >= _MOST_JOBS:
+            raise InputError("too many jobs wait; cancel some first")
+        i = next(self._ids)
+        title = TITLES[job["do"]].format(
+            " and ".join(self._shapes[one]["name"] for one in job["shapes"])
+        )
+        entry = {"title": title, "stage": "waiting", "share": 0.0, "running": False}
+        entry["job"] = job | {"up": self._up}
+        self._jobs[i] = entry
+        self._note()
+        return i
+
+    def _run(self) -> None:
+        """Run the jobs, one after the other."""
+        while True:
+            with self._changed:
+                while not self._jobs and not self._closed:
+                    self._changed.wait()
+                if self._closed:
+                    return
+                i, entry = next(iter(self._jobs.items()))
+                job = entry["job"]
+                if any(one not in self._shapes for one in job["shapes"]):
+                    del self._jobs[i]
+                    continue
+                entry |= {"running": True, "stage": "starting"}
+                folder = self.folder / f"result-{i}"
+                shapes = [self.shape_file(one) for one in job["shapes"]]
+                self._note()
+            given = job | {"shapes": shapes, "folder": str(folder)}
+            found = self._worker.run(given, functools.partial(self._step, entry))
+            with self._changed:
+                there = self._jobs.pop(i, None) is not None
+                if there and "error" in found:
+                    self._failed(i, entry, found["error"])
+                elif there and found:
+                    self._finished(i, job, found | {"folder": str(folder)})
+                else:
+                    shutil.rmtree(folder, ignore_errors=True)
+                self._note()
+
+    def _step(self, entry: dict[str, Any], stage: str, share: float) -> None:
+        with self._changed:
+            entry |= {"stage": stage, "share": share}
+            self._note()
+
+    def _failed(self, i: int, entry: dict[str, Any], error: str) -> None:
+        """Show a sentence, with the names that the user knows in place of paths."""
+        job = entry["job"]
+        shapes = [self._shapes[one] for one in job["shapes"] if one in self._shapes]
+        files = [(one["path"], one["name"]) for one in shapes]
+        for path, name in [*files, *([job["values"]] if job.get("values") else [])]:
+            error = error.replace(path, name).replace(Path(path).name, name)
+        if job["do"] == "look":
+            for shape in shapes:
+                shape |= {"state": "bad", "told": [error]}
+        else:
+            self._troubles[i] = f"{entry['title']}: {error}"
+
+    def _finished(self, i: int, job: dict[str, Any], found: dict[str, Any]) -> None:
+        if job["do"] == "look":
+            picture = found["pictures"][0]["path"] if found["pictures"] else ""
+            more = {"state": "good" if found["usable"] else "bad", "picture": i if picture else 0}
+            for one in job["shapes"]:
+                if one in self._shapes:
+                    self._shapes[one] |= found | more | {"picture_path": picture}
+        elif job["do"] == "sample":
+            for one in found["samples"]:
+                self._shapes[self.add(Path(one["path"]), one["name"])]["sample"] = True
+        else:
+            self._results[i] = found | {"do": job["do"], "shapes": job["shapes"]}
+
+    def _note(self) -> None:
+        self._version += 1
+        self._changed.notify_all()
+
+
+def remove_dead(is_alive: Any) -> None:
+    """Remove the folders of earlier runs that were killed."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        try:
+            about = folder.lstat()
+            ours = folder.is_dir() and not folder.is_symlink()
+            ours = ours and (not hasattr(os, "getuid") or about.st_uid == os.getuid())
+            address = folder / "address"
+            if ours and not address.exists() and time.time() - about.st_mtime < 60:
+                continue  # which has just begun
+            if ours and not (address.exists() and is_alive(address.read_text("utf-8"))):
+                shutil.rmtree(folder, ignore_errors=True)
+        except OSError:
+            continue
+
+
+def _told(i: int, result: dict[str, Any]) -> dict[str, Any]:
+    """Select what a page is told of a result: everything but paths."""
+    hidden = ("path", "folder", "map_file", "page")
+    told = {key: value for key, value in result.items() if key not in hidden} | {"id": i}
+    told["page"] = bool(result["page"])
+    for key in ("files", "pictures", "alternatives"):
+        told[key] = [
+            {name: value for name, value in one.items() if name != "path"}
+            for one in result.get(key, ())
+        ]
+    return told

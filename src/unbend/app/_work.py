@@ -1,0 +1,119 @@
+"""What a job is given, and how it hands back files, pictures, and the lines that do the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unbend._text import quoted
+from unbend._types import Progress
+from unbend.choices import Axis
+from unbend.errors import MeshError
+from unbend.io import read_mesh, write_mesh
+from unbend.mesh import Mesh
+from unbend.report.figures import UPRIGHT, drawable
+from unbend.report.raster import thumbnail
+
+Result = dict[str, Any]
+
+_PICTURE = 240  # pixels across
+
+
+@dataclass
+class Work:
+    """Shapes, the folder for the files of the result, and where progress is told.
+
+    Files in the folder are numbered: a name that the user sees is never a path.
+    """
+
+    folder: Path
+    progress: Progress
+    up: Axis = "y"
+    paths: list[str] = field(default_factory=list)
+    meshes: list[Mesh] = field(default_factory=list)
+    files: list[dict[str, str]] = field(default_factory=list)
+    pictures: list[dict[str, str]] = field(default_factory=list)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the shapes."""
+        return [mesh.name for mesh in self.meshes]
+
+    @property
+    def stems(self) -> list[str]:
+        """Names of the shapes without the suffix."""
+        return [Path(name).stem for name in self.names]
+
+    @property
+    def report(self) -> list[str]:
+        """Options that write the page from the command line."""
+        return ["--report", "report.html", *(["--up", self.up] if self.up != "y" else [])]
+
+    @property
+    def page(self) -> Path:
+        """Where the page of the result is written."""
+        return self.folder / "page.html"
+
+    def new_file(self, name: str, about: str) -> Path:
+        """Give the path of a new file for the user."""
+        path = self.folder / f"{len(self.files)}{Path(name).suffix}"
+        self.files.append({"name": name, "about": about, "path": str(path)})
+        return path
+
+    def keep_mesh(self, stem: str, about: str, mesh: Mesh, colors: Any = None) -> None:
+        """Write a shape in the formats of MeshLab, Blender and others."""
+        for suffix in (".ply",) if mesh.is_point_cloud else (".ply", ".obj", ".glb"):
+            write_mesh(self.new_file(stem + suffix, about), mesh, colors=colors)
+
+    def draw(self, caption: str, mesh: Mesh, colors: Any = None) -> None:
+        """Draw a shape, with colours from 0 to 255; points that are too few have no picture."""
+        try:
+            faces = drawable(mesh).faces
+        except MeshError:
+            return
+        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, faces)
+        path = self.folder / f"picture-{len(self.pictures)}.png"
+        shares = None if colors is None else np.asarray(colors) / 255
+        path.write_bytes(thumbnail(upright, _PICTURE, shares))
+        self.pictures.append({"caption": caption, "path": str(path)})
+
+    def result(
+        self, title: str, facts: dict[str, str], command: Sequence[str], python: Sequence[str]
+    ) -> Result:
+        """Put a result together, with the words and lines that do the same."""
+        return {
+            "title": title,
+            "facts": list(facts.items()),
+            "files": self.files,
+            "pictures": self.pictures,
+            "page": str(self.page) if self.page.exists() else "",
+            "command": quoted("unbend", *command),
+            "python": "\n".join(python),
+        }
+
+
+def begin(
+    folder: str, progress: Progress, shapes: Sequence[Sequence[str]] = (), up: Axis = "y"
+) -> Work:
+    """Make the folder and read the shapes, each a path and the name that the user knows it by."""
+    work = Work(Path(folder), progress, up)
+    work.folder.mkdir()
+    for path, name in shapes:
+        progress(f"reading {name}", 0.0)
+        work.meshes.append(replace(read_mesh(path), name=name))
+        work.paths.append(path)
+    return work
+
+
+def reading(work: Work, names: str) -> list[str]:
+    """Lines of Python that import names of unbend and read both shapes."""
+    a, b = work.names
+    return [
+        f"from unbend import {names}",
+        "",
+        f"source, target = read_mesh({a!r}), read_mesh({b!r})",
+    ]

@@ -1,0 +1,151 @@
+"""A process that runs one job at a time, so that jobs can be cancelled and survived."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import warnings
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from unbend._memory import LIMIT_VARIABLE
+from unbend._types import Progress
+from unbend.errors import UnbendError, UnbendWarning
+
+_SECONDS_BETWEEN_CHECKS = 0.2
+_SECONDS_BETWEEN_REPORTS = 0.1
+
+
+class Worker:
+    """Run jobs in another process, which is replaced as soon as it ends.
+
+    Jobs and answers are JSON: nothing that a job has read is unpickled here.
+
+    Parameters
+    ----------
+    memory : int
+        Bytes that a job may take. A job that will need more is refused, and one that takes more is
+        ended, where the system tells what a process takes.
+    """
+
+    def __init__(self, memory: int) -> None:
+        self._memory = memory
+        self._lock = threading.Lock()
+        self._start()
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process."""
+        return self._process.pid
+
+    def run(self, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
+        """Run a job to its end: give its result, ``{"error": sentence}``, or {} if cancelled."""
+        with self._lock:
+            process, pipe = self._process, self._pipe
+        trouble = ""
+        try:
+            pipe.send_bytes(json.dumps(job).encode())
+            while True:
+                while not pipe.poll(_SECONDS_BETWEEN_CHECKS):
+                    if _resident(process.pid) > self._memory:
+                        trouble = "this needs more memory than there is: reduce the shape first"
+                        process.kill()
+                answer: dict[str, Any] = json.loads(pipe.recv_bytes())
+                if "stage" not in answer:
+                    return answer
+                progress(answer["stage"], answer["share"])
+        except (EOFError, OSError):
+            with self._lock:
+                if process is not self._process:
+                    return {}
+                process.join()
+                self._start()
+            return {
+                "error": trouble
+                or f"the computation ended unexpectedly (exit code {process.exitcode}); "
+                "nothing else was lost: try again, or with a reduced shape"
+            }
+
+    def cancel(self) -> None:
+        """End the process, and with it the job that it runs."""
+        with self._lock:
+            self._end()
+            self._start()
+
+    def close(self) -> None:
+        """End the process for good."""
+        with self._lock:
+            self._end()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        arguments = (theirs, self._memory)
+        self._process = context.Process(target=_work, args=arguments, daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def _end(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+def _resident(pid: int | None) -> int:
+    """Memory that a process takes, in bytes; 0 where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text("utf-8").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _work(pipe: Connection, memory: int) -> None:
+    """Run the jobs that come through the pipe until its other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    os.environ[LIMIT_VARIABLE] = str(memory / 2**30)
+    from unbend.app._jobs import run
+
+    last = 0.0
+
+    def progress(stage: str, share: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > _SECONDS_BETWEEN_REPORTS:
+            last = time.monotonic()
+            pipe.send_bytes(json.dumps({"stage": stage, "share": share}).encode())
+
+    while True:
+        try:
+            job = json.loads(pipe.recv_bytes())
+        except EOFError:
+            return
+        last = 0.0
+        pipe.send_bytes(json.dumps(_answer(run, job, progress)).encode())
+
+
+def _answer(run: Any, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    """Call a function, and turn what it raises into a sentence."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", UnbendWarning)
+        try:
+            found: dict[str, Any] = run(job, progress)
+        except UnbendError as error:
+            return {"error": str(error)}
+        except MemoryError:
+            return {"error": "there is too little memory: reduce the shape to fewer vertices first"}
+        except Exception as error:  # a bug of ours; the session goes on
+            return {"error": f"unbend failed ({type(error).__name__}: {error}); please report this"}
+    return found | {"warnings": list(dict.fromkeys(str(one.message) for one in caught))}
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

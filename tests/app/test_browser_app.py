@@ -1,0 +1,224 @@
+"""The app in a real browser, through its buttons: from two dropped files to a saved map."""
+
+import os
+import re
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import Browser, find_browser
+from unbend import read_match, write_mesh
+from unbend.datasets import make_quadruped
+
+PROGRAM = find_browser()
+GOOD = "state.shapes.length === {} && state.shapes.every(({{state}}) => state !== 'reading')"
+
+
+@pytest.fixture(scope="module")
+def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = os.environ.get("UNBEND_SCREENSHOTS")
+    if not folder:
+        return tmp_path_factory.mktemp("screenshots")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return Path(folder)
+
+
+@pytest.fixture(scope="module")
+def chromium(app, tmp_path_factory: pytest.TempPathFactory):
+    if PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"):
+        pytest.skip("no Chromium here: make test-browser installs it")
+    assert PROGRAM, "no Chromium was found"
+    profile = tmp_path_factory.mktemp("browser") / "profile"
+    browser = Browser(PROGRAM, profile, address=app.origin)
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def page(chromium: Browser, app, tmp_path: Path):
+    """The app in an empty state, to whose page nothing bad happens during a test."""
+    chromium.problems.clear()
+    for kind in ("jobs", "results", "shapes", "troubles"):
+        for one in app.get("state")[kind]:
+            app.send("DELETE", f"{kind}/{one['id']}")
+    chromium.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    chromium.visit(app.address)
+    yield chromium
+    assert chromium.problems == []
+
+
+@pytest.fixture(scope="module")
+def dogs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder, paths = tmp_path_factory.mktemp("dogs"), []
+    for pose in ("standing", "walking"):
+        paths.append(folder / f"{pose}.ply")
+        write_mesh(paths[-1], make_quadruped(pose, n_vertices=600).mesh)
+    return paths
+
+
+def press(page: Browser, text: str) -> None:
+    """Click a button that can be seen, by its text."""
+    found = page.run(
+        "((all, text) => { all.forEach(b => delete b.dataset.pressed);"
+        " const b = all.find(b => b.textContent === text && !b.disabled && b.offsetParent);"
+        " if (b) b.dataset.pressed = 'yes'; return !!b })"
+        f"([...document.querySelectorAll('button')], {text!r})"
+    )
+    assert found, f"there is no button {text}"
+    page.click(*page.middle("[data-pressed]"))
+
+
+def frame_spot(page: Browser, right: float, down: float) -> tuple[float, float]:
+    """Place within the frame, in shares of its width and in pixels from its top."""
+    page.run("document.querySelector('iframe').scrollIntoView({block: 'start'})")
+    left, top, width = page.run(
+        "(b => [b.left, b.top, b.width])(document.querySelector('iframe').getBoundingClientRect())"
+    )
+    return left + right * width, top + down
+
+
+def downloaded(path: Path, page: Browser) -> Path:
+    for _ in range(600):
+        if path.exists() and path.stat().st_size:
+            return path
+        page.settle()
+    raise AssertionError(f"{path.name} was not saved")
+
+
+def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, screenshots):
+    page.drop(*page.middle("#drop"), *dogs)
+    page.wait_for(GOOD.format(2))
+    page.picture(save=screenshots / "app-shapes.png")
+    press(page, "Place landmarks")
+    page.wait_for("state.results.length === 1")
+    # The page in the frame draws when it can be seen; a click is a landmark once it has drawn.
+    for side, right in ((0, 0.27), (1, 0.75)):
+        for down in range(360, 520, 20):
+            page.click(*frame_spot(page, right, down))
+            if page.run(f"(state.results[0].placed || []).some(({{at}}) => at[{side}] >= 0)"):
+                break
+        page.wait_for(f"(state.results[0].placed || []).some(({{at}}) => at[{side}] >= 0)")
+    page.picture(save=screenshots / "app-landmarks.png")
+    press(page, "Match with these")
+    page.wait_for("state.results.length === 2")
+    assert page.run("document.activeElement.id") == "results-head"
+    frame_spot(page, 0, 0)
+    page.picture(save=screenshots / "app-match.png")
+    assert "The map is " in page.run("part('result').textContent")
+    page.run(
+        "[...document.querySelectorAll('a')].find(a => a.textContent.endsWith('.npz')).click()"
+    )
+    path = downloaded(tmp_path / "standing-walking.npz", page)
+    found = read_match(path, source=dogs[0], target=dogs[1])
+    assert (found.source_to_target == np.arange(600)).mean() > 0.5
+    commands = page.run("[...document.querySelectorAll('code')].map(c => c.textContent)")
+    assert any("--landmarks landmarks.csv" in one for one in commands)
+    press(page, "Morph")
+    page.wait_for("state.results.length === 3")
+    page.picture(save=screenshots / "app-morph.png")
+    # After a reload all of it is there again.
+    page.visit(page.run("location.href"))
+    assert page.run("[state.shapes.length, state.results.length]") == [2, 3]
+    assert page.run("document.querySelectorAll('#results button').length") == 3
+
+
+def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screenshots):
+    (tmp_path / "<b>bad.off").write_text("OFF\n9000000 1 0\n0 0 0\n", "utf-8")
+    page.choose_file("#choose", tmp_path / "<b>bad.off", dogs[0])
+    page.wait_for(GOOD.format(2))
+    told = page.run("part('shapes').textContent")
+    assert "<b>bad.off" in told
+    assert "9000000" in told
+    assert page.run("part('shapes').querySelectorAll('.bad').length") == 1
+    page.picture(save=screenshots / "app-bad-file.png")
+    (tmp_path / "text.docx").write_text("x", "utf-8")
+    page.choose_file("#choose", tmp_path / "text.docx")
+    page.wait_for("part('troubles').textContent.includes('text.docx')")
+    press(page, "Close")
+    assert page.run("part('troubles').textContent") == ""
+    assert [one for one in page.problems if "400" not in one] == []  # which the browser logs
+    page.problems.clear()
+
+
+def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Match")
+    page.wait_for("state.jobs.length === 1 && state.jobs[0].running")
+    press(page, "Cancel")
+    page.wait_for("!state.jobs.length")
+    press(page, "Match")
+    page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
+    os.kill(app.session._worker.pid, signal.SIGKILL)
+    page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
+    press(page, "Find left and right")
+    page.wait_for("state.results.length === 1")
+
+
+def test_two_tabs_show_one_session(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    other = page.call("Target.createTarget", url=app.address)["targetId"]
+    try:
+        session = page.call("Target.attachToTarget", targetId=other, flatten=True)["sessionId"]
+        page.switch(session)
+        page.wait_for("typeof state !== 'undefined' && " + GOOD.format(2))
+        press(page, "Canonical form (without its pose)")
+        page.wait_for("state.results.length === 1")
+    finally:
+        page.switch(None)
+        page.call("Target.closeTarget", targetId=other)
+    page.wait_for("document.querySelectorAll('#results button').length === 1")
+
+
+def test_it_fits_a_telephone_and_the_dark(page, dogs, screenshots):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    size = {"height": 720, "deviceScaleFactor": 1}
+    page.call("Emulation.setDeviceMetricsOverride", width=360, mobile=True, **size)
+    page.call(
+        "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]
+    )
+    wide = page.run("document.documentElement.scrollWidth")
+    dark = page.picture(save=screenshots / "app-narrow.png").mean()
+    page.call("Emulation.setEmulatedMedia", features=[])
+    page.call("Emulation.setDeviceMetricsOverride", width=940, mobile=False, **size)
+    assert wide == 360
+    assert dark < 0.4 < page.picture().mean()
+
+
+def test_keyboard_alone_reaches_every_control_and_all_have_names(page, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    page.run("document.activeElement.blur()")
+    reached = []
+    for _ in range(40):
+        page.press("Tab", windowsVirtualKeyCode=9)
+        reached.append(page.run("document.activeElement.textContent + document.activeElement.id"))
+    for name in ("choose", "sample", "first", "second", "up", "mirror", "Match", "Remove"):
+        assert any(re.search(rf"{name}$", one) for one in reached), name
+    # What has the focus keeps it, although the cards are drawn again and work goes on.
+    enter = {"windowsVirtualKeyCode": 13, "text": "\r"}
+    page.run("document.querySelector('[aria-label=\"Take walking.ply as the first\"]').focus()")
+    page.press("Enter", **enter)
+    assert page.run("document.activeElement.ariaLabel") == "Take walking.ply as the first"
+    assert page.run("document.activeElement.ariaPressed") == "true"
+    page.run("document.querySelector('[data-do=form]').focus()")
+    page.press("Enter", **enter)
+    page.run("part('first').focus()")
+    page.wait_for("state.jobs.length === 1 || state.results.length === 1")
+    assert page.run("document.activeElement.id") in ("first", "results-head")
+    page.wait_for("state.results.length === 1")
+    tree = page.call("Accessibility.getFullAXTree")["nodes"]
+    controls = ("button", "checkbox", "combobox", "link", "textbox", "Iframe", "image")
+    unnamed = [
+        node["role"]["value"]
+        for node in tree
+        if not node.get("ignored")
+        and node.get("role", {}).get("value") in controls
+        and not node.get("name", {}).get("value")
+    ]
+    assert unnamed == []
+    assert any(node.get("role", {}).get("value") == "status" for node in tree)

@@ -1,0 +1,187 @@
+"""The jobs of the app, run in this process: what they find, and the files that they write."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unbend import Mesh, read_match, read_mesh, write_mesh
+from unbend.app._jobs import run
+from unbend.collection import Collection
+from unbend.datasets import make_octopus, make_quadruped, make_sphere
+from unbend.errors import InputError
+from unbend.io import read_map, read_markups, read_values, value_colors, write_markups
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
+    """A dog standing and the same one galloping: vertex i is the same point of both."""
+    folder, found = tmp_path_factory.mktemp("shapes"), []
+    for pose in ("standing", "galloping"):
+        mesh = make_quadruped(pose, n_vertices=600).mesh
+        path = folder / f"{pose}.ply"
+        colors = value_colors(mesh.vertices[:, 0]) if pose == "standing" else None
+        write_mesh(path, mesh, colors=colors)
+        found.append([str(path), f"my {pose}.ply"])
+    return found
+
+
+def done(folder: Path, do: str, shapes: list[list[str]], **given):
+    """Run a job as the worker does; what it returns can be written as JSON."""
+    stages = []
+    folder.mkdir(exist_ok=True)
+    job = {"do": do, "folder": str(folder / do), "shapes": shapes, "up": "y", **given}
+    found = run(job, lambda stage, share: stages.append(stage))
+    return json.loads(json.dumps(found))
+
+
+def file_of(result, suffix: str) -> str:
+    return next(one["path"] for one in result["files"] if one["name"].endswith(suffix))
+
+
+@pytest.fixture(scope="module")
+def matched(shapes, tmp_path_factory: pytest.TempPathFactory):
+    return done(tmp_path_factory.mktemp("match"), "match", shapes, landmarks=[[5, 5]])
+
+
+def uses(matched) -> dict[str, str]:
+    return {"map_file": matched["map_file"], "map_name": matched["files"][0]["name"]}
+
+
+def test_a_match_has_a_map_files_a_page_and_the_lines_that_do_the_same(shapes, matched) -> None:
+    meshes = [read_mesh(path) for path, _ in shapes]
+    found = read_match(matched["map_file"], source=meshes[0], target=meshes[1])
+    assert (found.source_to_target == np.arange(600)).mean() > 0.5
+    np.testing.assert_array_equal(read_map(file_of(matched, ".csv")), found.source_to_target)
+    assert "very likely right" in matched["confidence"]
+    assert not matched["doubtful"]
+    assert Path(matched["page"]).stat().st_size > 10_000
+    names = [one["name"] for one in matched["files"]]
+    assert names[0] == "my standing-my galloping.npz"
+    assert {"landmarks.csv", "my galloping-coloured.glb"} <= set(names)
+    assert "--landmarks landmarks.csv" in matched["command"]
+    assert matched["command"].startswith("unbend match 'my standing.ply' 'my galloping.ply'")
+    compile(matched["python"], "lines", "exec")
+    assert "landmarks=[[5, 5]]" in matched["python"]
+
+
+def test_another_map_can_be_taken(shapes, matched, tmp_path) -> None:
+    other = matched["alternatives"][0]
+    given = {"map_file": other["path"], "map_name": other["name"], "landmarks": []}
+    given |= {"command": other["command"], "python": other["python"]}
+    taken = done(tmp_path, "choose", shapes, **given)
+    assert taken["files"][0]["name"].endswith("-2.npz")
+    meshes = [read_mesh(path) for path, _ in shapes]
+    first, second = (
+        read_match(one["map_file"], source=meshes[0], target=meshes[1]).source_to_target
+        for one in (matched, taken)
+    )
+    assert (first != second).any()
+    compile(taken["python"], "lines", "exec")
+
+
+def test_colours_of_the_first_file_are_carried(shapes, matched, tmp_path) -> None:
+    found = done(tmp_path, "transfer", shapes, **uses(matched))
+    carried = read_values(file_of(found, ".npy")).astype(int)
+    own = read_values(shapes[0][0]).astype(int)
+    assert np.abs(carried - own).mean() < 15
+    assert len(found["pictures"]) == 2
+    compile(found["python"], "lines", "exec")
+
+
+def test_a_table_and_landmarks_are_carried(shapes, matched, tmp_path) -> None:
+    parts = tmp_path / "parts.csv"
+    parts.write_text("\n".join(["head"] * 300 + ["tail"] * 300), encoding="utf-8")
+    found = done(tmp_path, "transfer", shapes, **uses(matched), values=[str(parts), "parts.csv"])
+    assert set(read_values(file_of(found, ".csv"), n_vertices=600)) == {"head", "tail"}
+    points = tmp_path / "points.mrk.json"
+    write_markups(points, shapes[0][0], [3, 400], ["nose", "tail"])
+    given = uses(matched) | {"values": [str(points), "points.mrk.json"]}
+    carried = done(tmp_path / "more", "transfer", shapes, **given)
+    labels, _ = read_markups(file_of(carried, ".mrk.json"), shapes[1][0])
+    assert labels == ["nose", "tail"]
+
+
+def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> None:
+    fitted = done(tmp_path, "register", shapes, **uses(matched))
+    target = read_mesh(shapes[1][0]).vertices
+    size = np.ptp(target, axis=0).max()
+    off = np.linalg.norm(read_mesh(file_of(fitted, ".ply")).vertices - target, axis=1)
+    assert np.median(off) < 0.03 * size
+    between = done(tmp_path, "morph", shapes, **uses(matched), steps=3)
+    assert [one["name"] for one in between["files"]][::3] == [
+        f"my standing-to-my galloping-{i}.ply" for i in (1, 2, 3)
+    ]
+    assert len(between["pictures"]) == 5
+    for one in (fitted, between):
+        compile(one["python"], "lines", "exec")
+
+
+def test_distances_from_clicked_places_are_those_of_a_sphere(tmp_path) -> None:
+    ball = make_sphere(3)
+    write_mesh(tmp_path / "ball.ply", ball)
+    found = done(tmp_path, "distance", [[str(tmp_path / "ball.ply"), "ball.ply"]], vertices=[7])
+    exact = np.arccos(np.clip(ball.vertices @ ball.vertices[7], -1, 1))
+    np.testing.assert_allclose(read_values(file_of(found, ".csv")), exact, atol=0.1)
+    assert "--from 7" in found["command"]
+
+
+def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> None:
+    form = done(tmp_path, "form", shapes[:1])
+    assert read_mesh(file_of(form, ".ply")).n_vertices == 600
+    symmetric = done(tmp_path, "symmetry", shapes[:1])
+    partner = read_map(file_of(symmetric, ".csv"))
+    known = make_quadruped("standing", n_vertices=600).mirror
+    assert (partner == known).mean() > 0.5
+    for count in (1, 2):
+        given = [[5] * count]
+        page = done(tmp_path / str(count), "landmarks", shapes[:count], landmarks=given)
+        assert '"landmarks": [{"name": "1", "at": [5' in Path(page["page"]).read_text("utf-8")
+
+
+def test_a_collection_is_searched(shapes, tmp_path) -> None:
+    other = tmp_path / "octopus.ply"
+    write_mesh(other, make_octopus(n_vertices=600).mesh)
+    store = Collection(tmp_path / "store")
+    store.add([shapes[1][0], str(other)], workers=0)
+    found = done(tmp_path, "search", shapes[:1], store=store.path)
+    page = Path(found["page"]).read_text("utf-8")
+    assert page.index("galloping.ply") < page.index("octopus.ply")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda v, f: (v, f[1:]), "open, with 1 hole"),
+        (lambda v, f: (v, None), "points without faces"),
+        (lambda v, f: (np.vstack([v, v + 3]), np.vstack([f, f[4:] + 162])), "2 separate pieces"),
+        (lambda v, f: (v, np.vstack([f[:1, ::-1], f[1:]])), "point inward"),
+        (lambda v, f: (np.vstack([v, v[:1]]), f), "1 vertex in no face"),
+        (lambda v, f: (v, np.vstack([f, [[0, 1, 2]]])), "are damaged"),
+        (lambda v, f: (v[:3], [[0, 1, 2]]), "cannot work with this shape"),
+    ],
+)
+def test_what_is_wrong_with_a_shape_is_told_in_plain_words(change, told, tmp_path) -> None:
+    ball = make_sphere(2)
+    write_mesh(tmp_path / "a.ply", Mesh(*change(ball.vertices, ball.faces)))
+    found = done(tmp_path, "look", [[str(tmp_path / "a.ply"), "a.ply"]])
+    assert told in " ".join(found["told"])
+    assert found["usable"] == ("cannot" not in told)
+
+
+def test_points_alone_are_drawn_as_far_as_a_surface_can_be_laid(tmp_path) -> None:
+    for n, count in ((4, 1), (1, 0)):
+        write_mesh(tmp_path / "a.xyz", Mesh(make_sphere(n).vertices))
+        found = done(tmp_path / str(n), "look", [[str(tmp_path / "a.xyz"), "a.xyz"]])
+        assert len(found["pictures"]) == count
+
+
+def test_a_sample_pair_is_ours(tmp_path) -> None:
+    found = done(tmp_path, "sample", [])
+    assert [read_mesh(one["path"]).n_vertices for one in found["samples"]] == [2600, 2200]
+
+
+def test_landmarks_that_do_not_fit_are_refused(shapes, tmp_path) -> None:
+    with pytest.raises(InputError, match="600"):
+        done(tmp_path, "match", shapes, landmarks=[[600, 0]])

@@ -1,0 +1,231 @@
+"""The app's server over HTTP: what it lets nobody do, and the way of a shape through it."""
+
+import json
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+
+from unbend import Mesh, write_mesh
+from unbend.app import _session
+from unbend.datasets import make_quadruped, make_sphere
+
+
+@pytest.fixture(scope="module")
+def ply(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("ball") / "ball.ply"
+    write_mesh(path, make_sphere(2))
+    return path.read_bytes()
+
+
+def put(app, name: str, data: bytes) -> int:
+    return app.send("PUT", f"files?name={quote(name)}", data)["id"]
+
+
+def shape(state, i: int):
+    return next((one for one in state["shapes"] if one["id"] == i), None)
+
+
+def test_what_a_killed_run_left_is_removed_at_the_next_start(app, temporary: Path) -> None:
+    names = {one.name for one in temporary.iterdir()}
+    assert "unbend-app-killed" not in names
+    assert "unbend-app-begun" in names  # perhaps another app that starts just now
+    assert len(names) == 2
+
+
+@pytest.mark.parametrize(
+    ("method", "headers", "status"),
+    [
+        ("GET", {}, 200),
+        ("GET", {"Origin": None}, 200),
+        ("GET", {"Host": "evil.example"}, 403),  # a name that was made to lead here
+        ("GET", {"Host": "127.0.0.1:1"}, 403),
+        ("GET", {"Host": None}, 400),
+        ("GET", {"Origin": "http://evil.example"}, 403),
+        ("GET", {"Origin": "null"}, 403),  # pages of results, in their sandbox
+        ("GET", {"Origin": None, "Sec_Fetch_Site": "cross-site"}, 403),
+        ("GET", {"Origin": None, "Sec_Fetch_Site": "same-site"}, 403),
+        ("GET", {"Origin": None, "Sec_Fetch_Site": "none"}, 200),
+        ("POST", {"Origin": None}, 403),
+        ("POST", {"Origin": "http://evil.example"}, 403),
+    ],
+)
+def test_only_the_page_itself_is_answered(app, method, headers, status) -> None:
+    path = "state" if method == "GET" else "bye?tab=x"
+    found, answered, text = app.ask(method, path, **headers)
+    assert found == status
+    if status == 403:
+        assert b"shapes" not in text
+        assert "access-control-allow-origin" not in answered
+
+
+@pytest.mark.parametrize("token", ["", "x", "A" * 32])
+def test_without_the_token_there_is_nothing(app, token) -> None:
+    for path in ("", "state", "app.js", "files?name=a.ply"):
+        assert app.ask("GET", path, token=token)[0] == 404
+    assert app.ask("PUT", "files?name=a.ply", b"x", token=token)[0] == 404
+
+
+def test_pages_have_strict_policies(app) -> None:
+    _, headers, text = app.ask("GET", "")
+    policy = headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["cache-control"] == "no-store"
+    assert b"<script>" not in text
+    assert b"style=" not in text
+
+
+def test_the_way_of_a_shape(app, ply) -> None:
+    first, second = put(app, "ball.ply", ply), put(app, "other ball.ply", ply)
+    state = app.wait(lambda s: not s["jobs"])
+    assert shape(state, first)["size"] == "162 vertices, 320 faces"
+    assert shape(state, second)["name"] == "other ball.ply"
+    status, headers, picture = app.ask("GET", f"shapes/{first}/picture")
+    assert (status, headers["content-type"], picture[:4]) == (200, "image/png", b"\x89PNG")
+    asked = {"do": "landmarks", "shapes": [first, second], "landmarks": [[3, 4]]}
+    app.send("POST", "jobs", asked)
+    (result,) = app.wait(lambda s: s["results"])["results"]
+    assert "path" not in json.dumps(result)
+    status, headers, page = app.ask("GET", f"results/{result['id']}/page")
+    assert status == 200
+    assert headers["content-security-policy"].startswith("sandbox allow-scripts")
+    assert b'"at": [3, 4]' in page
+    _, headers, saved = app.ask("GET", f"results/{result['id']}/page?save")
+    assert headers["content-disposition"].startswith("attachment")
+    assert saved == page
+    placed = [{"name": "1", "at": [7, 7]}]
+    app.send("PUT", f"results/{result['id']}/landmarks", placed)
+    assert app.get("state")["results"][0]["placed"] == placed
+    for bad in ([1], [{"name": "1", "at": [7]}], [{"name": 1, "at": [7, 7]}], {}):
+        assert app.ask("PUT", f"results/{result['id']}/landmarks", bad)[0] == 400
+    app.send("PUT", "up", {"up": "z"})
+    state = app.wait(lambda s: not s["jobs"])
+    assert state["up"] == "z"
+    for kind, i in (("results", result["id"]), ("shapes", first), ("shapes", second)):
+        app.send("DELETE", f"{kind}/{i}")
+    state = app.get("state")
+    assert (state["shapes"], state["results"]) == ([], [])
+    assert app.get(f"state?seen={state['version']}") is None
+    assert app.ask("GET", f"results/{result['id']}/page")[0] == 404
+    assert app.ask("GET", f"shapes/{first}/picture")[0] == 404
+
+
+def test_bad_files_are_sentences_with_the_names_of_the_user(app) -> None:
+    # Ten bytes that promise millions; text that is none; a name with letters of HTML.
+    header = b"ply\nformat binary_little_endian 1.0\nelement vertex 90000000\nproperty float x\n"
+    header += b"property float y\nproperty float z\nend_header\n0123456789"
+    names = {"bomb.ply": header, "<img src=x>.off": b"PK\x03\x04", "empty.stl": b""}
+    made = {name: put(app, name, data) for name, data in names.items()}
+    state = app.wait(lambda s: not s["jobs"])
+    for name, i in made.items():
+        found = shape(state, i)
+        assert found["state"] == "bad"
+        assert name in found["told"][0]
+        assert "upload-" not in found["told"][0]
+        app.send("DELETE", f"shapes/{i}")
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "a.zip", "a.3mf", "a.npz", "", "a.ply\x00.exe", "a.html"]
+)
+def test_files_of_other_kinds_are_refused(app, name) -> None:
+    status, _, text = app.ask("PUT", f"files?name={quote(name)}", b"x")
+    assert status == 400
+    assert "end in .off" in json.loads(text)["error"]
+
+
+def test_names_are_labels_and_never_paths(app, ply, temporary: Path) -> None:
+    before = set(temporary.parent.rglob("*.ply"))
+    i = put(app, "../../../outside.ply", ply)
+    state = app.wait(lambda s: not s["jobs"])
+    assert shape(state, i)["name"] == "outside.ply"
+    new = set(temporary.parent.rglob("*.ply")) - before
+    assert [path.name.startswith("upload-") for path in new] == [True]
+    for path in ("shapes/1/../../x", "results/1/files/%2e%2e", "..%2f..%2fetc%2fpasswd", "app.py"):
+        assert app.ask("GET", path)[0] in (400, 404)
+    app.send("DELETE", f"shapes/{i}")
+
+
+def test_uploads_are_bounded_whatever_they_promise(app, temporary, monkeypatch) -> None:
+    monkeypatch.setattr(_session, "_MOST_BYTES", 1000)
+    files = set(temporary.rglob("*"))
+    status, _, text = app.ask("PUT", "files?name=a.ply", b"x" * 2000)
+    assert (status, "too large" in json.loads(text)["error"]) == (400, True)
+    chunked = b"".join(b"200\r\n" + b"x" * 512 + b"\r\n" for _ in range(4)) + b"0\r\n\r\n"
+    more = {"Transfer_Encoding": "chunked", "Content_Length": None}
+    status, _, text = app.ask("PUT", "files?name=a.ply", chunked, **more)
+    assert (status, "too large" in json.loads(text)["error"]) == (400, True)
+    monkeypatch.setattr(_session, "_MOST_BYTES_IN_ALL", 100)
+    assert app.ask("PUT", "files?name=a.ply", b"x" * 200)[0] == 400
+    monkeypatch.setattr(_session, "_MOST_SHAPES", 0)
+    assert app.ask("PUT", "files?name=a.ply", b"x")[0] == 400
+    assert set(temporary.rglob("*")) == files
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *(b"", b"{", b"[1]", b'"x"', b"[" * 100_000, b" " * (2**20 + 1)),
+        *({}, {"do": "look", "shapes": [1]}, {"do": "run"}, {"do": "match", "shapes": [1]}),
+        {"do": "match", "shapes": [99, 98]},
+        {"do": "match", "shapes": "ab"},
+        {"do": "match", "shapes": [[], {}]},
+        {"do": "morph", "result": 99},
+        {"do": "choose", "result": {}},
+        {"do": "search", "shapes": []},
+        {"do": "sample", "shapes": [1]},
+    ],
+)
+def test_requests_that_make_no_sense_are_refused(app, body) -> None:
+    status, _, text = app.ask("POST", "jobs", body)
+    assert status == 400
+    assert json.loads(text)["error"]
+    assert app.get("state")["jobs"] == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"do": "distance", "landmarks": []}, "click a place"),
+        ({"do": "distance", "landmarks": [["x"]]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": [[1, 2]]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": [[-1]]}, "vertex numbers"),
+        ({"do": "landmarks", "landmarks": {"a": 1}}, "vertex numbers"),
+        ({"do": "search"}, "no collection"),
+    ],
+)
+def test_options_are_checked(app, ply, asked, told) -> None:
+    i = put(app, "ball.ply", ply)
+    app.wait(lambda s: not s["jobs"])
+    status, _, text = app.ask("POST", "jobs", asked | {"shapes": [i]})
+    assert status == 400
+    assert told in json.loads(text)["error"]
+    assert app.ask("PUT", "up", {"up": "w"})[0] == 400
+    app.send("DELETE", f"shapes/{i}")
+
+
+def test_jobs_wait_in_a_queue_and_are_cancelled(app) -> None:
+    jobs = [app.send("POST", "jobs", {"do": "sample"})["id"] for _ in range(3)]
+    state = app.get("state")
+    assert [one["title"] for one in state["jobs"]] == ["Making a sample pair"] * 3
+    for job in jobs[::-1]:
+        app.send("DELETE", f"jobs/{job}")
+    app.send("DELETE", "jobs/99999")
+    assert app.wait(lambda s: not s["jobs"])["shapes"] == []
+
+
+def test_a_failed_job_is_a_sentence(app, tmp_path: Path) -> None:
+    mesh = make_quadruped("standing", n_vertices=600).mesh
+    write_mesh(tmp_path / "a.ply", Mesh(mesh.vertices, mesh.faces))
+    i = put(app, "dog.ply", (tmp_path / "a.ply").read_bytes())
+    app.wait(lambda s: not s["jobs"])
+    app.send("POST", "jobs", {"do": "distance", "shapes": [i], "landmarks": [[600]]})
+    (trouble,) = app.wait(lambda s: s["troubles"])["troubles"]
+    assert trouble["text"].startswith("Measuring distances on dog.ply: ")
+    app.send("DELETE", f"troubles/{trouble['id']}")
+    app.send("DELETE", f"shapes/{i}")
+    state = app.get("state")
+    assert (state["shapes"], state["troubles"]) == ([], [])

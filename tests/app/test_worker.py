@@ -1,0 +1,79 @@
+"""The process that runs jobs: cancelled, killed, short of memory, it is replaced."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from unbend.app import _worker
+from unbend.app._worker import Worker
+
+GIB = 2**30
+
+
+@pytest.fixture(scope="module")
+def worker():
+    worker = Worker(64 * GIB)
+    yield worker
+    worker.close()
+
+
+def sample(folder) -> dict:
+    return {"do": "sample", "folder": str(folder), "shapes": [], "up": "y"}
+
+
+def run_until(worker, folder, act):
+    """Run a job, and do something to it once it works."""
+    started, answers = threading.Event(), []
+    thread = threading.Thread(
+        target=lambda: answers.append(worker.run(sample(folder), lambda *_: started.set()))
+    )
+    thread.start()
+    assert started.wait(60)
+    act()
+    thread.join(60)
+    return answers[0]
+
+
+def test_a_cancelled_job_ends_and_the_next_one_runs(worker, tmp_path) -> None:
+    before = worker.pid
+    assert run_until(worker, tmp_path / "a", worker.cancel) == {}
+    assert worker.pid != before
+    found = worker.run(sample(tmp_path / "b"), lambda *_: None)
+    assert len(found["samples"]) == 2
+    assert found["warnings"] == []
+
+
+def test_errors_are_sentences(worker, tmp_path) -> None:
+    (tmp_path / "bad.off").write_text("OFF\n1 1\n", encoding="utf-8")
+    job = {
+        "do": "look",
+        "folder": str(tmp_path / "a"),
+        "shapes": [[str(tmp_path / "bad.off"), "b"]],
+    }
+    found = worker.run(job | {"up": "y"}, lambda *_: None)
+    assert "bad.off" in found["error"]
+    found = worker.run(job | {"folder": "/nowhere/at/all"}, lambda *_: None)
+    assert "please report this" in found["error"]
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="the system does not tell")
+def test_a_job_that_takes_too_much_memory_is_ended(worker, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(worker, "_memory", 2**20)
+    found = worker.run(sample(tmp_path / "a"), lambda *_: None)
+    assert "more memory than there is" in found["error"]
+
+
+def test_a_killed_worker_is_a_sentence_and_replaced(worker, tmp_path) -> None:
+    before = worker.pid
+    kill = getattr(signal, "SIGKILL", signal.SIGTERM)
+    found = run_until(worker, tmp_path / "a", lambda: os.kill(before, kill))
+    assert "ended unexpectedly" in found["error"]
+    assert worker.pid != before
+
+
+def test_memory_of_processes_is_told_where_the_system_tells_it() -> None:
+    taken = _worker._resident(os.getpid())
+    assert taken == 0 or 2**20 < taken < 2**40
+    assert _worker._resident(None) == 0
