@@ -7,7 +7,7 @@ BIN := .venv/bin
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
 .PHONY: demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
-	lint format bench docs clean
+	lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
 	$(BIN)/unbend demo
@@ -89,6 +89,9 @@ bench: .venv/bench.stamp ## times against other libraries; BENCH=--large adds a 
 docs: .venv/docs.stamp ## the documentation site, into docs/_build/html; warnings are errors
 	rm -rf docs/api/generated
 	$(BIN)/sphinx-build -W --keep-going docs docs/_build/html
+
+blender: .venv/test.stamp ## the Blender extension with its wheels, into dist/; ARGS="--platform macos-arm64 --python 3.13"
+	$(BIN)/python release/extension.py $(ARGS)
 
 clean: ## remove the environment, all caches, and the built site
 	rm -rf .venv dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage*

@@ -104,7 +104,7 @@ def test_imports_within_functions_and_by_name_are_seen(tmp_path, monkeypatch):
 
 
 def test_the_tests_mirror_the_modules():
-    beside = (Path(), Path("paper"), Path("testshapes"))
+    beside = (Path(), Path("blender"), Path("paper"), Path("testshapes"))
     for path in (ROOT / "tests").rglob("test_*.py"):
         folder = path.relative_to(ROOT / "tests").parent
         assert folder in beside or (SOURCE / folder).is_dir(), path

@@ -79,7 +79,7 @@ def test_downloads_are_encrypted_pinned_and_hashed() -> None:
 def test_nobody_is_told_to_fetch_a_package_of_our_name() -> None:
     """Until a package index knows it as ours, it may be a stranger's."""
     root = Path(__file__).parents[1]
-    places = (SOURCE, root / "docs", root / "examples", root / "integrations")
+    places = (SOURCE, root / "docs", root / "examples", root / "blender")
     pages = [
         path for folder in places for path in folder.rglob("*.*") if "_build" not in path.parts
     ]

@@ -1,6 +1,8 @@
 """The plan of a match: what comes out of it, with all of its steps and without any one of them."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import (
     COARSE,
     MEDIUM,
+    PLAN,
     Sides,
     best,
     candidates,
@@ -34,6 +37,13 @@ SOURCE = make_biped("standing", n_vertices=600)
 TARGET = make_biped("walking", n_vertices=500, meshing=1)
 TRUTH = rest_map(SOURCE, TARGET)
 WITHOUT_ARM = keep(SOURCE.mesh, SOURCE.labels != SOURCE.parts.index("left_arm"))
+
+
+def test_the_page_on_how_matching_works_shows_the_plan() -> None:
+    page = Path(__file__).parents[2] / "docs" / "how-matching-works.md"
+    shown = re.findall(r"^\| (coarse|medium) \| `(\w+)` \|", page.read_text("utf-8"), re.MULTILINE)
+    levels = {COARSE: "coarse", MEDIUM: "medium"}
+    assert shown == [(levels[step.level], step.stage.__name__) for step in PLAN]
 
 
 def _shape(mesh: Mesh, *, partial: bool = False) -> Shape:

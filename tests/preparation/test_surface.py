@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from unbend import Mesh, diagnose
 from unbend._types import FloatArray
 from unbend.errors import MeshError
-from unbend.preparation import surface_of_points
+from unbend.preparation import surface_of_points, triangulate_points
 
 TURN = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
 
@@ -140,6 +140,19 @@ def test_each_point_knows_the_nearest_vertex_and_back() -> None:
 def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str) -> None:
     with pytest.raises(MeshError, match=sentence):
         surface_of_points(Mesh(points, name="cloud"))
+
+
+def test_triangles_join_all_points_but_outliers() -> None:
+    points = np.vstack([sphere(3000), [[3, 0, 0]]])
+    drawn = triangulate_points(Mesh(points))
+    np.testing.assert_array_equal(drawn.vertices, points)
+    np.testing.assert_array_equal(np.unique(drawn.faces), np.arange(3000))
+    corners = points[drawn.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    areas = np.linalg.norm(normals, axis=1)
+    outward = (normals * corners.mean(axis=1)).sum(axis=1) > 0
+    assert areas.sum() == pytest.approx(4 * np.pi, rel=0.05)
+    assert areas[outward].sum() > 0.98 * areas.sum()
 
 
 def test_a_cloud_that_is_asked_for_again_is_not_computed_again() -> None:

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.image import imread
 
 from unbend.datasets import make_octopus, make_sphere
-from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
@@ -177,7 +177,7 @@ def test_unusable_arguments_are_named():
     ax = new_figure(1, 1).add_subplot()
     with pytest.raises(InputError, match="three-quarter"):
         draw_mesh(ax, mesh, view="below")
-    with pytest.raises(InputError, match="no faces"):
+    with pytest.raises(MeshError, match="4 points"):
         draw_mesh(ax, SQUARE)
     with pytest.raises(InputError, match="colors"):
         draw_mesh(ax, mesh, colors=np.ones(3))

@@ -13,8 +13,6 @@ from unbend.errors import FileError, InputError
 if TYPE_CHECKING:
     from unbend.collection import Failure
 
-_FILES = (".ply", ".obj", ".off", ".stl", ".glb", ".npy", ".csv")
-
 
 def expand_folders(paths: Iterable[str]) -> list[str]:
     """Replace folders by the meshes in and below them, in order."""
@@ -39,7 +37,9 @@ def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]
 
     Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
     """
-    is_file = out is not None and Path(out).suffix.lower() in _FILES
+    from unbend.io import VALUE_SUFFIXES, WRITE_SUFFIXES
+
+    is_file = out is not None and Path(out).suffix.lower() in (*WRITE_SUFFIXES, *VALUE_SUFFIXES)
     if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
         return False
     if is_file:

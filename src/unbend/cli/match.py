@@ -125,8 +125,6 @@ def match(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
-        if figure or report:
-            _check_drawable(shapes)
         known = None
         if truth is not None:
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
@@ -206,16 +204,6 @@ def _check_options(
         raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
-
-
-def _check_drawable(shapes: list[Mesh]) -> None:
-    from unbend.errors import InputError
-
-    for shape in shapes:
-        if shape.is_point_cloud:
-            raise InputError(
-                f"{shape.name}: a point cloud has no faces to draw; leave out --figure and --report"
-            )
 
 
 def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:

@@ -92,17 +92,12 @@ def register(
         return
     from unbend.correspondence import register as fit_template
     from unbend.correspondence import write_registration
-    from unbend.errors import InputError
     from unbend.io import COLOR_SUFFIXES, check_writable
 
     check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
-        if report is not None and shapes[1].is_point_cloud:
-            raise InputError(
-                f"{shapes[1].name}: a point cloud has no faces to draw; leave out --report"
-            )
         match = read_or_match(
             shapes,
             map_file,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from unbend._arrays import array_of
 from unbend._display import Brief, table
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
+from unbend.correspondence._belonging import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
@@ -26,7 +26,7 @@ _SHOWN = (4, 8)  # thresholds that a table shows
 
 # Distances are kept for the meshes used last, up to this size; for the last one always.
 _KEPT_BYTES = 2**30
-_kept: dict[tuple[bytes, str], dict[int, FloatArray]] = {}
+_kept: dict[tuple[int | str, ...], dict[int, FloatArray]] = {}
 
 
 @dataclass(frozen=True)
@@ -266,7 +266,7 @@ def _errors(
 
 def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> FloatArray:
     """Geodesic distances between paired vertices, over the square root of the area."""
-    rows = _kept.setdefault((_fingerprint(mesh), kind), {})
+    rows = _kept.setdefault((*mesh_hashes(mesh), kind), {})
     missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
     if missing:
         from_vertex = geodesic_solver(mesh, exact=kind == "geodesic-exact")
@@ -286,12 +286,6 @@ def _forget() -> None:
 
     while len(_kept) > 1 and size() > _KEPT_BYTES:
         _kept.pop(next(iter(_kept)), None)
-
-
-def _fingerprint(mesh: Mesh) -> bytes:
-    digest = blake2b(np.ascontiguousarray(mesh.vertices).tobytes())
-    digest.update(np.ascontiguousarray(mesh.faces).tobytes())
-    return digest.digest()
 
 
 def _overlap(given: BoolArray, true: BoolArray) -> Overlap:

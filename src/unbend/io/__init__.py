@@ -26,7 +26,7 @@ from unbend.io._values import (
     read_values,
     write_values,
 )
-from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
+from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, WRITE_SUFFIXES, write_mesh
 
 __all__ = [
     "COLOR_SUFFIXES",
@@ -34,6 +34,7 @@ __all__ = [
     "MARKUP_SUFFIXES",
     "SCALAR_SUFFIXES",
     "VALUE_SUFFIXES",
+    "WRITE_SUFFIXES",
     "MeshLike",
     "as_mesh",
     "atomic_write",

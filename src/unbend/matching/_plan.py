@@ -1,8 +1,13 @@
-"""The plan of a match: stages that propose candidates, and how many of each are gone on with.
+"""The plan of a match: stages that propose candidates, and how many candidates of each are kept.
 
-A stage is a function of the two shapes and the candidates so far, best first, that returns new
-candidates at its level of detail. To add a source of hypotheses, write such a function and give it
-a line of :data:`PLAN`.
+A stage is a function of the two shapes and the candidates so far, best first and at the level of
+its line in :data:`PLAN`, that returns new candidates at that level. It may read the proxies of the
+other level. To add a source of hypotheses, write such a function and give it a line::
+
+    Step(COARSE, from_tattoos, always, BEAM // 2)
+
+The third column is asked whether the stage runs; it gets the candidates at the level of the line
+before. The first stage must propose something. docs/how-matching-works.md has the same table.
 """
 
 from __future__ import annotations
@@ -85,6 +90,18 @@ class Sides(NamedTuple):
         return self._replace(target=self.target.reflected(), turned=not self.turned)
 
 
+Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
+
+
+class Step(NamedTuple):
+    """A line of the plan: a stage, the level at which it proposes, when, and how many it keeps."""
+
+    level: int
+    stage: Stage
+    when: Callable[[Sides, list[Candidate]], bool]
+    keep: int
+
+
 def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     shapes = [source] if target is source else [source, target]
@@ -121,8 +138,8 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     """Return the map onto the target's mirror image if it costs less than half of the best.
 
-    It is if one shape is a left hand, and the other a right one. For symmetric bodies the two are
-    about as good.
+    Of shapes with few features, which cost little, it must cost less still. That happens if one
+    shape is a left hand, and the other a right one; for symmetric bodies the two are about as good.
     """
     reflected = sides.reflected()
     found = best(reflected, COARSE, from_spectra(reflected, []))
@@ -162,7 +179,7 @@ def registered(
 
 
 def always(sides: Sides, found: list[Candidate]) -> bool:
-    """Whatever was found."""
+    """Run whatever was found."""
     return True
 
 
@@ -275,18 +292,6 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
     _ = shape.normals, shape.position_coefficients, shape.fans
     _ = [shape.averaging(length) for length in (TURNING, shape.detail)]
     _ = [shape.system(2 * data_weight) for data_weight in data_weights]  # both directions pull
-
-
-Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
-
-
-class Step(NamedTuple):
-    """A line of the plan: at which level a stage proposes, when, and how many of its are kept."""
-
-    level: int
-    stage: Stage
-    when: Callable[[Sides, list[Candidate]], bool]
-    keep: int
 
 
 PLAN = [

@@ -9,7 +9,7 @@ from unbend.preparation._prepare import (
     prepare,
     restrict,
 )
-from unbend.preparation._surface import PointSurface, surface_of_points
+from unbend.preparation._surface import PointSurface, surface_of_points, triangulate_points
 
 __all__ = [
     "Diagnosis",
@@ -22,4 +22,5 @@ __all__ = [
     "prepare",
     "restrict",
     "surface_of_points",
+    "triangulate_points",
 ]

@@ -157,6 +157,54 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     return PointSurface(mesh, vertex_of_point, point_of_vertex)
 
 
+def triangulate_points(cloud: Mesh) -> Mesh:
+    """Join the points of a cloud by triangles along its surface, to draw them.
+
+    Each vertex of the surface moves to the nearest point. The other points then split the triangles
+    beside them; outliers are no corners. The result has the order of the points.
+
+    Parameters
+    ----------
+    cloud : Mesh
+        A point cloud of at least 500 points.
+
+    Returns
+    -------
+    Mesh
+        It need not be manifold.
+
+    Raises
+    ------
+    MeshError
+        If :func:`surface_of_points` finds no surface.
+
+    Examples
+    --------
+    >>> from unbend import Mesh
+    >>> from unbend.datasets import make_sphere
+    >>> from unbend.preparation import triangulate_points
+    >>> triangulate_points(Mesh(make_sphere(3).vertices))
+    Mesh(642 vertices, 1280 faces)
+    """
+    found = surface_of_points(cloud)
+    faces = np.sort(found.point_of_vertex[found.mesh.faces], axis=1)
+    _, first = np.unique(faces, axis=0, return_index=True)
+    faces = found.point_of_vertex[found.mesh.faces[first]]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    rest = np.setdiff1d(np.flatnonzero(found.vertex_of_point >= 0), faces)
+    while len(rest):  # one of them splits a triangle in each round
+        middles = cloud.vertices[faces].mean(axis=1)
+        nearest = cKDTree(middles).query(cloud.vertices[rest])[1]
+        split, chosen = np.unique(nearest, return_index=True)
+        a, b, c = faces[split].T
+        point = rest[chosen]
+        parts = np.stack([[a, b, point], [b, c, point], [c, a, point]]).transpose(0, 2, 1)
+        faces = np.concatenate([np.delete(faces, split, axis=0), parts.reshape(-1, 3)])
+        rest = np.delete(rest, chosen)
+    notes = *cloud.notes, "a point cloud, drawn with triangles between its points"
+    return Mesh(cloud.vertices, faces, name=cloud.name, notes=notes)
+
+
 def _without_outliers(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points that are not much farther apart than those around them, and their spacing."""
     distances, near = cKDTree(points).query(points, _NEIGHBOURS + 1)

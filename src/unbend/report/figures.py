@@ -17,6 +17,7 @@ from unbend.alignment import procrustes
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh, used_vertices
+from unbend.preparation import triangulate_points
 from unbend.report.colors import position_colors
 from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
 
@@ -62,7 +63,7 @@ class CanonicalColumn(NamedTuple):
     caption : str
         Printed below the column.
     original : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     canonical : (n, 3) array_like
         The canonical form's points, one per vertex of the original.
     colors : (n,) or (n, 3) array_like, optional
@@ -132,7 +133,7 @@ def draw_mesh(
     ax : matplotlib.axes.Axes
         Its place in the figure decides the resolution; the shape fills it.
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces. Vertices that are not finite are
+        Anything :func:`unbend.as_mesh` accepts. Vertices that are not finite are
         left out. y is up.
     colors : (n,) or (n, 3) array_like, optional
         Per vertex: a number (drawn with the viridis colours from the least to the greatest;
@@ -144,7 +145,7 @@ def draw_mesh(
     Raises
     ------
     InputError
-        If the mesh has no faces, the view is unknown, or the colours do not fit the vertices.
+        If the view is unknown, or the colours do not fit the vertices.
 
     Examples
     --------
@@ -154,9 +155,7 @@ def draw_mesh(
     >>> ax = new_figure(1, 1).add_subplot()
     >>> draw_mesh(ax, mesh, colors=position_colors(mesh.vertices), view="front")
     """
-    mesh = as_mesh(mesh)
-    if mesh.is_point_cloud:
-        raise InputError(f"{mesh.name} has no faces to draw")
+    mesh = drawable(mesh)
     draw_places(ax, mesh.vertices, mesh, colors, view)
 
 
@@ -215,7 +214,7 @@ def draw_canonical_forms(
     rows: list[list[Any]] = [[] for _ in range(count)]
     first_colors: Any = None
     for i, (caption, original, canonical, colors, surface) in enumerate(filled):
-        mesh = as_mesh(original)
+        mesh = drawable(original)
         points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         if colors is None:
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
@@ -309,6 +308,18 @@ def fit_rigidly(
     if both.sum() < 3:
         return np.eye(3), np.zeros(3)
     return procrustes(points[both], places[both], reflect=reflect)
+
+
+def drawable(shape: MeshLike) -> Mesh:
+    """Return a mesh, or a point cloud with triangles between its points."""
+    mesh = as_mesh(shape)
+    return triangulate_points(mesh) if mesh.is_point_cloud else mesh
+
+
+def front_and_back(view: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return a view, and the one from the other side at the same height."""
+    azimuth, elevation = view
+    return [(azimuth, elevation), (azimuth + 180, elevation)]
 
 
 def fitting_height(

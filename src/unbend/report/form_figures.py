@@ -9,7 +9,7 @@ import numpy as np
 from unbend._types import BoolArray, FloatArray
 from unbend.alignment import procrustes
 from unbend.canonical import CanonicalForm, check_form
-from unbend.io import MeshLike, as_mesh
+from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
@@ -18,6 +18,7 @@ from unbend.report.figures import (
     as_written,
     check_up,
     draw_places,
+    drawable,
     new_figure,
     save_figure,
 )
@@ -42,7 +43,7 @@ def draw_form(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     form : CanonicalForm
         Of that mesh; of more than three dimensions the first three are drawn.
     path : path
@@ -55,7 +56,7 @@ def draw_form(
     Raises
     ------
     InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+        If the form is not of this mesh, or there is no such axis.
     FileError
         If the file cannot be written.
     MissingExtraError
@@ -71,7 +72,7 @@ def draw_form(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
     """
-    mesh = drawable(mesh, form, up)
+    mesh = checked_shape(mesh, form, up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     places = turned_to_fit(form.points, mesh.vertices, inside)
     columns = [
@@ -91,9 +92,9 @@ def draw_form(
     save_figure(figure, path)
 
 
-def drawable(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
-    """Check that a mesh has faces, that the form is of this mesh, and that `up` is an axis."""
-    mesh = as_mesh(mesh)
+def checked_shape(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
+    """Return the shape as it is drawn; check that the form is of it, and that `up` is an axis."""
+    mesh = drawable(mesh)
     check_form(mesh, form)
     check_up(up)
     return mesh

@@ -21,8 +21,10 @@ from unbend.report.figures import (
     as_written,
     check_up,
     draw_mesh,
+    drawable,
     fit_rigidly,
     fitting_height,
+    front_and_back,
     new_figure,
     save_figure,
 )
@@ -137,7 +139,7 @@ def draw_match(
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none.
     path : path
@@ -150,7 +152,7 @@ def draw_match(
     Raises
     ------
     InputError
-        If a shape has no faces, the map does not fit, or there is no such axis.
+        If the map does not fit, or there is no such axis.
     FileError
         If the file cannot be written.
     MissingExtraError
@@ -169,7 +171,7 @@ def draw_match(
     ...     path.exists()
     True
     """
-    source, target = as_mesh(source), as_mesh(target)
+    source, target = drawable(source), drawable(target)
     colors, carried = (one / 255 for one in match_colors(source, target, match))
     check_up(up)
     upright = UPRIGHT[up]
@@ -180,7 +182,7 @@ def draw_match(
         (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
         (f"target: {target.name}", Mesh(turned, target.faces), carried),
     ]
-    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    views = front_and_back(view)
     height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
     total = 2 * height + 0.5  # inches
     figure = new_figure(8.0, total)

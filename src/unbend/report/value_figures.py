@@ -7,7 +7,7 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from unbend.io import MeshLike, as_mesh
+from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.figures import (
     UPRIGHT,
@@ -15,7 +15,9 @@ from unbend.report.figures import (
     check_up,
     check_values,
     draw_mesh,
+    drawable,
     fitting_height,
+    front_and_back,
     new_figure,
     save_figure,
 )
@@ -35,7 +37,7 @@ def draw_values(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     values : (n,) array_like of float
         Drawn in the viridis colours from the least to the greatest; grey where not finite.
     path : path
@@ -50,7 +52,7 @@ def draw_values(
     Raises
     ------
     InputError
-        If the mesh has no faces, there is not one value per vertex, none is finite, or there is
+        If there is not one value per vertex, none is finite, or there is
         no such axis.
     FileError
         If the file cannot be written.
@@ -70,12 +72,12 @@ def draw_values(
     ...     path.exists()
     True
     """
-    mesh = as_mesh(mesh)
+    mesh = drawable(mesh)
     check_up(up)
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
     upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
-    views = [(view[0] + turn, view[1]) for turn in (0, 180)]
+    views = front_and_back(view)
     height = fitting_height(3.7, [upright], views)
     total = height + 0.5  # inches
     figure = new_figure(8.6, total)

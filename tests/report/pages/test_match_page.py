@@ -158,7 +158,6 @@ def test_a_part_is_as_large_as_what_it_matches(blob: Mesh) -> None:
     [
         ({"up": "w"}, "up must be"),
         ({"match": np.arange(3)}, "the map has 3"),
-        ({"source": np.zeros((5, 3))}, "no faces to draw"),
         ({"truth": (np.arange(3), np.arange(4))}, "3 source and 4 target"),
         ({"landmarks": [(0, 642)]}, "landmark 642 is no vertex"),
     ],
@@ -170,6 +169,15 @@ def test_what_does_not_fit_is_refused(
     with pytest.raises(InputError, match=message):
         match_page(path=tmp_path / "match.html", **given)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_point_of_a_cloud_shows_its_partner(blob: Mesh) -> None:
+    cloud = Mesh(blob.vertices @ np.diag([1, -1, -1]), name="cloud")
+    page = match_page(cloud, blob, np.arange(642))
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page.html)[1])
+    for side in ("source", "target"):
+        assert data["maps"][0][side]["standIns"] is None  # every partner is drawn
+    assert "a point cloud, drawn with triangles" in page.html
 
 
 def test_only_html_is_written(blob: Mesh, tmp_path: Path) -> None:

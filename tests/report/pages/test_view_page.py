@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from unbend import Mesh
 from unbend.cli import app
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, MeshError
 from unbend.io import write_markups, write_mesh
 from unbend.report import view
 from unbend.report.pages import _document
@@ -29,9 +29,14 @@ def test_large_meshes_are_thinned() -> None:
     assert re.search(r"60,000 of 62,500 vertices are drawn", view(sheet).html)
 
 
+def test_a_point_cloud_is_drawn_with_triangles(blob: Mesh) -> None:
+    page = view(Mesh(blob.vertices, name="cloud"), landmarks=np.arange(642))
+    assert "a point cloud, drawn with triangles between its points" in page.html
+
+
 def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no faces to draw"):
-        view(Mesh(blob.vertices))
+    with pytest.raises(MeshError, match="too few for a surface"):
+        view(Mesh(blob.vertices[:99]))
     with pytest.raises(InputError, match="up must be"):
         view(blob, up="w")
     for values in (np.zeros(5), np.zeros((642, 2)), np.full(642, np.nan)):

@@ -132,7 +132,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
 
 def _truncated(element: _Element, left: str) -> FileError:
     rows = plural(element.count, f"{element.name} row")
-    return FileError(f"truncated or damaged: it promises {rows}, but {left} remain")
+    return FileError(f"truncated or damaged: it promises {rows}, but holds {left}")
 
 
 def _indices_of(element: _Element) -> int:

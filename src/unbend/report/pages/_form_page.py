@@ -17,7 +17,7 @@ from unbend.distances import spectral_filter
 from unbend.errors import UnbendWarning
 from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
-from unbend.report.form_figures import drawable, turned_to_fit
+from unbend.report.form_figures import checked_shape, turned_to_fit
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -64,7 +64,7 @@ def form_page(
     Parameters
     ----------
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     form : CanonicalForm
         Of that mesh, from :func:`unbend.canonical_form`.
     path : path, optional
@@ -88,7 +88,7 @@ def form_page(
     Raises
     ------
     InputError
-        If the mesh has no faces, the form is not of this mesh, or there is no such axis.
+        If the form is not of this mesh, or there is no such axis.
     FileError
         If the file cannot be written.
 
@@ -112,7 +112,7 @@ def form_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    mesh = drawable(mesh, form, up)
+    mesh = checked_shape(mesh, form, up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))

@@ -15,11 +15,11 @@ from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, evaluate, transfer
-from unbend.errors import InputError, UnbendWarning
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.errors import UnbendWarning
+from unbend.io import MeshLike, check_writable
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas
-from unbend.report.figures import check_up, fit_rigidly
+from unbend.report.figures import check_up, drawable, fit_rigidly
 from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import SUFFIXES, Page, make_page
 from unbend.report.pages._maps import pack_map
@@ -57,7 +57,7 @@ def match_page(
     Parameters
     ----------
     source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none:
         such vertices are grey. Of a match's alternatives and its mirror image, if they were asked
@@ -84,8 +84,10 @@ def match_page(
     Raises
     ------
     InputError
-        If a shape has no faces, the map, the truth or the landmarks do not fit, or there is no such
+        If the map, the truth or the landmarks do not fit, or there is no such
         axis.
+    MeshError
+        If a point cloud has no surface.
     FileError
         If the file cannot be written.
 
@@ -108,10 +110,7 @@ def match_page(
     """
     if path is not None:
         check_writable(path, SUFFIXES)
-    source, target = as_mesh(source), as_mesh(target)
-    for mesh in (source, target):
-        if mesh.is_point_cloud:
-            raise InputError(f"{mesh.name} has no faces to draw")
+    source, target = drawable(source), drawable(target)
     check_up(up)
     step = progress or (lambda stage, share: None)
     step("page, places", 0.0)

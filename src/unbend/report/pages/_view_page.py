@@ -14,10 +14,9 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.choices import Axis
-from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.io import MeshLike, check_writable
 from unbend.mesh import Mesh
-from unbend.report.figures import check_up, check_values
+from unbend.report.figures import check_up, check_values, drawable
 from unbend.report.pages._document import (
     SUFFIXES,
     Page,
@@ -56,7 +55,7 @@ def view(
     Parameters
     ----------
     a : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with faces.
+        Anything :func:`unbend.as_mesh` accepts.
     b : mesh-like, optional
         A second shape: landmarks are then pairs of vertices that correspond.
     landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping of str to int
@@ -76,7 +75,9 @@ def view(
     Raises
     ------
     InputError
-        If a mesh has no faces, there is no such axis, or landmarks or values do not fit.
+        If there is no such axis, or landmarks or values do not fit.
+    MeshError
+        If a point cloud has no surface.
     FileError
         If the file cannot be written.
 
@@ -96,10 +97,7 @@ def view(
     if path is not None:
         check_writable(path, SUFFIXES)
     check_up(up)
-    meshes = [as_mesh(one) for one in (a, b) if one is not None]
-    for mesh in meshes:
-        if mesh.is_point_cloud:
-            raise InputError(f"{mesh.name} has no faces to draw")
+    meshes = [drawable(one) for one in (a, b) if one is not None]
     names = [mesh.name for mesh in meshes]
     scalars = None if values is None else check_values(values, meshes[0])
     packed = [_packed(mesh, scalars if mesh is meshes[0] else None) for mesh in meshes]

@@ -1,31 +1,20 @@
-"""Blender add-on: carry UVs, vertex groups and shape keys between meshes of other vertices.
+"""Carry the data of one object to another, and read shapes from objects."""
 
-The shapes may stand in different poses. Needs unbend in Blender's own Python; see README.md.
-"""
-
-import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 import unbend
+from unbend.errors import InputError
 
-bl_info = {
-    "name": "Unbend: carry between poses",
-    "description": "Carry UVs, vertex groups and shape keys to meshes in other poses",
-    "author": "The unbend developers",
-    "version": (0, 2, 0),
-    "blender": (4, 2, 0),
-    "location": "3D View > Object > Carry to Selected (unbend)",
-    "category": "Object",
-}
-
+LANDMARK = "landmark"  # the vertex groups whose names begin with it are landmarks
+_GREY = (0.5, 0.5, 0.5, 1.0)
 _SMOOTHINGS = 3
 
 
 def to_mesh(thing) -> unbend.Mesh:
-    """Take an object's mesh, without modifiers, as it stands in the scene."""
+    """Take an object's original mesh, without modifiers and shape keys, in world coordinates."""
     mesh = thing.data
     mesh.calc_loop_triangles()
     places = np.empty(3 * len(mesh.vertices))
@@ -34,11 +23,54 @@ def to_mesh(thing) -> unbend.Mesh:
     mesh.loop_triangles.foreach_get("vertices", faces)
     matrix = np.array(thing.matrix_world)
     faces = faces.reshape(-1, 3)
-    if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: turned inside out
+    volume = np.linalg.det(matrix[:3, :3])
+    if volume == 0:
+        raise InputError(f"{thing.name}: its scale is zero along an axis; set another scale")
+    if volume < 0:  # mirrored: turned inside out
         faces = faces[:, ::-1]
-    return unbend.Mesh(
-        places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], faces, name=thing.name
-    )
+    places = places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    return unbend.Mesh(places, faces, name=thing.name)
+
+
+def to_local(thing, places: np.ndarray) -> np.ndarray:
+    """Turn world coordinates into those of an object."""
+    back = np.linalg.inv(np.array(thing.matrix_world))
+    return places @ back[:3, :3].T + back[:3, 3]
+
+
+def landmarks(thing) -> dict[str, int]:
+    """Give the vertex of the largest weight of each vertex group that is a landmark."""
+    found: dict[str, tuple[float, int]] = {}
+    names = [group.name for group in thing.vertex_groups]
+    for vertex in thing.data.vertices:
+        for one in vertex.groups:
+            name = names[one.group]
+            if name.startswith(LANDMARK):
+                found[name] = max(found.get(name, (0, -1)), (one.weight, vertex.index))
+    return {name: index for name, (_, index) in found.items() if index >= 0}
+
+
+def set_shape_key(thing, name: str, places: np.ndarray):
+    """Give an object a shape key, in its coordinates; one of that name is replaced."""
+    if thing.data.shape_keys is None:
+        thing.shape_key_add(name="Basis", from_mix=False)
+    blocks = thing.data.shape_keys.key_blocks
+    key = blocks.get(name) or thing.shape_key_add(name=name, from_mix=False)
+    key.data.foreach_set("co", places.ravel())
+    thing.data.update()
+    return key
+
+
+def set_colors(
+    data, name: str, values: np.ndarray, kind="BYTE_COLOR", domain="POINT", field="color"
+):
+    """Give a mesh a colour attribute, rows of RGBA; one of that name is replaced."""
+    old = data.color_attributes.get(name)
+    if old is not None:
+        data.color_attributes.remove(old)
+    new = data.color_attributes.new(name, kind, domain)
+    new.data.foreach_set(field, values.ravel())
+    return new
 
 
 def carry_vertex_groups(source, target, carry) -> None:
@@ -50,6 +82,8 @@ def carry_vertex_groups(source, target, carry) -> None:
             weights[vertex.index, one.group] = one.weight
     carried = np.nan_to_num(carry(weights))
     for group, column in zip(source.vertex_groups, carried.T, strict=True):
+        if group.name.startswith(LANDMARK):
+            continue
         old = target.vertex_groups.get(group.name)
         if old is not None:
             target.vertex_groups.remove(old)
@@ -66,8 +100,7 @@ def carry_uvs(source, target, places: np.ndarray) -> None:
     corners, loops = _corners(source.data)
     vertices = to_mesh(source).vertices
     ends, polygons = _loops(target.data)
-    middles = np.stack([np.bincount(polygons, column[ends]) for column in places.T], axis=1)
-    middles /= np.bincount(polygons)[:, None]
+    middles = _middles(places, ends, polygons)
     known = np.isfinite(middles).all(axis=1)[polygons]
     first, _ = _nearest(vertices, corners, middles)
     for layer in source.data.uv_layers:
@@ -88,6 +121,30 @@ def carry_uvs(source, target, places: np.ndarray) -> None:
         new.uv.foreach_set("vector", found.ravel())
 
 
+def carry_colors(source, target, places: np.ndarray, carry) -> None:
+    """Give the target the source's colour attributes, on vertices or on face corners.
+
+    A corner's colour is taken a little inside its face, so that sharp borders stay sharp.
+    """
+    corners, loops = _corners(source.data)
+    for layer in list(source.data.color_attributes):
+        values = np.empty(4 * len(layer.data))
+        layer.data.foreach_get("color", values)
+        values = values.reshape(-1, 4)
+        if layer.domain == "POINT":
+            found = carry(values)
+        else:
+            ends, polygons = _loops(target.data)
+            inside = 0.9 * places[ends] + 0.1 * _middles(places, ends, polygons)[polygons]
+            vertices = to_mesh(source).vertices
+            nearest, spots = _nearest(vertices, corners, inside)
+            shares = _shares(spots, vertices[corners[nearest]])
+            found = np.einsum("nc,ncd->nd", shares, values[loops[nearest]])
+            found[~np.isfinite(inside).all(axis=1)] = np.nan
+        found = np.where(np.isfinite(found), found, _GREY)
+        set_colors(target.data, layer.name, found, layer.data_type, layer.domain)
+
+
 def carry_shape_keys(source, target, places: np.ndarray, carry) -> None:
     """Give the target the source's shape keys, turned and scaled as the surface is there."""
     turns = _turns(places, target)
@@ -100,9 +157,7 @@ def carry_shape_keys(source, target, places: np.ndarray, carry) -> None:
     for block in blocks[1:]:
         moved = (_points(block) - _points(block.relative_key)) @ out.T
         carried = np.einsum("vij,vj->vi", turns, np.nan_to_num(carry(moved)))
-        keys = target.data.shape_keys.key_blocks
-        new = keys.get(block.name) or target.shape_key_add(name=block.name)
-        new.data.foreach_set("co", (basis + carried @ back.T).ravel())
+        new = set_shape_key(target, block.name, basis + carried @ back.T)
         new.slider_min, new.slider_max, new.value = block.slider_min, block.slider_max, block.value
 
 
@@ -128,6 +183,12 @@ def _loops(mesh) -> tuple[np.ndarray, np.ndarray]:
     sizes = np.empty(len(mesh.polygons), dtype=np.int32)
     mesh.polygons.foreach_get("loop_total", sizes)
     return vertices, np.repeat(np.arange(len(sizes)), sizes)
+
+
+def _middles(places: np.ndarray, ends: np.ndarray, polygons: np.ndarray) -> np.ndarray:
+    """Mean of the corners of each polygon."""
+    sums = np.stack([np.bincount(polygons, column[ends]) for column in places.T], axis=1)
+    return sums / np.bincount(polygons)[:, None]
 
 
 def _islands(corners: np.ndarray, loops: np.ndarray, uvs: np.ndarray) -> np.ndarray:
@@ -177,71 +238,3 @@ def _turns(places: np.ndarray, target) -> np.ndarray:
     left, _, right = np.linalg.svd(sums)
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     return (left @ right) * np.sqrt((there**2).sum() / (here**2).sum())
-
-
-def carry_between(source, target, *, uvs=True, vertex_groups=True, shape_keys=True) -> float:
-    """Match two objects and carry what is asked for; returns how sure the match is, 0 to 1."""
-    shapes = to_mesh(source), to_mesh(target)
-    found = unbend.match(*shapes, barycentric=True)
-
-    def carry(values: np.ndarray) -> np.ndarray:
-        return unbend.transfer(values, found, kind="scalar", source=shapes[0], target=shapes[1])
-
-    places = carry(shapes[0].vertices)
-    if vertex_groups and source.vertex_groups:
-        carry_vertex_groups(source, target, carry)
-    if uvs and source.data.uv_layers:
-        carry_uvs(source, target, places)
-    if shape_keys and source.data.shape_keys:
-        carry_shape_keys(source, target, places, carry)
-    return found.confidence
-
-
-class OBJECT_OT_unbend_carry(bpy.types.Operator):  # noqa: N801 (as Blender names operators)
-    """Carry UVs, vertex groups and shape keys from the active object to the others selected."""
-
-    bl_idname = "object.unbend_carry"
-    bl_label = "Carry to Selected (unbend)"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
-
-    uvs: bpy.props.BoolProperty(name="UV Maps", default=True)
-    vertex_groups: bpy.props.BoolProperty(name="Vertex Groups", default=True)
-    shape_keys: bpy.props.BoolProperty(name="Shape Keys", default=True)
-
-    @classmethod
-    def poll(cls, context):
-        """Whether there is what to carry from, and to."""
-        active = context.active_object
-        return active is not None and active.type == "MESH" and len(context.selected_objects) > 1
-
-    def execute(self, context):
-        """Match the active object with each of the others selected, and carry."""
-        source = context.active_object
-        for target in context.selected_objects:
-            if target == source or target.type != "MESH":
-                continue
-            asked = {one: getattr(self, one) for one in ("uvs", "vertex_groups", "shape_keys")}
-            try:
-                sure = carry_between(source, target, **asked)
-            except unbend.errors.UnbendError as error:
-                self.report({"ERROR"}, str(error))
-                return {"CANCELLED"}
-            kind = "WARNING" if sure < 0.5 else "INFO"
-            self.report({kind}, f"{target.name}: confidence of the match {sure:.2f}")
-        return {"FINISHED"}
-
-
-def _draw(menu, context) -> None:
-    menu.layout.operator(OBJECT_OT_unbend_carry.bl_idname)
-
-
-def register() -> None:
-    """Blender calls this when the add-on is switched on."""
-    bpy.utils.register_class(OBJECT_OT_unbend_carry)
-    bpy.types.VIEW3D_MT_object.append(_draw)
-
-
-def unregister() -> None:
-    """Blender calls this when it is switched off."""
-    bpy.types.VIEW3D_MT_object.remove(_draw)
-    bpy.utils.unregister_class(OBJECT_OT_unbend_carry)
