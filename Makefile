@@ -38,7 +38,7 @@ test-kernels: .venv/test.stamp ## tests of kernels, uncompiled; begins the cover
 # thread. The others leave out files, the command line, figures and experiments, whose arithmetic is
 # the library's; the second gives unbend and BLAS two threads each, the third unbend alone.
 NEWEST_BLAS := $(if $(shell grep -w avx512dq /proc/cpuinfo 2>/dev/null),SkylakeX,Sandybridge)
-ARITHMETIC := $(addprefix --ignore=tests/,cli io report paper test_benchmarks.py test_readme.py)
+ARITHMETIC := $(addprefix --ignore=tests/,cli io report paper test_benchmarks.py)
 
 test-portable: .venv/test.stamp ## the tests again under what rounds differently on other processors
 	OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
@@ -99,5 +99,5 @@ clean: ## remove the environment, all caches, and the built site
 
 .venv/%.stamp: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$*]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e ".[$*]"
 	touch $@

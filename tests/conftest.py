@@ -10,6 +10,7 @@ from hypothesis import settings
 
 from unbend import Mesh
 from unbend.datasets import make_sphere
+from unbend.report import new_figure
 from unbend.spectral import use_cache
 
 # Examples are drawn the same way in every run: a failure can be repeated.
@@ -17,15 +18,31 @@ settings.register_profile("unbend", deadline=None, derandomize=True, max_example
 settings.load_profile("unbend")
 
 
+# Files of tests of several seconds each.
+LONG = {
+    *("test_accuracy.py", "test_benchmarks.py", "test_bodies.py", "test_docs.py"),
+    *("test_endurance.py", "test_engine.py", "test_reproducible.py"),
+}
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest test: no worker ends with it while the others have nothing to do."""
-    items.sort(key=lambda item: item.path.name != "test_readme.py")
+    """Begin with long tests: no worker ends with one while the others have nothing to do."""
+    items.sort(key=lambda item: item.path.name not in LONG)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Keep the tests out of the user's cache."""
     os.environ["UNBEND_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse_figures(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Draw figures with few pixels, except where their looks are tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "report" not in request.path.parts:
+            patch.setitem(new_figure.__kwdefaults__, "dpi", 30)
+        yield
 
 
 @pytest.fixture

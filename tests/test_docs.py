@@ -63,10 +63,13 @@ def test_python_on_a_page_runs_from_top_to_bottom(page, folder):
             exec(compiled, known)
 
 
-def test_the_first_steps_lead_to_a_page_in_the_browser(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", DOCS / "first-steps.md"], ids=lambda one: one.stem
+)
+def test_code_and_commands_on_a_page_run_in_their_order(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     known = {}
-    for kind, code in BLOCK.findall((DOCS / "first-steps.md").read_text("utf-8")):
+    for kind, code in BLOCK.findall(page.read_text("utf-8")):
         if kind == "python":
             with contextlib.redirect_stdout(io.StringIO()):
                 exec(code, known)

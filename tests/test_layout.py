@@ -52,7 +52,10 @@ def imports(name):
                 yield found if found in MODULES else f"{found}.__init__".removeprefix(".")
 
 
-ARROWS = {name: set(imports(name)) for name in MODULES}
+@pytest.fixture(scope="module")
+def arrows():
+    """The modules that each module imports."""
+    return {name: set(imports(name)) for name in MODULES}
 
 
 def test_the_table_names_every_folder_and_module():
@@ -61,9 +64,9 @@ def test_the_table_names_every_folder_and_module():
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_imports_run_down(name):
+def test_imports_run_down(name, arrows):
     room = name.split(".")[0]
-    for other in ARROWS[name]:
+    for other in arrows[name]:
         theirs = other.split(".")[0]
         if theirs != room:
             assert ROW[theirs] >= ROW[room], f"{name} imports {other}, which stands above it"
@@ -71,9 +74,9 @@ def test_imports_run_down(name):
             assert not (private and "." in other), f"{name} reaches into {other}"
 
 
-def test_there_is_no_circle():
+def test_there_is_no_circle(arrows):
     # A package's __init__ only gathers: who imports a sibling of it does not wait for it.
-    left = {name: others - {name} for name, others in ARROWS.items()}
+    left = {name: others - {name} for name, others in arrows.items()}
     while free := [name for name, others in left.items() if not others]:
         for name in free:
             del left[name]
@@ -82,9 +85,9 @@ def test_there_is_no_circle():
     assert not left, f"circular imports among {sorted(left)}"
 
 
-def test_there_is_no_circle_between_folders():
+def test_there_is_no_circle_between_folders(arrows):
     left = {room: set() for room in ROW}
-    for name, others in ARROWS.items():
+    for name, others in arrows.items():
         left[name.split(".")[0]] |= {one.split(".")[0] for one in others}
     left = {room: others - {room} for room, others in left.items()}
     while free := {room for room, others in left.items() if not others}:

@@ -70,7 +70,7 @@ def test_free_memory_is_known_here():
     assert free is None or 2**20 < free < 2**50
 
 
-def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch):
+def test_what_does_not_fit_is_refused_in_one_sentence(blob, monkeypatch, no_cache):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**19)
     with pytest.raises(MeshError, match=r"blob: 642 vertices need about .* GiB .* fewer vertices"):
         canonical_form(blob)

@@ -115,7 +115,7 @@ def test_identical_files_show_as_one_shape(folder: Path, tmp_path: Path) -> None
 
 
 def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> None:
-    stones = write_stones(tmp_path / "stones", 3)
+    stones = write_stones(tmp_path / "stones", 2)
     store = tmp_path / "store"
     Collection(store).add(stones, workers=0)
     query = stones[0].rename(tmp_path / "query.ply")
@@ -132,7 +132,7 @@ def test_what_misses_a_file_says_which_and_how_to_mend_it(tmp_path: Path) -> Non
         for stone in stones:
             assert f"{stone} {mend}" in done.stderr, done.output
     done = run("add", store, tmp_path / "away", query)
-    assert done.stdout.startswith("added 0, there before 3 (3 under a new path), failed 0")
+    assert done.stdout.startswith("added 0, there before 2 (2 under a new path), failed 0")
     done = run("search", store, query, "--rerank", "match", "--report", tmp_path / "out.html")
     assert done.exit_code == 0
     assert all(line.startswith("progress: ") for line in done.stderr.splitlines())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 import warnings
@@ -227,11 +228,12 @@ def test_tables_are_aligned_column_by_column() -> None:
     assert lines == ["name    n", "a      10", "abcde   7"]
 
 
-def test_it_runs_as_a_module() -> None:
-    run = [sys.executable, "-m", "unbend"]
-    done = subprocess.run([*run, "--version"], capture_output=True, text=True)
+def test_it_runs_as_a_script_and_as_a_module() -> None:
+    script = shutil.which("unbend", path=Path(sys.executable).parent)
+    done = subprocess.run([script, "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"unbend {unbend.__version__}\n")
-    refused = subprocess.run([*run, "check", "none.off"], capture_output=True, text=True)
+    module = [sys.executable, "-m", "unbend"]
+    refused = subprocess.run([*module, "check", "none.off"], capture_output=True, text=True)
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr == "error: cannot read none.off: there is no such file\n"
 

@@ -93,19 +93,26 @@ def with_outputs(line: str, chosen: list[str], folder: Path) -> tuple[list[str],
     return arguments, files
 
 
-def combinations(*, every: bool = False) -> Iterator[Any]:
-    """Give each command line with each of its outputs and with all of them, or with all alone."""
+def combinations() -> Iterator[tuple[str, list[str], list[str]]]:
+    """Give each command line, the outputs that it needs and those that it can have."""
     for words, command in commands():
-        line = line_of(words)
-        if line is None:
-            continue
-        outputs = {name: one for name, one in options(command).items() if name in OUTPUTS}
-        must = [name for name, one in outputs.items() if one.required]
-        may = [name for name in outputs if name not in must]
-        each = [] if every else [[one] for one in may if must or len(may) > 1]
-        for some in [*each, may]:
-            if chosen := [*must, *some]:
-                yield pytest.param(line, chosen, id=" ".join([*words, *chosen]))
+        if line := line_of(words):
+            outputs = {name: one for name, one in options(command).items() if name in OUTPUTS}
+            must = [name for name, one in outputs.items() if one.required]
+            yield line, must, [name for name in outputs if name not in must]
+
+
+EACH_ALONE = [
+    (line, [*must, *one])
+    for line, must, may in combinations()
+    for one in [[name] for name in may] or [[]]
+    if must or one
+]
+ALL_TOGETHER = [(line, [*must, *may]) for line, must, may in combinations() if must or may]
+
+
+def words_of(given: str | list[str]) -> str:
+    return given if isinstance(given, str) else " ".join(given)
 
 
 @pytest.fixture(scope="module")
@@ -128,8 +135,8 @@ def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:
             assert name not in OUTPUTS or tried, f"{words} has no line in LINES"
 
 
-@pytest.mark.parametrize(("line", "chosen"), list(combinations()))
-def test_all_that_is_asked_for_is_written_and_named(
+@pytest.mark.parametrize(("line", "chosen"), EACH_ALONE, ids=words_of)
+def test_each_output_is_written_and_named(
     given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, chosen: list[str]
 ) -> None:
     monkeypatch.chdir(given)
@@ -141,11 +148,13 @@ def test_all_that_is_asked_for_is_written_and_named(
         assert Path(path).is_dir() or Path(path).stat().st_size > 0, path
 
 
-@pytest.mark.parametrize(("line", "chosen"), list(combinations(every=True)))
-def test_the_json_names_all_that_was_written(
+@pytest.mark.parametrize(("line", "chosen"), ALL_TOGETHER, ids=words_of)
+def test_all_outputs_together_are_written_and_named_in_the_json(
     given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, chosen: list[str]
 ) -> None:
     monkeypatch.chdir(given)
     arguments, files = with_outputs(line, chosen, tmp_path)
     told = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)
     assert sorted(told["written"]) == sorted(files)
+    for path in files:
+        assert Path(path).is_dir() or Path(path).stat().st_size > 0, path

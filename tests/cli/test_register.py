@@ -17,7 +17,7 @@ from unbend.io import write_map
 from unbend.matching import Match
 
 TEMPLATE = make_quadruped("standing", n_vertices=600)
-SCAN = make_quadruped("walking", n_vertices=550, meshing=1)
+SCAN = make_quadruped("walking", n_vertices=500, meshing=1)
 
 
 def run(*arguments):

@@ -82,10 +82,10 @@ def test_a_mirror_image_is_another_shape(blob):
 
 def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():
     # Bodies that differ in their legs most, each meshed on its own.
-    template = make_biped("standing", n_vertices=700)
+    template = make_biped("standing", n_vertices=500)
     lengths = np.array([0.8, 1.0, 1.3])
     bodies = [
-        make_biped("standing", n_vertices=700, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
+        make_biped("standing", n_vertices=500, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
         for i, length in enumerate(lengths)
     ]
     found = mean_shape([register(template.mesh, one.mesh) for one in bodies], template.mesh)

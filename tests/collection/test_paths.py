@@ -8,7 +8,6 @@ import shutil
 from contextlib import contextmanager
 from pathlib import Path
 
-import lancedb
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -256,6 +255,8 @@ def write_old_store(folder: Path, rows: list[dict]) -> None:
         ],
         metadata={"parameters": json.dumps(parameters)},
     )
+    import lancedb
+
     options = {"new_table_data_storage_version": "2.0"}
     database = lancedb.connect(str(folder), storage_options=options)
     database.create_table("shapes", pa.Table.from_pylist(rows, schema=schema))

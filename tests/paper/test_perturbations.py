@@ -10,7 +10,7 @@ from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, MissingExtraError
 
 BALL = make_sphere(3)
-DOG = make_quadruped("sitting", n_vertices=800).mesh
+DOG = make_quadruped("sitting", n_vertices=600).mesh
 
 
 def test_noise_is_normal_and_as_strong_as_asked():
