@@ -79,6 +79,22 @@ def test_a_large_hole_stays_open_and_a_small_gap_is_closed() -> None:
         assert diagnose(surface_of_points(Mesh(rest)).mesh).boundary_loops == loops
 
 
+def test_many_noisy_points_become_a_smooth_surface_of_fewer() -> None:
+    health = diagnose(mesh := surface_of_points(Mesh(sphere(30_000, 0.01))).mesh)
+    assert health.closed
+    assert health.genus == 0
+    assert mesh.n_vertices < 15_000
+    assert health.area == pytest.approx(4 * np.pi, rel=0.04)
+    assert np.linalg.norm(mesh.vertices, axis=1).std() < 0.01
+
+
+def test_a_long_rod() -> None:
+    health = diagnose(surface_of_points(Mesh(sphere(5000) * [1, 1, 20])).mesh)
+    assert health.closed
+    assert health.genus == 0
+    assert health.area == pytest.approx(np.pi**2 * 20, rel=0.04)
+
+
 def test_outliers_are_left_out() -> None:
     n = 2000
     stray = np.random.default_rng(2).uniform(-2, 2, (40, 3))
@@ -90,9 +106,10 @@ def test_outliers_are_left_out() -> None:
     assert (found.point_of_vertex < n).all()
 
 
-def test_parts_that_nearly_touch_are_not_joined() -> None:
-    """Two balls of 3,000 points, 2.5 times as far apart as their points are."""
-    gap = 2.5 * np.sqrt(4 * np.pi / 3000)
+@pytest.mark.parametrize("spacings", [2.5, 0.7])
+def test_parts_that_nearly_touch_are_not_joined(spacings: float) -> None:
+    """Two balls of 3,000 points, and how far apart they are, in distances between points."""
+    gap = spacings * np.sqrt(4 * np.pi / 3000)
     other = sphere(2900) + np.array([2 + gap, 0, 0])
     found = surface_of_points(Mesh(np.vstack([sphere(3000), other])))
     health = diagnose(found.mesh)

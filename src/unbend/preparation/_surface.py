@@ -1,22 +1,17 @@
 """A surface of a point cloud.
 
-The surface is where the winding number of oriented points is one half. Their normals are unknown.
-They are found as those whose winding number is one half at all points and whose direction is that
-of its gradient there, while the field is smoothed less and less (Lin, Shi & Liu, "Fast and Globally
-Consistent Normal Orientation based on the Winding Number Normal Consistency", ACM TOG 2024). On a
-regular grid, Fourier transforms compute the field and its gradient. Marching tetrahedra extract
-the surface, and what no points support is removed from it.
+The winding number on a grid gives the points normals, and tells on which side of the surface a
+large empty ball is. Those balls give points normals that are right where parts nearly touch. Noisy
+points move along their normals. The surface is made of faces of their Delaunay tetrahedra, and
+what no points support is removed from it.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-import scipy.fft as fft
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -24,31 +19,36 @@ from scipy.spatial import cKDTree
 from unbend._arrays import unit_of
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import MeshError
-from unbend.mesh import Mesh, edge_ends, find_components, find_edges, vertex_normals
-from unbend.mesh.decimation import decimate
+from unbend.mesh import Mesh, find_components, find_edges, orient_consistently
 from unbend.preparation._prepare import check_size
-
-ComplexArray = npt.NDArray[np.complex128]
+from unbend.preparation._tetrahedra import (
+    LONGEST,
+    Tetrahedra,
+    boundary,
+    find_inside,
+    make_tetrahedra,
+    split,
+)
+from unbend.preparation._winding_field import MARGIN, Grid, unit_vectors, winding_number
 
 _LEAST_POINTS = 500
-_MOST_CELLS = 12_000  # of the grid that the surface crosses, about
-_MOST_NODES = 4_000_000
+_MOST_POINTS = 12_000  # that become vertices, about
+_MOST_NODES = 4_000_000  # of the grid
+_COARSEST = 2.0  # cell of the grid, in spacings of the points that become vertices
 _NEIGHBOURS = 8  # that measure the spacing of points
 _LONELY = 3.0  # an outlier's spacing, in those of the points around it
-_SMOOTHING = (3.0, 0.7)  # standard deviation of the Gaussian in cells, at first and in the end
-_STEPS = 20
-_REACH = 2.5  # distance of points from the surface, in cells or spacings
-_FACING = (
-    0.3  # cosine of the angle between the normals of a point and of the surface that it supports
-)
-_SMALL = 30  # cells of an unsupported patch that is kept
+_FITTED = 24  # points that a quadric is fitted to
+_MOST_FITTED = 100
+_NOISE = 0.03  # median distance of points from the quadrics, in spacings, above which they move
+_SMOOTHINGS = 2
+_DEPTH = 4.0  # where in a ball the winding number is taken at most, in spacings
+_REACH = 5.0  # distance of points from the surface, in spacings
+_FACING = 0.3  # cosine of the angle between a face and the normals of its corners
+_SMALL = 30  # area of an unsupported patch that is kept, in squared spacings
 _LEAST_LEVEL = 0.3  # median winding number at the points; one half on a surface, 0 on a line
 # Mean length of the mean unit normal of a point and its neighbours: 0.84 for points that fill a
 # volume, 0.88 to 0.93 for bodies with noise of 1 % of their size.
 _AGREEMENT = 0.86
-_MARGIN = 0.15  # of the grid around the points, in sizes
-_MOST_NODES = 20_000_000  # of the grid, which take 0.8 GiB
-_NEAREST = 0.02  # distance of a vertex to a node of the grid, in edges
 
 
 class PointSurface(NamedTuple):
@@ -117,28 +117,43 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
         )
     points, spacing = _without_outliers(points)
     area = float(np.median(spacing) ** 2) * len(points)
-    cell = np.sqrt(area / min(len(points), _MOST_CELLS))
-    extent = np.ptp(points, axis=0)
-    cell = max(cell, np.cbrt((extent + 2 * _MARGIN * extent.max()).prod() / _MOST_NODES))
-    reach = np.maximum(cell, spacing)
-    grid = _Grid(points, cell, cloud.name)
-    normals, field = _winding_number(grid, len(points))
+    share = min(1.0, _MOST_POINTS / len(points))
+    fine = np.sqrt(area / (share * len(points)))
+    box = np.ptp(points, axis=0)
+    cell = max(fine, float(np.cbrt((box + 2 * MARGIN * box.max()).prod() / _MOST_NODES)))
+    if cell > _COARSEST * fine:
+        raise MeshError(
+            f"{cloud.name}: it is too long and thin to find the surface of its points; use a mesh"
+        )
+    grid = Grid(points, cell)
+    normals, field = winding_number(grid, len(points))
     level = float(np.median(grid.values(field)))
     if level < _LEAST_LEVEL or _agreement(points, normals) < _AGREEMENT:
         raise MeshError(
             f"{cloud.name}: its points are too sparse or too noisy for a surface; use more points, "
             "or a mesh"
         )
-    vertices, faces = _march(field, level)
-    vertices = grid.origin + cell * vertices
-    used, faces = _supported(vertices, faces, points, normals, reach, area / cell**2)
-    vertices = vertices[used]
-    kept, faces, _ = decimate(vertices, faces, min(len(points), _MOST_CELLS))
-    vertices = vertices[kept]
+    normals = unit_vectors(normals)
+    chosen = _thinned(points, fine) if share < 1 else np.arange(len(points))
+    spacing = spacing[chosen] * np.sqrt(len(points) / len(chosen))
+    points = _denoised(points, normals, chosen, spacing)
+    tetrahedra = make_tetrahedra(points)
+    winding, normals = _sides(tetrahedra, points, spacing, grid, field - level)
+    inside = find_inside(tetrahedra, points, normals, spacing, winding)
+    faces = boundary(tetrahedra, inside, len(points))
+    faces = faces[_supported(faces, points, normals, spacing)]
+    point, faces = split(faces, len(points))
+    while (pinched := _pinched(faces, len(point))).any():
+        faces = faces[~pinched[faces].any(axis=1)]
+    largest = find_components(faces, len(point)).of_vertex == 0
+    vertices = points[point[largest]]
+    # Almost flat tetrahedra may have been wound inward.
+    wound = orient_consistently(vertices, (np.cumsum(largest) - 1)[faces[largest[faces[:, 0]]]])
+    assert wound is not None
     away, vertex_of_point = cKDTree(vertices).query(everything)
-    vertex_of_point[away > 2 * _REACH * cell] = -1
+    vertex_of_point[away > _REACH * max(fine, cell)] = -1
     point_of_vertex = cKDTree(everything).query(vertices)[1]
-    mesh = Mesh((vertices @ axes.T + middle) * unit, faces, name=cloud.name, notes=cloud.notes)
+    mesh = Mesh((vertices @ axes.T + middle) * unit, wound, name=cloud.name, notes=cloud.notes)
     return PointSurface(mesh, vertex_of_point, point_of_vertex)
 
 
@@ -201,167 +216,97 @@ def _without_outliers(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _agreement(points: FloatArray, normals: FloatArray) -> float:
     """Mean length of the mean unit normal of each point and its neighbours, 0 to 1."""
     near = cKDTree(points).query(points, _NEIGHBOURS + 1)[1]
-    return float(np.linalg.norm(_unit(normals)[near].mean(axis=1), axis=1).mean())
+    return float(np.linalg.norm(unit_vectors(normals)[near].mean(axis=1), axis=1).mean())
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
+def _thinned(points: FloatArray, cell: float) -> IntArray:
+    """One point of each cell that has any."""
+    return np.unique(np.floor(points / cell), axis=0, return_index=True)[1]
 
 
-class _Grid:
-    """Trilinear interpolation between points and a regular grid, and its frequencies."""
-
-    def __init__(self, points: FloatArray, cell: float, name: str) -> None:
-        low, high = points.min(axis=0), points.max(axis=0)
-        margin = _MARGIN * (high - low).max() + 4 * cell
-        self.shape = tuple(
-            fft.next_fast_len(int(np.ceil(size / cell)), real=True)
-            for size in high - low + 2 * margin
-        )
-        if np.prod(self.shape, dtype=np.float64) > _MOST_NODES:
-            raise MeshError(
-                f"{name}: it is too long and thin to find the surface of its points; use a mesh"
-            )
-        self.cell = cell
-        self.origin = (low + high) / 2 - cell * (np.array(self.shape) - 1) / 2
-        place = (points - self.origin) / cell
-        node = np.floor(place).astype(np.int64)
-        corners = np.array(list(product((0, 1), repeat=3)))
-        self._nodes = np.ravel_multi_index(
-            tuple((node[:, None] + corners).transpose(2, 0, 1)), self.shape
-        )
-        share = (place - node)[:, None]
-        self._weights = np.where(corners == 1, share, 1 - share).prod(axis=2)
-        x, y, z = self.shape
-        self.waves = np.meshgrid(
-            fft.fftfreq(x), fft.fftfreq(y), fft.rfftfreq(z), indexing="ij", sparse=True
-        )
-        self.squared: FloatArray = np.asarray(sum(wave**2 for wave in self.waves))
-
-    def values(self, field: FloatArray) -> FloatArray:
-        """Interpolate a field at the points, (n,)."""
-        return np.asarray((self._weights * field.ravel()[self._nodes]).sum(axis=1))
-
-    def spectrum(self, values: FloatArray) -> ComplexArray:
-        """Fourier transform of the field that has these values (n,) at the points."""
-        size = int(np.prod(self.shape))
-        spread = np.bincount(
-            self._nodes.ravel(), (self._weights * values[:, None]).ravel(), minlength=size
-        )
-        return np.asarray(fft.rfftn(spread.reshape(self.shape)))
-
-    def field(self, spectrum: ComplexArray) -> FloatArray:
-        """Invert a Fourier transform."""
-        return np.asarray(fft.irfftn(spectrum, self.shape))
+def _denoised(
+    points: FloatArray, normals: FloatArray, chosen: IntArray, spacing: FloatArray
+) -> FloatArray:
+    """Move chosen points along their normals to quadrics through their neighbours, if noisy."""
+    fitted = min(_FITTED * len(points) // len(chosen), _MOST_FITTED)
+    around, points, normals = (points, normals), points[chosen], normals[chosen]
+    for _ in range(_SMOOTHINGS):
+        heights = _heights(points, normals, *around, fitted)
+        if np.median(np.abs(heights) / spacing) < _NOISE:
+            break
+        points = points + normals * heights[:, None]
+        around, fitted = (points, normals), _FITTED
+    return points
 
 
-def _winding_number(grid: _Grid, n: int) -> tuple[FloatArray, FloatArray]:
-    """Find normals (n, 3) of the points, times their areas, and the winding number on the grid."""
-    normals = np.zeros((n, 3))
-    squared = 2 * np.pi * np.where(grid.squared > 0, grid.squared, np.inf)
-    for smoothing in np.geomspace(*_SMOOTHING, _STEPS):
-        kernel = 1j * np.exp(-2 * (np.pi * smoothing) ** 2 * grid.squared) / squared
-        # One step of steepest descent towards a winding number of one half at all points.
-        missing = 0.5 - _inside(grid, _winding(grid, kernel, normals))
-        spectrum = kernel.conj() * grid.spectrum(missing)
-        step = np.stack([grid.values(grid.field(wave * spectrum)) for wave in grid.waves], axis=1)
-        change = _inside(grid, _winding(grid, kernel, step))
-        normals = normals + step * (missing @ change / max(float(change @ change), 1e-300))
-        # The normals turn to the gradient and keep their lengths.
-        spectrum = _winding(grid, kernel, normals)
-        slope = [grid.values(grid.field(-1j * wave * spectrum)) for wave in grid.waves]
-        normals = _unit(np.stack(slope, axis=1)) * np.linalg.norm(normals, axis=1, keepdims=True)
-    field = grid.field(_winding(grid, kernel, normals))
-    return normals, field - _outside(field)
+def _heights(
+    points: FloatArray, normals: FloatArray, others: FloatArray, their: FloatArray, fitted: int
+) -> FloatArray:
+    """Height (n,), over each point, of a quadric through the others that face its way."""
+    distances, near = cKDTree(others).query(points, fitted)
+    width = distances[:, -1:] / 2
+    weights = np.exp(-((distances / width) ** 2))
+    weights *= np.maximum(np.einsum("ni,nki->nk", normals, their[near]), 0)
+    u = unit_vectors(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
+    offsets = (others[near] - points[:, None]) / width[..., None]
+    axes = (u, np.cross(normals, u), normals)
+    x, y, height = (np.einsum("nki,ni->nk", offsets, axis) for axis in axes)
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=2)
+    weighted = weights[..., None] * terms
+    left = np.einsum("nki,nkj->nij", weighted, terms) + 1e-6 * np.eye(6)
+    right = np.einsum("nki,nk->ni", weighted, height)
+    constant = np.linalg.solve(left, right[..., None])[:, 0, 0]
+    return np.asarray(np.clip(constant, -1, 1) * width[:, 0])
 
 
-def _winding(grid: _Grid, kernel: ComplexArray, normals: FloatArray) -> ComplexArray:
-    """Fourier transform of the smoothed winding number."""
-    flux = sum(
-        wave * grid.spectrum(column) for wave, column in zip(grid.waves, normals.T, strict=True)
-    )
-    return np.asarray(kernel * flux)
+def _sides(
+    tetrahedra: Tetrahedra,
+    points: FloatArray,
+    spacing: FloatArray,
+    grid: Grid,
+    winding: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Winding number (t,) in the empty balls, and normals (n, 3) of the points.
 
-
-def _inside(grid: _Grid, spectrum: ComplexArray) -> FloatArray:
-    """Winding number (n,) of the points, 0 outside."""
-    field = grid.field(spectrum)
-    return grid.values(field) - _outside(field)
-
-
-def _outside(field: FloatArray) -> float:
-    """Mean of a field on three faces of the grid, which periodicity makes all of its boundary."""
-    return float(field[0].mean() + field[:, 0].mean() + field[:, :, 0].mean()) / 3
-
-
-def _march(field: FloatArray, level: float) -> tuple[FloatArray, IntArray]:
-    """Extract a level set by marching tetrahedra, six to a cell: vertices, in cells, and faces.
-
-    It is a closed manifold that separates the nodes above the level from the others, and its faces
-    are oriented towards the others.
+    A normal leads to or from the centre of the largest ball at its point. Sheets that face each
+    other have their largest balls on opposite sides, however close they are.
     """
-    inside = field > level
-    x, y, z = (size - 1 for size in field.shape)
-    corners = product((0, 1), repeat=3)
-    count = sum(inside[i : x + i, j : y + j, k : z + k].astype(np.int8) for i, j, k in corners)
-    cells = np.argwhere((count > 0) & (count < 8))
-    steps = np.eye(3, dtype=np.int64)
-    tetrahedra = np.array(
-        [[steps[list(order[:k])].sum(axis=0) for k in range(4)] for order in permutations(range(3))]
-    )
-    nodes = (cells[:, None, None] + tetrahedra).reshape(-1, 4, 3)
-    numbers = np.ravel_multi_index(tuple(nodes.transpose(2, 0, 1)), field.shape)
-    order = np.argsort(~inside.ravel()[numbers], axis=1, kind="stable")
-    numbers = np.take_along_axis(numbers, order, axis=1)
-    nodes = np.take_along_axis(nodes, order[:, :, None], axis=1)
-    n_inside = inside.ravel()[numbers].sum(axis=1)
-    cut = []  # the edges of tetrahedra at which the corners of faces are, (m, 3, 2)
-    for k, edges in enumerate([(0, 1, 0, 2, 0, 3), (0, 2, 0, 3, 1, 3, 1, 2), (0, 3, 1, 3, 2, 3)]):
-        some = n_inside == k + 1
-        pairs = np.reshape(edges, (-1, 2))
-        ends, middles = numbers[some][:, pairs], nodes[some][:, pairs].mean(axis=2)
-        normal = np.cross(middles[:, 1] - middles[:, 0], middles[:, 2] - middles[:, 0])
-        outward = nodes[some, k + 1 :].mean(axis=1) - nodes[some, : k + 1].mean(axis=1)
-        inverted = (normal * outward).sum(axis=1) < 0
-        ends[inverted] = ends[inverted][:, ::-1]
-        cut += [ends[:, [0, i, i + 1]] for i in range(1, len(pairs) - 1)]
-    ends = np.sort(np.concatenate(cut), axis=2)
-    keys, faces = np.unique(ends[..., 0] * field.size + ends[..., 1], return_inverse=True)
-    first, last = np.divmod(keys, field.size)
-    start, end = field.ravel()[first], field.ravel()[last]
-    share = np.clip((level - start) / (end - start), _NEAREST, 1 - _NEAREST)[:, None]
-    tail, head = (np.stack(np.unravel_index(one, field.shape), axis=1) for one in (first, last))
-    return tail * (1 - share) + head * share, faces.reshape(-1, 3)
+    corners, centres, radii = tetrahedra.corners, tetrahedra.centres, tetrahedra.radii
+    depth = _DEPTH * np.maximum(spacing, grid.cell)
+
+    def towards(start: FloatArray, end: FloatArray, most: FloatArray) -> FloatArray:
+        way = end - start
+        length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
+        return grid.at(winding, start + way * np.minimum(1, most / length)[:, None])
+
+    order = np.argsort(radii)
+    largest = np.zeros(len(points), dtype=np.int64)
+    largest[corners[order].ravel()] = np.repeat(order, 4)  # the last one stays
+    outward = np.where(towards(points, centres[largest], depth) < 0, 1, -1)
+    normals = unit_vectors(centres[largest] - points) * outward[:, None]
+    middles = points[corners].mean(axis=1)
+    return towards(middles, centres, depth[corners].mean(axis=1)), normals
 
 
 def _supported(
-    vertices: FloatArray,
-    faces: IntArray,
-    points: FloatArray,
-    normals: FloatArray,
-    reach: FloatArray,
-    n_cells: float,
-) -> tuple[IntArray, IntArray]:
-    """Largest part of a surface that is near points on its side: its vertices, and its faces."""
-    sides = vertex_normals(vertices, faces)
-    away, near = cKDTree(points).query(vertices, _NEIGHBOURS)
-    facing = np.einsum("ijk,ik->ij", _unit(normals)[near], sides) > _FACING
-    above = np.einsum("ijk,ik->ij", points[near] - vertices[:, None], sides)
-    beside = np.sqrt(np.maximum(away**2 - above**2, 0))
-    close = (beside <= reach[near]) & (np.abs(above) <= _REACH * reach[near])
-    supported = (facing & close).any(axis=1)
-    # Small patches without points are noise or small holes.
-    ends = edge_ends(faces, len(vertices))
-    ends = ends[~supported[ends].any(axis=1)]
-    graph = sp.coo_array((np.ones(len(ends)), ends.T), shape=(len(vertices),) * 2)
-    patch = connected_components(graph, directed=False)[1]
-    supported |= np.bincount(patch)[patch] < _SMALL * len(vertices) / n_cells
-    faces = faces[supported[faces].all(axis=1)]
-    while (pinched := _pinched(faces, len(vertices))).any():
-        faces = faces[~pinched[faces].any(axis=1)]
-    largest = find_components(faces, len(vertices)).of_vertex == 0
-    used = np.flatnonzero(largest)
-    return used, (np.cumsum(largest) - 1)[faces[largest[faces[:, 0]]]]
+    faces: IntArray, points: FloatArray, normals: FloatArray, spacing: FloatArray
+) -> BoolArray:
+    """Which faces (m,) are short and turned like the points, or lie in a small patch of others."""
+    corners, scale = points[faces], spacing[faces].mean(axis=1)
+    sides = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    across = np.cross(sides[:, 1], sides[:, 2])
+    facing = (unit_vectors(across) * unit_vectors(normals[faces].mean(axis=1))).sum(axis=1)
+    supported = (longest <= LONGEST * scale) & (facing > _FACING)
+    rest = faces[~supported]
+    graph = sp.coo_array(
+        (np.ones(2 * len(rest)), (np.repeat(rest[:, 0], 2), rest[:, 1:].ravel())),
+        shape=(len(points),) * 2,
+    )
+    patch = connected_components(graph, directed=False)[1][rest[:, 0]]
+    area = np.linalg.norm(across[~supported], axis=1) / 2 / scale[~supported] ** 2
+    supported[~supported] = (np.bincount(patch, area) < _SMALL)[patch]
+    return np.asarray(supported)
 
 
 def _pinched(faces: IntArray, n: int) -> BoolArray:

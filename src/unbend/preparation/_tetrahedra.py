@@ -1,0 +1,170 @@
+"""The surface among the faces of the Delaunay tetrahedra of points.
+
+Every tetrahedron is inside or outside. A minimum cut chooses, so that the faces in between point
+as the normals of the points do and the surface is smooth (Lempitsky & Boykov, "Global optimization
+for shape fitting", CVPR 2007; Labatut, Pons & Keriven, "Robust and efficient surface
+reconstruction from range data", CGF 2009). Parts that nearly touch stay apart, because
+tetrahedra in the gap between them are as thin as the gap.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+from scipy.spatial import Delaunay
+
+from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.mesh import find_edges
+from unbend.preparation._winding_field import unit_vectors
+
+LONGEST = 3.0  # edge of a face of the surface, in spacings of the points
+_FLAT = 1e-9  # volume of a tetrahedron without a ball, in cubes of its longest edge
+_LARGE = 2.0  # radius of a ball that is on one side of the surface, in spacings
+_CERTAIN = 0.2  # distance of its winding number from that of the surface
+_SMOOTHNESS = 0.5  # weight of the area of the surface, beside its flux
+_LEVELS = 1000  # of the capacity of a face of mean area, which is a whole number
+_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # wound outward
+_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+
+
+class Tetrahedra(NamedTuple):
+    """Delaunay tetrahedra.
+
+    Attributes
+    ----------
+    corners : (t, 4) ndarray of int64
+        Points, positively oriented.
+    beyond : (t, 4) ndarray of int64
+        The tetrahedron beyond the face opposite each corner, -1 for none.
+    centres : (t, 3) ndarray of float64
+        Centre of the empty ball through the corners.
+    radii : (t,) ndarray of float64
+        Its radius, 0 for flat tetrahedra.
+    """
+
+    corners: IntArray
+    beyond: IntArray
+    centres: FloatArray
+    radii: FloatArray
+
+
+def make_tetrahedra(points: FloatArray) -> Tetrahedra:
+    """Make the Delaunay tetrahedra of points (n, 3)."""
+    found = Delaunay(points)
+    corners, beyond = found.simplices.astype(np.int64), found.neighbors.astype(np.int64)
+    edges = points[corners[:, 1:]] - points[corners[:, :1]]
+    volumes = np.linalg.det(edges)
+    inverted = volumes < 0
+    for one in (corners, beyond):
+        one[inverted] = one[inverted][:, [1, 0, 2, 3]]
+    flat = np.abs(volumes) <= _FLAT * np.linalg.norm(edges, axis=2).max(axis=1) ** 3
+    edges[flat] = np.eye(3)
+    away = np.linalg.solve(edges, (edges**2).sum(axis=2, keepdims=True) / 2)[..., 0]
+    away[flat] = 0
+    # The first corner is that of the simplex as it was found.
+    start = points[found.simplices[:, 0]]
+    return Tetrahedra(corners, beyond, start + away, np.linalg.norm(away, axis=1))
+
+
+def find_inside(
+    tetrahedra: Tetrahedra,
+    points: FloatArray,
+    normals: FloatArray,
+    spacing: FloatArray,
+    winding: FloatArray,
+) -> BoolArray:
+    """Choose the tetrahedra that are inside, by a minimum cut.
+
+    Parameters
+    ----------
+    tetrahedra : Tetrahedra
+    points, normals : (n, 3) ndarray of float64
+    spacing : (n,) ndarray of float64
+        Distance between the points around each.
+    winding : (t,) ndarray of float64
+        Winding number in the ball of each tetrahedron, less that of the surface.
+
+    Returns
+    -------
+    (t,) ndarray of bool
+    """
+    beyond, radii = tetrahedra.beyond, tetrahedra.radii
+    corners = tetrahedra.corners[:, _FACES]
+    sides = [points[corners[:, :, i]] - points[corners[:, :, i - 1]] for i in range(3)]
+    areas = np.cross(sides[1], sides[2]) / 2
+    area = np.linalg.norm(areas, axis=2)
+    directions = unit_vectors(areas)
+    length = np.max(np.linalg.norm(sides, axis=3), axis=0) / spacing[corners].mean(axis=2)
+    facing = np.einsum("tfi,tfi->tf", directions, normals[corners].mean(axis=2))
+    flux = np.where(length <= LONGEST, facing * area, 0).sum(axis=1)
+    certain = radii > _LARGE * spacing[tetrahedra.corners].mean(axis=1)
+    flux += np.where(certain, np.clip(winding / _CERTAIN, -1, 1), 0) * area.mean()
+    area *= np.minimum(1, LONGEST / np.maximum(length, 1e-300)) ** 2
+    # How far the centre of the ball is inwards from each face, in radii.
+    depth = np.einsum(
+        "tfi,tfi->tf", points[corners[:, :, 0]] - tetrahedra.centres[:, None], directions
+    )
+    depth /= np.where(radii > 0, radii, np.inf)[:, None]
+    first, face = np.nonzero(beyond >= 0)
+    second = beyond[first, face]
+    back = (beyond[second] == first[:, None]).argmax(axis=1)
+    quality = 1 - np.minimum(depth[first, face], depth[second, back])
+    n = len(radii)
+    hull = np.where(beyond < 0, area, 0).sum(axis=1)
+    every = np.arange(n)
+    capacity = np.concatenate(
+        [
+            _SMOOTHNESS * area[first, face] * quality,
+            np.maximum(flux, 0),
+            np.maximum(-flux, 0) + _SMOOTHNESS * hull,
+        ]
+    ) * (_LEVELS / area.mean())
+    rows = np.concatenate([first, np.full(n, n), every])
+    columns = np.concatenate([second, every, np.full(n, n + 1)])
+    graph = sp.csr_array(
+        (np.rint(np.minimum(capacity, 2**30)).astype(np.int32), (rows, columns)),
+        shape=(n + 2, n + 2),
+    )
+    left = graph - maximum_flow(graph, n, n + 1).flow
+    left.eliminate_zeros()
+    inside = np.zeros(n + 2, dtype=bool)
+    inside[breadth_first_order(left, n, return_predecessors=False)] = True
+    return inside[:n]
+
+
+def boundary(tetrahedra: Tetrahedra, inside: BoolArray, n: int) -> IntArray:
+    """Faces (m, 3) between inside and outside, at most two to an edge.
+
+    Where more meet at an edge, the tetrahedra around it are taken from the inside.
+    """
+    corners, beyond = tetrahedra.corners, tetrahedra.beyond
+    edges = np.sort(corners[:, _EDGES], axis=2)
+    keys = edges[..., 0] * n + edges[..., 1]
+    while True:
+        of, face = np.nonzero(inside[:, None] & ~np.append(inside, False)[beyond])
+        faces = corners[of[:, None], _FACES[face]]
+        found = find_edges(faces, n)
+        several = found.ends[found.n_faces > 2]
+        if not len(several):
+            return np.asarray(faces)
+        inside = inside & ~np.isin(keys, several[:, 0] * n + several[:, 1]).any(axis=1)
+
+
+def split(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Give each fan of faces a vertex of its own: the point of each vertex, and the faces."""
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    own = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    swapped = ends[:, 0] > ends[:, 1]
+    own[swapped] = own[swapped, ::-1]
+    keys = ends.min(axis=1) * n + ends.max(axis=1)
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(np.diff(keys[order]) == 0)
+    pairs = np.concatenate([own[order[same]].T, own[order[same + 1]].T], axis=0)
+    joined = np.concatenate([pairs[[0, 2]], pairs[[1, 3]]], axis=1)
+    graph = sp.coo_array((np.ones(joined.shape[1]), joined), shape=(faces.size,) * 2)
+    vertex = connected_components(graph, directed=False)[1]
+    return faces.ravel()[np.unique(vertex, return_index=True)[1]], vertex.reshape(-1, 3)
