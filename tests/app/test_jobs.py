@@ -118,6 +118,19 @@ def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> Non
         compile(one["python"], "lines", "exec")
 
 
+def test_a_fitted_obj_file_keeps_its_texture_coordinates(shapes, matched, tmp_path) -> None:
+    dog = read_mesh(shapes[0][0])
+    write_mesh(tmp_path / "dog.obj", dog, uvs=np.linspace(0, 1, 1200).reshape(600, 2))
+    given = [[str(tmp_path / "dog.obj"), "dog.obj"], shapes[1]]
+    fitted = done(tmp_path, "register", given, **uses(matched))
+    before, after = (
+        [line for line in Path(path).read_text("utf-8").splitlines() if line[:2] in ("vt", "f ")]
+        for path in (tmp_path / "dog.obj", file_of(fitted, ".obj"))
+    )
+    assert len(before) == 600 + dog.n_faces
+    assert after == before
+
+
 def test_distances_from_clicked_places_are_those_of_a_sphere(tmp_path) -> None:
     ball = make_sphere(3)
     write_mesh(tmp_path / "ball.ply", ball)

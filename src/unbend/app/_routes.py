@@ -169,7 +169,9 @@ def _guarded(app: Any, token: str, port: int) -> Any:
         foreign = origin not in (None, hosts.get(host))
         foreign |= given.get(b"sec-fetch-site", b"none") not in (b"same-origin", b"none")
         changes = scope["method"] not in ("GET", "HEAD")
-        known = secrets.compare_digest(scope["path"].split("/")[1].encode(), token.encode())
+        known = secrets.compare_digest(
+            scope["path"].lstrip("/").split("/")[0].encode(), token.encode()
+        )
         status = 0
         if host not in hosts or foreign or (changes and origin is None):
             status = 403

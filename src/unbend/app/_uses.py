@@ -162,8 +162,10 @@ def register(work: Work, map_file: str, map_name: str) -> Result:
     found = fit_template(source, target, known, progress=work.progress)
     stem = "-on-".join(work.stems)
     for suffix in (".ply", ".obj", ".glb"):
-        path = work.new_file(stem + suffix, "coloured by the distance from the second shape")
-        write_registration(path, found)
+        keeps = suffix == ".obj" == Path(work.paths[0]).suffix.lower()
+        about = "coloured by the distance from the second shape"
+        path = work.new_file(stem + suffix, "with the texture of the first" if keeps else about)
+        write_registration(path, found, like=work.paths[0] if keeps else None)
     view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
     facts = {
         "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
