@@ -16,11 +16,11 @@ import pytest
 import unbend
 from forms import form_of
 from unbend import Mesh
-from unbend.collection._entry import thumbnail
 from unbend.datasets import make_sphere
 from unbend.mesh import used_vertices, vertex_areas, vertex_normals
 from unbend.report.figures import draw_canonical_forms, save_figure
 from unbend.report.match_figures import draw_match
+from unbend.report.raster import thumbnail
 from unbend.report.shape_figures import draw_form
 
 pytestmark = pytest.mark.filterwarnings("ignore::unbend.errors.UnbendWarning")
@@ -127,7 +127,7 @@ def measures(case: Case) -> Iterator[Any]:
     yield case.rows(vertex_areas(case.mesh))
     yield case.rows(vertex_normals(case.mesh.vertices, case.mesh.faces))
     yield case.rows(used_vertices(case.mesh))
-    yield thumbnail(case.mesh)
+    yield thumbnail(case.mesh, 96)
 
 
 def files(case: Case) -> Iterator[Any]:

@@ -28,7 +28,16 @@ OUTPUTS = {
     "--thumbnail": "thumbnail.png",
 }
 INPUTS = {
-    *("--data", "--labels", "--landmarks", "--map", "--pairs", "--template", "--values"),
+    *(
+        "--collection",
+        "--data",
+        "--labels",
+        "--landmarks",
+        "--map",
+        "--pairs",
+        "--template",
+        "--values",
+    ),
     *("--truth", "--mirrored-truth"),
     *("--component", "--property", "--scheduler"),
 }
