@@ -28,18 +28,8 @@ OUTPUTS = {
     "--thumbnail": "thumbnail.png",
 }
 INPUTS = {
-    *(
-        "--collection",
-        "--data",
-        "--labels",
-        "--landmarks",
-        "--map",
-        "--pairs",
-        "--template",
-        "--values",
-    ),
-    *("--truth", "--mirrored-truth"),
-    *("--component", "--property", "--scheduler"),
+    *("--collection", "--data", "--labels", "--landmarks", "--map", "--pairs", "--template"),
+    *("--values", "--truth", "--mirrored-truth", "--component", "--property", "--scheduler"),
 }
 # An output that needs a match to be made, which takes long: tests of match, register and transfer.
 APART = {"--save-match"}
