@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from unbend import write_mesh
 from unbend.app import _server, serve
+from unbend.collection import Collection
+from unbend.datasets import make_octopus, make_quadruped
 
 
 class App:
@@ -69,7 +72,19 @@ def temporary(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def app(temporary: Path):
+def store(tmp_path_factory: pytest.TempPathFactory) -> Collection:
+    """A collection of an octopus and two dogs."""
+    folder = tmp_path_factory.mktemp("collection")
+    write_mesh(folder / "octopus.ply", make_octopus(n_vertices=600).mesh)
+    for pose in ("standing", "galloping"):
+        write_mesh(folder / f"dog-{pose}.ply", make_quadruped(pose, n_vertices=600).mesh)
+    found = Collection(folder / "store")
+    found.add([str(folder)], workers=0)
+    return found
+
+
+@pytest.fixture(scope="module")
+def app(temporary: Path, store: Collection):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tempfile, "tempdir", str(temporary))
         patch.setattr(_server, "_CLOSED_SECONDS", 600.0)
@@ -86,7 +101,8 @@ def app(temporary: Path):
             addresses.append(address)
             ready.set()
 
-        thread = threading.Thread(target=serve, args=([],), kwargs={"ready": note}, daemon=True)
+        given = {"collection": store.path, "ready": note}
+        thread = threading.Thread(target=serve, args=([],), kwargs=given, daemon=True)
         thread.start()
         assert ready.wait(60)
         app = App(addresses[0], sessions[0])

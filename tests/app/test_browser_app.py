@@ -157,6 +157,19 @@ def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
     page.wait_for("state.results.length === 1")
 
 
+def test_what_a_search_finds_is_opened(page, dogs):
+    press(page, "Group the collection")
+    page.wait_for("state.results.length === 1")
+    assert page.run("document.querySelector('iframe').title") == "Groups of the collection"
+    page.choose_file("#choose", dogs[1])
+    page.wait_for(GOOD.format(1))
+    press(page, "Search the collection")
+    page.wait_for("state.results.length === 2")
+    press(page, "dog-standing.ply")
+    page.wait_for(GOOD.format(2))
+    assert page.run("part('second').selectedOptions[0].textContent") == "dog-standing.ply"
+
+
 def test_two_tabs_show_one_session(page, app, dogs):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))

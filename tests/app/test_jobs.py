@@ -9,7 +9,7 @@ import pytest
 from unbend import Mesh, read_match, read_mesh, write_mesh
 from unbend.app._jobs import run
 from unbend.collection import Collection
-from unbend.datasets import make_octopus, make_quadruped, make_sphere
+from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
 from unbend.io import read_map, read_markups, read_values, value_colors, write_markups
 
@@ -153,14 +153,25 @@ def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> 
         assert '"landmarks": [{"name": "1", "at": [5' in Path(page["page"]).read_text("utf-8")
 
 
-def test_a_collection_is_searched(shapes, tmp_path) -> None:
-    other = tmp_path / "octopus.ply"
-    write_mesh(other, make_octopus(n_vertices=600).mesh)
+def test_a_collection_is_searched_and_what_is_gone_is_not_offered(shapes, tmp_path) -> None:
+    ball = tmp_path / "ball.ply"
+    write_mesh(ball, make_sphere(3))
     store = Collection(tmp_path / "store")
-    store.add([shapes[1][0], str(other)], workers=0)
+    store.add([shapes[1][0], str(ball)], workers=0)
+    ball.unlink()
     found = done(tmp_path, "search", shapes[:1], store=store.path)
+    assert found["found"] == [{"path": shapes[1][0], "name": "galloping.ply"}]
     page = Path(found["page"]).read_text("utf-8")
-    assert page.index("galloping.ply") < page.index("octopus.ply")
+    assert page.index("galloping.ply") < page.index("ball.ply")
+    assert "not drawn: cannot read" in page
+
+
+def test_a_collection_is_put_into_groups(store, tmp_path) -> None:
+    found = done(tmp_path, "groups", [], store=store.path)
+    rows = Path(file_of(found, "groups.csv")).read_text("utf-8").splitlines()
+    group = {Path(path).name: number for path, number in (row.rsplit(",", 1) for row in rows)}
+    assert group["dog-galloping.ply"] == group["dog-standing.ply"] != group["octopus.ply"]
+    assert "3 shapes in 2 groups" in Path(found["page"]).read_text("utf-8")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ import pytest
 
 from unbend import Mesh, write_mesh
 from unbend.app import _session
+from unbend.app._requests import check_request
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +196,6 @@ def test_requests_that_make_no_sense_are_refused(app, body) -> None:
         ({"do": "landmarks", "landmarks": [[1, 2]]}, "vertex numbers"),
         ({"do": "landmarks", "landmarks": [[-1]]}, "vertex numbers"),
         ({"do": "landmarks", "landmarks": {"a": 1}}, "vertex numbers"),
-        ({"do": "search"}, "no collection"),
     ],
 )
 def test_options_are_checked(app, ply, asked, told) -> None:
@@ -205,6 +206,12 @@ def test_options_are_checked(app, ply, asked, told) -> None:
     assert told in json.loads(text)["error"]
     assert app.ask("PUT", "up", {"up": "w"})[0] == 400
     app.send("DELETE", f"shapes/{i}")
+
+
+def test_without_a_collection_none_is_searched() -> None:
+    for asked, shapes in (("search", {1: {"state": "good"}}), ("groups", {})):
+        with pytest.raises(InputError, match="no collection"):
+            check_request({"do": asked, "shapes": list(shapes)}, shapes, {}, {}, None)
 
 
 def test_jobs_wait_in_a_queue_and_are_cancelled(app) -> None:

@@ -39,7 +39,8 @@ JOBS: dict[str, Callable[..., Result]] = {
     for one in (
         *(look, sample),
         *(_matching.match, _matching.choose, _matching.symmetry, _matching.landmarks),
-        *(_uses.distance, _uses.form, _uses.search, _uses.transfer, _uses.register, _uses.morph),
+        *(_uses.distance, _uses.form, _uses.search, _uses.groups),
+        *(_uses.transfer, _uses.register, _uses.morph),
     )
 }
 

@@ -159,9 +159,6 @@ def _matched(
         "matched": f"{matched:,} of {n:,} vertices",
         "overlap": f"{one:.0%} of the first surface, {other:.0%} of the second",
     }
-    if is_doubtful(found.confidence) and found.landmark_hints:
-        places = " or ".join(map(str, found.landmark_hints))
-        facts["a landmark helps most"] = f"at vertex {places} of the first shape"
     return work.result(title, facts, command, python) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),

@@ -20,8 +20,9 @@ TITLES = {
     "register": "Fitting {}",
     "morph": "Morphing {}",
     "search": "Searching with {}",
+    "groups": "Grouping the collection",
 }
-_N_SHAPES = {"sample": (0,), "landmarks": (1, 2)} | dict.fromkeys(
+_N_SHAPES = {"sample": (0,), "groups": (0,), "landmarks": (1, 2)} | dict.fromkeys(
     ("symmetry", "distance", "form", "search"), (1,)
 )
 _WITH_MAP = ("choose", "transfer", "register", "morph")
@@ -74,7 +75,7 @@ def check_request(
         job["column"] = str(asked.get("column", ""))[:_MOST_LETTERS] or None
     elif what == "morph":
         job["steps"] = min(max(_whole(asked.get("steps")), 1), _MOST_STEPS)
-    elif what == "search":
+    elif what in ("search", "groups"):
         if collection is None:
             raise InputError("there is no collection: start with unbend app --collection STORE")
         job["store"] = collection

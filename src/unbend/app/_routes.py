@@ -99,6 +99,10 @@ def make_app(
         session.keep_landmarks(request.path_params["i"], await _asked(request, list))
         return JSONResponse(None)
 
+    async def open_found(request: Request) -> Response:
+        given = request.path_params
+        return JSONResponse({"id": session.open_found(given["i"], given["n"])})
+
     async def remove(request: Request) -> Response:
         what = {
             "jobs": session.cancel,
@@ -146,6 +150,7 @@ def make_app(
         Route("/shapes/{i:int}/{what}", shape),
         Route("/results/{i:int}/page", page),
         Route("/results/{i:int}/landmarks", landmarks, methods=["PUT"]),
+        Route("/results/{i:int}/found/{n:int}", open_found, methods=["POST"]),
         Route("/results/{i:int}/{kind}/{n:int}", part),
         Route("/{name}", asset),
     ]

@@ -173,6 +173,12 @@ class Session:
         one = result[kind][number]
         return one["path"], one.get("name", "picture.png")
 
+    def open_found(self, i: int, number: int) -> int:
+        """Add a shape of the collection that a search has found."""
+        with self._changed:
+            one = self._results[i]["found"][number]
+            return self.add(Path(one["path"]), one["name"])
+
     def keep_landmarks(self, i: int, given: list[Any]) -> None:
         """Keep the landmarks that were placed on the page of a result."""
         with self._changed:
@@ -312,7 +318,7 @@ def _told(i: int, result: dict[str, Any]) -> dict[str, Any]:
     hidden = ("path", "folder", "map_file", "page")
     told = {key: value for key, value in result.items() if key not in hidden} | {"id": i}
     told["page"] = bool(result["page"])
-    for key in ("files", "pictures", "alternatives"):
+    for key in ("files", "pictures", "alternatives", "found"):
         told[key] = [
             {name: value for name, value in one.items() if name != "path"}
             for one in result.get(key, ())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +14,24 @@ from unbend.correspondence import read_match, value_kind, write_registration
 from unbend.correspondence import register as fit_template
 from unbend.correspondence import transfer as carry
 from unbend.distances import distance as measure
-from unbend.errors import UnbendError
 from unbend.io import (
     MARKUP_SUFFIXES,
     read_markups,
-    read_mesh,
     read_values,
     value_colors,
     write_markups,
+    write_table,
     write_values,
 )
 from unbend.mesh import Mesh
-from unbend.report import form_page, match_colors, position_colors, search_page, view
+from unbend.report import (
+    form_page,
+    match_colors,
+    position_colors,
+    search_page,
+    similarity_page,
+    view,
+)
 
 _N_FOUND = 20  # shapes of a collection
 
@@ -80,22 +85,54 @@ def form(work: Work) -> Result:
 
 def search(work: Work, store: str) -> Result:
     """Find the shapes of a collection that are most like one."""
-    from unbend.collection import Collection, find_file
+    from unbend.collection import Collection, find_file, read_found
 
     (mesh,) = work.meshes
     hits = Collection(store).search(mesh, _N_FOUND, progress=work.progress)
-    found = []
-    for hit in hits:
-        name = Path(hit.path).name
-        try:
-            found.append(replace(read_mesh(find_file(hit, store)), name=name))
-        except UnbendError as error:
-            found.append(Mesh([[0, 0, 0]], name=name, notes=(f"not drawn: {error}",)))
+    found, failures = read_found(hits, store)
     search_page(mesh, found, [hit.distance for hit in hits], work.page, up=work.up)
     command = ["collection", "search", store, mesh.name, "-n", str(_N_FOUND)]
     call = f"hits = Collection({store!r}).search({mesh.name!r}, {_N_FOUND})"
     python = ["from unbend.collection import Collection", "", call]
-    return work.result(f"Most like {mesh.name}", {}, command, python)
+    lost = {failure.path for failure in failures}
+    return work.result(f"Most like {mesh.name}", {}, command, python) | {
+        "found": [
+            {"path": find_file(hit, store), "name": one.name}
+            for hit, one in zip(hits, found, strict=True)
+            if hit.path not in lost
+        ]
+    }
+
+
+def groups(work: Work, store: str) -> Result:
+    """Put the shapes of a collection that are alike into groups."""
+    from unbend.collection import Collection, find_groups, read_found
+
+    work.progress("comparing", 0.0)
+    entries, distances = Collection(store).distances()
+    numbers = find_groups(distances)
+    table = work.new_file("groups.csv", "the group of each shape")
+    write_table(
+        table, [("path", "group"), *zip([e.path for e in entries], numbers.tolist(), strict=True)]
+    )
+    meshes, _ = read_found(entries, store)
+    similarity_page(
+        meshes,
+        distances,
+        work.page,
+        measure="distance",
+        groups=numbers,
+        up=work.up,
+        progress=work.progress,
+    )
+    python = [
+        "from unbend.collection import Collection, find_groups",
+        "",
+        f"entries, distances = Collection({store!r}).distances()",
+        "groups = find_groups(distances)",
+    ]
+    command = ["collection", "groups", store, "--csv", "groups.csv", *work.report]
+    return work.result("Groups of the collection", {}, command, python)
 
 
 def transfer(

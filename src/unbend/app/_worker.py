@@ -51,10 +51,11 @@ class Worker:
         try:
             pipe.send_bytes(json.dumps(job).encode())
             while True:
-                while not pipe.poll(_SECONDS_BETWEEN_CHECKS):
-                    if _resident(process.pid) > self._memory:
-                        trouble = "this needs more memory than there is: reduce the shape first"
-                        process.kill()
+                if _resident(process.pid) > self._memory:
+                    trouble = "this needs more memory than there is: reduce the shape first"
+                    process.kill()
+                if not pipe.poll(_SECONDS_BETWEEN_CHECKS):
+                    continue
                 answer: dict[str, Any] = json.loads(pipe.recv_bytes())
                 if "stage" not in answer:
                     return answer

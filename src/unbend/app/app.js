@@ -107,7 +107,7 @@ function showShapes() {
     part(name).value = id;
   }
   for (const one of document.querySelectorAll("[data-n='2']")) one.disabled = good.length < 2;
-  document.querySelector("[data-do='search']").hidden = !state.collection;
+  for (const one of document.querySelectorAll("[data-do='search'], [data-do='groups']")) one.hidden = !state.collection;
 }
 
 function showJobs() {
@@ -151,10 +151,6 @@ function showResults() {
 function panel(result) {
   const { id } = result, blocks = [];
   const again = () => submit({ do: "landmarks", shapes: result.shapes, landmarks: result.landmarks });
-  if (result.doubtful) {
-    blocks.push(make("p", { class: "band", role: "alert" },
-      "This match is doubtful. Look whether the same places have the same colour. If not, take another map below, or place one to three landmarks and match again."));
-  }
   if (result.confidence) blocks.push(make("p", {}, make("b", {}, `The map is ${result.confidence}. `), ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   else if (result.facts.length) blocks.push(make("p", {}, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   for (const text of result.warnings || []) blocks.push(make("p", { class: "trouble" }, text));
@@ -165,6 +161,12 @@ function panel(result) {
   } else {
     blocks.push(make("div", { class: "figures" }, ...result.pictures.map(({ caption }, n) => make("figure", {},
       make("img", { src: `results/${id}/pictures/${n}`, alt: caption }), make("figcaption", {}, caption)))));
+  }
+  if (result.found.length) {
+    blocks.push(make("h3", {}, "Open one of them here"), make("div", { class: "row" },
+      ...result.found.map(({ name }, n) => button(name, async () => {
+        remember({ second: (await ask("POST", `results/${id}/found/${n}`)).id });
+      }, { "aria-label": `Open ${name}` }))));
   }
   if (result.alternatives.length) {
     blocks.push(make("details", { open: result.doubtful }, make("summary", {}, "Other maps, if the colours above do not agree"),

@@ -2,7 +2,7 @@
 
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
-from unbend.collection._files import find_file, find_files, make_folder
+from unbend.collection._files import find_file, find_files, make_folder, read_found
 from unbend.collection._groups import find_groups
 from unbend.collection._labels import read_labels
 from unbend.collection._mean import MeanShape, mean_shape
@@ -43,6 +43,7 @@ __all__ = [
     "find_groups",
     "make_folder",
     "mean_shape",
+    "read_found",
     "read_labels",
     "read_registrations",
     "register_files",

@@ -9,12 +9,16 @@ import itertools
 import os
 import re
 import stat
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from unbend._parallel import run_all
 from unbend.collection._rows import Entry, Failure, Hit
-from unbend.errors import FileError
+from unbend.errors import FileError, UnbendError
+from unbend.io import read_mesh
+from unbend.mesh import Mesh
 
 # Files that are added from folders. Points and arrays are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl")
@@ -87,6 +91,25 @@ def find_file(shape: Entry | Hit, store: str) -> str:
         f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
         "the folder that it is in now"
     )
+
+
+def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], list[Failure]]:
+    """Read shapes of the collection at `store` to show them, and tell which cannot be read.
+
+    Each has the name of its file, or its path where names are alike. One that cannot be read is a
+    point, with a note that says why.
+    """
+    alike = Counter(Path(one.path).name for one in shapes)
+    meshes, failures = [], []
+    for one in shapes:
+        name = Path(one.path).name
+        try:
+            mesh = read_mesh(find_file(one, store))
+        except UnbendError as error:
+            failures.append(Failure(one.path, str(error)))
+            mesh = Mesh([[0, 0, 0]], notes=(f"not drawn: {error}",))
+        meshes.append(replace(mesh, name=name if alike[name] == 1 else one.path))
+    return meshes, failures
 
 
 def stem(shape: Entry) -> str:

@@ -108,7 +108,7 @@ def test_a_doubtful_match_has_a_warning_above_it(
     assert ('<p class="band"' in html) == doubtful
     if doubtful:
         assert "its confidence is 0.21" in html
-        assert "unbend view" in html
+        assert "place one to three landmarks" in html
         several = match_page(blob, blob, replace(found, alternatives=(found,))).html
         assert "menu Map" in several
         assert "menu Map" not in html

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from unbend.cli._output import command_line, say, shown
+from unbend.cli._output import command_line, list_failures, shown
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -38,30 +38,15 @@ def shown_shape(shape: Entry | Hit) -> str:
     return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
 
 
-def read_found(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:
-    """Read shapes to show them; one whose file is not there any more has nothing to draw."""
-    from collections import Counter
-    from dataclasses import replace
-    from pathlib import Path
-
-    from unbend.collection import find_file
-    from unbend.errors import UnbendError
-    from unbend.io import read_mesh
-    from unbend.mesh import Mesh
+def read_shown(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:
+    """Read shapes to show them, and name on stderr what cannot be read."""
+    from unbend.collection import read_found
     from unbend.report.pages import check_count
 
     check_count(len(shapes))
-    alike = Counter(Path(one.path).name for one in shapes)
-    found = []
-    for one in shapes:
-        name = Path(one.path).name
-        try:
-            mesh = replace(read_mesh(find_file(one, store)), name=name)
-        except UnbendError as error:
-            say("failed", f"{shown(one.path)}: {error}")
-            mesh = Mesh([[0, 0, 0]], name=name, notes=(f"not drawn: {error}",))
-        found.append(mesh if alike[name] == 1 else replace(mesh, name=shown(one.path)))
-    return found
+    meshes, failures = read_found(shapes, store)
+    list_failures(failures)
+    return meshes
 
 
 def write_page(
@@ -76,7 +61,7 @@ def write_page(
     from unbend.report.pages import similarity_page
 
     similarity_page(
-        read_found(entries, store),
+        read_shown(entries, store),
         distances,
         report,
         measure="distance",

@@ -20,7 +20,7 @@ from unbend.cli._output import (
     tell,
 )
 from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import SHORT_ID, opened, read_found, shown_shape, write_page
+from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape, write_page
 
 if TYPE_CHECKING:
     from unbend.collection import Entry, Hit
@@ -71,7 +71,7 @@ def search(
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
             search_page(
                 query,
-                read_found(hits, store),
+                read_shown(hits, store),
                 ranked,
                 report,
                 measure=_MEASURES[rerank],

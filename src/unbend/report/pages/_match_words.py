@@ -30,12 +30,12 @@ def doubt(match: Match | None) -> str:
     """Warning above the page of a match that may well be wrong; empty for other matches."""
     if match is None or not is_doubtful(match.confidence):
         return ""
-    others = " The menu Map has the alternatives." if match.alternatives else ""
+    others = "from the menu Map" if match.alternatives else "by asking for alternatives"
     return (
         f"This match is doubtful: its confidence is {match.confidence:.2f}. Look whether the same "
-        "places have the same colour. If they do not, place one to three landmarks with unbend "
-        f"view{where_landmarks_help(match.landmark_hints)} and match with --landmarks, or choose "
-        f"from alternatives with --n-matches 3.{others}"
+        "places have the same colour. If they do not, place one to three landmarks"
+        f"{where_landmarks_help(match.landmark_hints)} and match again, or take another map "
+        f"{others}."
     )
 
 
