@@ -6,7 +6,7 @@ BIN := .venv/bin
 # with neighbouring tests, which share shapes, and Python keeps what it compiles, for all of them.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: app demo reproduce quick test test-kernels test-browser browser test-portable test-matrix fuzz mutants \
+.PHONY: app demo reproduce quick test test-kernels coverage test-browser browser test-portable test-matrix fuzz mutants \
 	lint format bench docs blender clean
 
 demo: .venv/plot.stamp ## shapes in several poses, their canonical forms, and a picture of both
@@ -22,18 +22,22 @@ reproduce: .venv/test.stamp ## the paper's experiments, into reproduction/; ARGS
 QUICK := $(addprefix tests/,alignment canonical correspondence deformation distances io linalg mesh \
 	preparation spectral test_api.py test_arrays.py test_layout.py)
 
-quick: .venv/test.stamp ## the numerics and the readers, in less than a minute; no lint, no coverage
+quick: .venv/test.stamp ## the numerics and the readers, in less than a minute; no lint
 	$(PYTEST) $(QUICK)
 
-test: .venv/test.stamp ## the whole suite: lint, types, tests, doctests, coverage
+test: .venv/test.stamp ## the whole suite: lint, types, tests, doctests
 	$(MAKE) --jobs=2 lint test-kernels
+	$(PYTEST)
+
+coverage: .venv/test.stamp ## which lines of src the tests run; measuring it takes a third longer
+	$(MAKE) test-kernels KERNEL_COVERAGE="--cov --cov-report= --cov-fail-under=0"
 	$(PYTEST) --cov --cov-append --cov-report=term
 
 # Only files with kernels are read: many others make shapes, which takes long uncompiled.
 KERNELS = $(shell grep -rl mark.kernels tests --include="test_*.py")
 
-test-kernels: .venv/test.stamp ## tests of kernels, uncompiled; begins the coverage that test goes on with
-	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 0 $(KERNELS) -m kernels --cov --cov-report= --cov-fail-under=0
+test-kernels: .venv/test.stamp ## tests of kernels, uncompiled
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 0 $(KERNELS) -m kernels $(KERNEL_COVERAGE)
 
 # What rounds differently on another x86 processor: the kernels of OpenBLAS, the loops of NumPy,
 # the functions of the C library, and what Numba compiles for. Each run has those of one generation
