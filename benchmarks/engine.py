@@ -97,7 +97,7 @@ def bench_pyfm(mesh: Mesh, k: int, repeats: int) -> Row:
 def bench_classical(mesh: Mesh, mark: float) -> Row:
     from sklearn.manifold import ClassicalMDS
 
-    every = distance(mesh, np.arange(mesh.n_vertices))
+    every = distance(mesh, np.arange(mesh.n_vertices), distance="biharmonic")
     every = (every + every.T) / 2 / np.sqrt(canonical_form(mesh).area)
     peer = ClassicalMDS(n_components=3, metric="precomputed")
     ours, form, theirs, points = alternate(

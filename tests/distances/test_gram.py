@@ -119,7 +119,7 @@ def test_a_diffusion_time_is_right_until_it_is_refused(blob):
 
 def test_the_constant_eigenfunction_tells_no_distance(blob):
     with pytest.raises(InputError, match="n_eigenpairs must be at least 2"):
-        distance(blob, 0, n_eigenpairs=1)
+        distance(blob, 0, distance="biharmonic", n_eigenpairs=1)
 
 
 @pytest.mark.parametrize(
@@ -177,9 +177,14 @@ def test_the_laplacian_is_the_one_asked_for():
     for operator in ("cotangent", "robust"):
         surface = make_surface(mesh, laplacian=operator)
         expected = dense.distances(dense.kernel(surface.operator, FILTERS["biharmonic"]))[9]
-        found = distance(mesh, 9, laplacian=operator)[0] / np.sqrt(surface.area)
+        found = distance(mesh, 9, distance="biharmonic", laplacian=operator)[0] / np.sqrt(
+            surface.area
+        )
         np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
-    assert abs(found - distance(mesh, 9)[0] / np.sqrt(surface.area)).max() > 1e-3 * found.max()
+    assert (
+        abs(found - distance(mesh, 9, distance="biharmonic")[0] / np.sqrt(surface.area)).max()
+        > 1e-3 * found.max()
+    )
 
 
 def test_distances_are_those_of_the_component_chosen(blob, blob_and_ball):
@@ -192,7 +197,7 @@ def test_distances_are_those_of_the_component_chosen(blob, blob_and_ball):
 def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="blob: 642 vertices need about"):
-        distance(Mesh(blob.vertices, blob.faces, name="blob"), 0)
+        distance(Mesh(blob.vertices, blob.faces, name="blob"), 0, distance="biharmonic")
 
 
 def test_only_a_spectral_distance_can_be_truncated(blob):
@@ -258,9 +263,9 @@ def test_one_vertex_where_two_ways_to_a_kernel_differ_is_enough(blob, monkeypatc
     monkeypatch.setattr("unbend.distances._gram.green_and_diagonal", wrong)
     figure = f"{1e-3 * kernel[9] / kernel.max():.1e}"
     with pytest.raises(SolverError, match=f"differ by {figure} of its largest"):
-        distance(blob, [0, 9])
+        distance(blob, [0, 9], distance="biharmonic")
     monkeypatch.undo()
-    assert distance(blob, [0, 9])[1, 9] == 0
+    assert distance(blob, [0, 9], distance="biharmonic")[1, 9] == 0
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])

@@ -64,7 +64,7 @@ def test_what_the_cache_holds_changes_nothing():
     "compute",
     [
         lambda mesh: distance(mesh, 0, distance="diffusion", time=0.5),
-        lambda mesh: distance(mesh, 0, n_eigenpairs=9),
+        lambda mesh: distance(mesh, 0, distance="biharmonic", n_eigenpairs=9),
         lambda mesh: farthest_point_sampling(mesh, 3),
         lambda mesh: canonical_form(mesh, distance="diffusion", time=0.5),
         lambda mesh: sampled_canonical_form(mesh, n_eigenpairs=9),

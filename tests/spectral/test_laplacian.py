@@ -127,7 +127,7 @@ def test_auto_takes_the_robust_laplacian_where_faces_are_too_thin(length, kind):
 @pytest.mark.parametrize(
     "compute",
     [
-        lambda mesh: distance(mesh, 0, laplacian="cotangent"),
+        lambda mesh: distance(mesh, 0, distance="biharmonic", laplacian="cotangent"),
         lambda mesh: canonical_form(mesh, laplacian="cotangent"),
         lambda mesh: spectrum(mesh, 3, laplacian="cotangent"),
     ],

@@ -40,7 +40,7 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     """Measure distances on the surface from some vertices."""
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
-    nearest = measure(mesh, vertices, distance="geodesic", component="largest").min(axis=0)
+    nearest = measure(mesh, vertices, component="largest").min(axis=0)
     view(mesh, values=nearest, landmarks=vertices, path=work.page, up=work.up)
     for suffix in (".csv", ".ply", ".glb"):
         path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
@@ -57,7 +57,7 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
         "-o",
         f"{stem}-distance.ply",
     ]
-    options = f'{list(vertices)}, distance="geodesic", component="largest"'
+    options = f'{list(vertices)}, component="largest"'
     call = f"distances = distance({mesh.name!r}, {options}).min(axis=0)"
     python = ["from unbend import distance", "", call]
     return work.result(f"Distances on {mesh.name}", facts, command, python)

@@ -50,7 +50,7 @@ def distance(
     mesh: MeshLike,
     sources: Any,
     *,
-    distance: DistanceKind = "biharmonic",
+    distance: DistanceKind = "geodesic",
     n_eigenpairs: int | None = None,
     time: float | None = None,
     laplacian: LaplacianKind = "auto",
@@ -64,9 +64,10 @@ def distance(
         Anything :func:`unbend.as_mesh` accepts.
     sources : int or (s,) array_like of int
         0-based vertex ids.
-    distance : {"biharmonic", "commute-time", "diffusion", "geodesic", "geodesic-exact"}
-        Biharmonic, commute-time and diffusion distances are exact: no eigenpair is left out.
-        ``"geodesic"`` is the robust heat method; ``"geodesic-exact"`` needs pygeodesic.
+    distance : {"geodesic", "geodesic-exact", "biharmonic", "commute-time", "diffusion"}
+        ``"geodesic"``, the default, is the robust heat method, as a tape measure to a percent or
+        so; ``"geodesic-exact"`` needs pygeodesic. Biharmonic, commute-time and diffusion distances
+        are exact: no eigenpair is left out.
     n_eigenpairs : int, optional
         Truncate a spectral distance to this many eigenpairs (Eq. 1 to 3) instead.
     time : float, optional
