@@ -210,10 +210,10 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
         trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
     return {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
+        "confidence": trust,
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
         "of the target's",
         "orientation": describe_side(found.orientation),
-        "confidence": trust,
     }
 
 
