@@ -167,7 +167,7 @@ def test_a_path_that_went_away_is_dropped_whenever_its_twin_is_added(
     assert list(paths_in(store).values()) == [(pair[1],)]
 
 
-@pytest.mark.parametrize("step", ["copy", "remove"])
+@pytest.mark.parametrize("step", ["add_paths", "remove"])
 def test_interrupted_anywhere_it_loses_nothing_and_goes_on(
     pair: list[str], store: Collection, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:

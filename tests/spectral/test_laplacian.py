@@ -116,7 +116,7 @@ def test_auto_takes_the_robust_laplacian_where_faces_are_too_thin(length, kind):
         assert found.areas.sum() == pytest.approx(face_areas(long).sum(), rel=1e-9)
     else:
         too_thin = (
-            r"^long: the robust Laplacian takes its area for 1.16e\+14, .* 9.69e\+08: they are"
+            r"^long: to the robust Laplacian its area is 1.16e\+14, .* 9.69e\+08: they are"
         )
         with pytest.warns(UnbendWarning, match=too_thin):
             found = laplacian(long)

@@ -107,7 +107,7 @@ class _Adding:
             for path, digest in dict.fromkeys(files)
             if path not in paths.get(digest, [path])
         ]
-        self._store.copy(new)  # first, so that an interruption loses no path
+        self._store.add_paths(new)  # first, so that an interruption loses no path
         self.new_paths += len(new)
         old = {path for _, digest in files for path in paths.get(digest, [])}
         self._store.remove(sorted(filter(is_gone, old - {path for path, _ in files})))

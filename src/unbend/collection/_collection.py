@@ -365,7 +365,7 @@ class Collection:
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""
-        row = self._store.of_ids(["thumbnail"], [self._store.find(name).id])[0]
+        row = self._store.rows_of(["thumbnail"], [self._store.find(name).id])[0]
         return bytes(row["thumbnail"])
 
     def export(self, path: str | os.PathLike[str]) -> int:

@@ -25,7 +25,7 @@ from unbend.mesh import Mesh
 
 def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
     """Rank by the root mean square distance of aligned canonical forms."""
-    rows = store.of_ids(["form"], [hit.id for hit in hits])
+    rows = store.rows_of(["form"], [hit.id for hit in hits])
     forms = [np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows]
     return _ranked(hits, [align(own, form).residual for form in forms])
 

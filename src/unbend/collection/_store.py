@@ -190,7 +190,7 @@ class Store:
             paths.setdefault(row["id"], []).append(row["path"])
         return {one: sorted(some) for one, some in paths.items()}
 
-    def copy(self, files: Sequence[tuple[str, str]]) -> None:
+    def add_paths(self, files: Sequence[tuple[str, str]]) -> None:
         """Add rows of new paths for shapes that are there, given as paths and ids."""
         if files:
             rows = self.select(self.schema.names, among("id", {digest for _, digest in files}))
@@ -239,7 +239,7 @@ class Store:
         (entry,) = self.entries(among("id", ids))
         return entry
 
-    def of_ids(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
+    def rows_of(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
         """Rows in the order of their ids."""
         found = {row["id"]: row for row in self.select(["id", *columns], among("id", ids))}
         return [found[one] for one in ids]

@@ -20,7 +20,7 @@ from unbend.preparation import Prepared, check_area, check_size, prepare
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 from unbend.spectral._point_cloud import cloud_operator
 
-# Of the largest entry, what rows may sum to; of the area, what may be lost in sharing it out.
+# Rows may sum to this share of the largest entry; vertices may miss this share of the area.
 _SUMS, _LOST = 1e-9, 1e-9
 # Share of the area that the robust Laplacian may add to it before that is said.
 _WIDENED = 0.01
@@ -149,8 +149,8 @@ def _tell_if_wider(operator: Laplacian, mesh: Mesh) -> None:
     taken, area = float(operator.areas.sum()), measure_faces(mesh.vertices, mesh.faces)[1]
     if abs(taken - area) > _WIDENED * area:
         warn(
-            f"{mesh.name}: the robust Laplacian takes its area for {taken:.3g}, but its faces have "
-            f"{area:.3g}: they are too thin for it; remesh it"
+            f"{mesh.name}: to the robust Laplacian its area is {taken:.3g}, but its faces have "
+            f"{area:.3g}: they are too thin; remesh the shape"
         )
 
 
