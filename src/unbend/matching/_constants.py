@@ -48,10 +48,9 @@ PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wr
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
-SMALLEST_PART = 0.02  # Share of the area below which a hole is no missing part.
-DIFFERENT = (
-    0.03  # Share of the area, a limb's end, of which different maps lead more to other limbs.
-)
+# Share of the area, a limb's end. Less of it is no missing part, and different maps lead more of it
+# to other limbs.
+SMALLEST_PART = 0.03
 
 # Floors of the arithmetic, which decide nothing.
 DIGITS = 6  # of costs that are not rounding

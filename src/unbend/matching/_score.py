@@ -128,7 +128,7 @@ def distinct(
     def same(one: Candidate, other: Candidate) -> bool:
         images, others = (places[c.registered.forward] for c in (one, other))
         both = areas * (one.registered.source.overlap & other.registered.source.overlap)
-        return bool(both @ (distances[images, others] > constants.LIMB) <= constants.DIFFERENT)
+        return bool(both @ (distances[images, others] > constants.LIMB) <= constants.SMALLEST_PART)
 
     for one in candidates:
         if not any(same(one, other) for other in found):
