@@ -8,8 +8,8 @@ constants of `unbend.matching._score.plausibility` and `lead_shares` by maximum 
 prints how well the confidence holds on each set with the constants fitted to the other sets.
 
 First it prints how well the expected errors of vertices hold on each set: the share of the vertices
-and of the area whose error is below, and Spearman's rank correlation with the error, within maps (mean) and over
-all vertices of the set.
+and of the area whose error is below, and Spearman's rank correlation with the error,
+within maps (mean) and over all vertices of the set.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def print_reliability(trust: FloatArray, right: FloatArray) -> None:
 def print_expected(rows: list[Row]) -> None:
     """Print how well the expected errors of vertices hold on each set."""
     points = [(row["set"], row["points"]) for row in rows if "points" in row]
-    for name in [*dict.fromkeys(one for one, _ in points), "all"]:
+    for name in [*dict.fromkeys(one for one, _ in points), "all"] if points else []:
         some = [one for of, one in points if name in (of, "all")]
         every = {key: np.concatenate([one[key] for one in some]) for key in some[0]}
         below = every["error"] <= every["expected"]

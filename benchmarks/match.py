@@ -125,7 +125,7 @@ def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | 
         row["points"] = {
             "error": errors.tolist(),
             "expected": (unit * expected[rows[finite]]).tolist(),
-            "area": areas[0][rows[finite]].tolist(),
+            "area": (areas[0] / areas[0].sum())[rows[finite]].tolist(),
         }
     if case.overlap is not None:
         row["iou"] = min(
