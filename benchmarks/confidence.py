@@ -6,6 +6,10 @@ FILES are rows of two sets or more that benchmarks/match.py wrote (``--out``), r
 out. Prints how many maps are right of those in each of ten classes of confidence. Then fits the
 constants of `unbend.matching._score.plausibility` and `lead_shares` by maximum likelihood, and
 prints how well the confidence holds on each set with the constants fitted to the other sets.
+
+First it prints how well the expected errors of vertices hold on each set: the share of the vertices
+and of the area whose error is below, and Spearman's rank correlation with the error,
+within maps (mean) and over all vertices of the set.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from match import SURE, WRONG, Row, calibration_error, read
 from scipy.optimize import minimize
+from scipy.stats import spearmanr
 
 from unbend._types import FloatArray
 from unbend.matching._score import lead_shares, plausibility
@@ -87,6 +92,27 @@ def print_reliability(trust: FloatArray, right: FloatArray) -> None:
     )
 
 
+def print_expected(rows: list[Row]) -> None:
+    """Print how well the expected errors of vertices hold on each set."""
+    points = [(row["set"], row["points"]) for row in rows if "points" in row]
+    for name in [*dict.fromkeys(one for one, _ in points), "all"] if points else []:
+        some = [one for of, one in points if name in (of, "all")]
+        every = {key: np.concatenate([one[key] for one in some]) for key in some[0]}
+        below = every["error"] <= every["expected"]
+        within = np.nanmean([_rank_correlation(one) for one in some])
+        print(
+            f"  {name:22}{len(some):5}  below {below.mean():.2f} of vertices, "
+            f"{every['area'] @ below / every['area'].sum():.2f} of area  "
+            f"rank correlation within maps {within:.2f}, of all {_rank_correlation(every):.2f}  "
+            f"median error {np.median(every['error']):.3f}, expected "
+            f"{np.median(every['expected']):.3f}"
+        )
+
+
+def _rank_correlation(points: dict[str, FloatArray]) -> float:
+    return float(spearmanr(points["error"], points["expected"]).statistic)
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
@@ -94,6 +120,8 @@ def main() -> None:
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     rows = [row for file in parser.parse_args().files for row in read(file) if "energies" in row]
+    print("expected errors of vertices:")
+    print_expected(rows)
     right = np.array([float(row["error"] < WRONG) for row in rows])
     n_sets = len({row["set"] for row in rows})
     if min(right.sum(), len(rows) - right.sum()) < LEAST or n_sets < 2:

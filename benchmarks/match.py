@@ -42,7 +42,7 @@ from processes import run_all
 from scipy.spatial import cKDTree
 
 from unbend import Match, Mesh, evaluate, match
-from unbend._types import BoolArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import UnbendError
 from unbend.mesh import vertex_areas
 from unbend.spectral import use_cache
@@ -80,7 +80,8 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
     row["energies"] = [one.energy for one in found.hypotheses]
     if how == "barycentric" and case.places is not None:
         row["straight"] = straight_errors(case, found)
-    return row | measure(case, found.source_to_target, found.target_to_source)
+    maps = found.source_to_target, found.target_to_source
+    return row | measure(case, *maps, found.expected_error)
 
 
 def match_with_pyfm(source: Mesh, target: Mesh) -> IntArray:
@@ -98,8 +99,8 @@ def match_with_pyfm(source: Mesh, target: Mesh) -> IntArray:
     return np.asarray(model.get_p2p(model.zoomout_refine(nit=16, step=5)))
 
 
-def measure(case: Case, there: IntArray, back: IntArray) -> Row:
-    """Errors over the true overlap, and how well the overlap itself was found."""
+def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | None = None) -> Row:
+    """Errors over the true overlap, those expected, and how well the overlap itself was found."""
     known = np.flatnonzero(there[case.rows] >= 0)
     if not len(known):
         return {"error": np.inf, "mirrored": False, "iou": 0.0}
@@ -111,12 +112,21 @@ def measure(case: Case, there: IntArray, back: IntArray) -> Row:
     found = evaluate(images, case.whole, rows, *truths)
     # What is known may lie on another component than the one that was matched.
     errors = found.errors("direct")
-    errors = errors[np.isfinite(errors)]
+    finite = np.isfinite(errors)
+    errors = errors[finite]
     row: Row = {
         "error": float(errors.mean()),
         "shares": [float((errors <= most).mean()) for most in (0.025, 0.05, 0.1)],
         "mirrored": len(truths) > 1 and bool(found.mean("map-min") < WRONG <= errors.mean()),
     }
+    if expected is not None:
+        areas = [vertex_areas(one) for one in (case.source, case.target, case.whole)]
+        unit = np.sqrt(areas[1].sum() / areas[2].sum())
+        row["points"] = {
+            "error": errors.tolist(),
+            "expected": (unit * expected[rows[finite]]).tolist(),
+            "area": (areas[0] / areas[0].sum())[rows[finite]].tolist(),
+        }
     if case.overlap is not None:
         row["iou"] = min(
             _iou(mesh, found >= 0, true)

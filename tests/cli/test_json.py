@@ -39,6 +39,7 @@ HEALTH = {
 WAY = dict.fromkeys(
     ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target"), MAYBE
 )
+EXPECTED = {"median": MAYBE, "within_95": MAYBE}
 PROTOCOL = {"n_rows": int, "mean": MAYBE, "median": MAYBE, "auc": MAYBE, "curve": [NUMBER]}
 SPREAD = dict.fromkeys(("mean", "within_95", "mean_relative", "within_95_relative"), MAYBE)
 FAILED = [{"path": str, "reason": str}]
@@ -83,6 +84,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
     "match a.ply b.ply --no-refine --n-matches 2 --no-cache": {
         "source": str, "target": str, "n_source": int, "n_target": int, "n_matched": int, **WAY,
         "residual": MAYBE, "missed_landmarks": [int], "hypotheses": [dict], "alternatives": [WAY],
+        "expected_error": EXPECTED,
     },
     "symmetry a.ply --no-refine --no-cache": {
         "file": str, "n_vertices": int, "n_matched": int, "confidence": MAYBE, "orientation": MAYBE,

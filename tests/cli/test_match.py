@@ -62,6 +62,9 @@ def test_match_tells_and_writes_what_it_found(folder: Path) -> None:
     assert told["confidence_bound"] == written.confidence_bound == 1
     assert told["orientation"] == written.orientation > 0
     assert len(told["hypotheses"]) == len(written.hypotheses)
+    assert (told["expected_error"]["median"], told["expected_error"]["within_95"]) == (
+        written.expected_error_quantiles()
+    )
     assert written.faces is not None
     assert (folder / "match.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "match.html").read_text(encoding="utf-8")
@@ -250,6 +253,24 @@ def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(
     assert not out.exists()
     right(*given, "--min-confidence", told["confidence"])
     assert out.exists()
+
+
+def test_transfer_writes_where_it_is_to_be_trusted(folder: Path, tmp_path: Path) -> None:
+    given = ["transfer", folder / "a.ply", folder / "b.ply", "--values", folder / "a.vts"]
+    np.savetxt(tmp_path / "values.txt", np.arange(800.0))
+    given[-1] = tmp_path / "values.txt"
+    out = ["-o", tmp_path / "out.npy", "--expected-error", tmp_path / "errors.csv"]
+    told = json.loads(right(*given, "--map", folder / "ab.npz", *out, "--json").stdout)
+    assert str(tmp_path / "errors.csv") in told["written"]
+    errors = read_values(tmp_path / "errors.csv")
+    found = read_match(folder / "ab.npz")
+    assert errors.shape == (700,)
+    assert (errors >= found.expected_error.min() - 1e-9).all()
+    assert (errors <= found.expected_error.max() + 1e-9).all()
+    write_match(tmp_path / "old.npz", replace(found, expected_error=None))
+    refused = run(*given, "--map", tmp_path / "old.npz", *out)
+    assert refused.exit_code == 2
+    assert "has no expected errors" in refused.output
 
 
 def test_transfer_and_register_refuse_an_unsure_match(folder: Path, tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ RIGHT = Match(
     weights=np.array([[1, 0, 0], [0, 1, 0], [np.nan] * 3]),
     overlap_source=0.7,
     overlap_target=0.9,
+    expected_error=np.array([0.01, 0.2, np.nan]),
 )
 BARE = Match(np.array([0]), np.array([0]), np.eye(1), 0.0, 0.0, 0.0)
 
@@ -131,6 +132,10 @@ def test_what_is_no_match_is_refused(tmp_path: Path) -> None:
         ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3])),
         ("weights", np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3])),
         ("weights", np.array([[1, 0, 0], [0, 1, 0], [np.nan, 0, 0]])),
+        ("expected_error", np.array([0.01, 0.2])),
+        ("expected_error", np.array([0.01, np.nan, np.nan])),
+        ("expected_error", np.array([0.01, -0.2, np.nan])),
+        ("expected_error", np.array([0.01, 0.2, 0.3])),  # the last vertex has no partner
         ("mirrored", np.array([0, 1])),
         ("mirrored", np.array([0, 1, 2])),
     ],

@@ -12,7 +12,7 @@ from unbend.errors import UnbendWarning
 from unbend.matching import Match
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import Pose, Registered
-from unbend.matching._score import Candidate, confidence_bound, disorder
+from unbend.matching._score import Candidate, confidence_bound, disorder, expected_errors
 from unbend.matching._shape import Shape
 
 SIDE = 41
@@ -104,3 +104,23 @@ def test_what_uses_a_match_in_disorder_says_so() -> None:
         register(sheet, sheet, poor)
     good = replace(poor, confidence_bound=1.0)
     transfer(np.arange(25.0), good, target=sheet)
+
+
+def test_expected_errors_grow_with_gaps_and_with_doubt(sheet: Shape) -> None:
+    n, every = SIDE**2, np.arange(SIDE**2)
+    pose = Pose(sheet.vertices, np.tile(np.eye(3), (n, 1, 1)), every != 7)
+    off = pose._replace(places=sheet.vertices + (every < n // 2)[:, None] * [0.0, 0.0, 0.1])
+    nothing = np.zeros(0, dtype=bool)
+    exact, poor = (
+        expected_errors(
+            sheet,
+            sheet,
+            Candidate(Registered(every, every, one, pose), 0.0, 1.0, False, nothing, 1.0),
+            1.0,
+        )
+        for one in (pose, off)
+    )
+    assert np.isnan(exact[7])
+    assert np.nanmax(exact[every < n // 2]) < np.nanmin(poor[every < n // 2])
+    one = Candidate(Registered(every, every, pose, pose), 0.0, 1.0, False, nothing, 1.0)
+    assert np.nanmin(expected_errors(sheet, sheet, one, 0.5) - exact) > 0.1

@@ -169,6 +169,9 @@ def match(
             "n_matched": int((found.source_to_target >= 0).sum()),
             **_measures(found),
             "residual": found.residual,
+            "expected_error": dict(
+                zip(("median", "within_95"), found.expected_error_quantiles(), strict=True)
+            ),
             "missed_landmarks": found.missed_landmarks,
             "hypotheses": [vars(one) for one in found.hypotheses],
             "alternatives": [_measures(one) for one in found.alternatives],
@@ -208,13 +211,20 @@ def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
     trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
         trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
-    return {
+    told = {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "confidence": trust,
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
         "of the target's",
         "orientation": describe_side(found.orientation),
     }
+    if matched:
+        median, high = found.expected_error_quantiles()
+        told["errors"] = (
+            f"expected up to {median:.1%} of the size (square root of the area) at half of the "
+            f"vertices, {high:.1%} at 95 %"
+        )
+    return told
 
 
 def describe_side(orientation: float) -> str:

@@ -47,6 +47,14 @@ def transfer(
             help="Which values of a mesh file: a property of its vertices, color or uv.",
         ),
     ] = None,
+    expected_error: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write too how far off each target vertex's source may be, in square roots of the "
+            "target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.",
+        ),
+    ] = None,
     map_file: options.Map = None,
     base: options.Base = None,
     partial: options.Partial = "auto",
@@ -71,6 +79,7 @@ def transfer(
 
     from unbend.correspondence import transfer as carry
     from unbend.correspondence import value_kind
+    from unbend.errors import InputError
     from unbend.io import (
         COLOR_SUFFIXES,
         MARKUP_SUFFIXES,
@@ -84,6 +93,8 @@ def transfer(
     )
     from unbend.matching import Match
 
+    if expected_error is not None:
+        check_writable(expected_error, VALUE_SUFFIXES + COLOR_SUFFIXES)
     is_markup = values.lower().endswith(MARKUP_SUFFIXES)
     check_writable(out, (".json",) if is_markup else VALUE_SUFFIXES + COLOR_SUFFIXES)
     with progress_on_stderr() as progress:
@@ -99,6 +110,12 @@ def transfer(
             shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         progress("carrying", 0)
+        if expected_error is not None:
+            errors = getattr(found, "expected_error", None)
+            if errors is None:
+                raise InputError(f"{map_file} has no expected errors; leave out --map to match")
+            errors = carry(errors, found, kind="scalar", source=shapes[0], target=shapes[1])
+            write_values(expected_error, errors, shapes[1])
         if is_markup:
             images = found.source_to_target if isinstance(found, Match) else found
             carried = images[array]
@@ -128,7 +145,7 @@ def transfer(
         },
         rows({"carried": f"{len(carried):,}{width} values ({shown})"}),
         shapes=shapes,
-        written=[out, save_match],
+        written=[out, save_match, expected_error],
     )
 
 

@@ -52,7 +52,7 @@ _RANGES = {
 }
 _OPTIONAL = (
     "faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound",
-    "disorder",
+    "disorder", "expected_error",
 )  # fmt: skip
 _MESHES = ("source_mesh", "target_mesh")  # hashes
 _TUPLES = ("missed_landmarks", "landmark_hints")
@@ -197,6 +197,8 @@ def _checked_match(arrays: _Arrays) -> Match:
             fields[name] = float(_numbers(arrays, name, (), *_RANGES[name]))
     if "mirrored" in arrays:
         fields["mirrored"] = _vertices(arrays, "mirrored", n, m)
+    if "expected_error" in arrays:
+        fields["expected_error"] = _errors(arrays["expected_error"], fields["source_to_target"])
     for name, other in (("faces", "weights"), ("weights", "faces")):
         if name in arrays and other not in arrays:
             raise FileError(f"its {name} mean nothing without {other}")
@@ -259,6 +261,18 @@ def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise FileError(f"its weights in row {row} do not go with face {faces[row]}")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _errors(array: npt.NDArray[Any], partners: IntArray) -> FloatArray:
+    """Check expected errors: NaN without a partner, otherwise finite and not negative."""
+    there = partners >= 0
+    if array.shape != partners.shape or array.dtype.kind != "f":
+        raise FileError(f"its expected_error is not {len(partners)} numbers")
+    right = np.where(there, np.isfinite(array) & (array >= 0), np.isnan(array))
+    if not right.all():
+        row = int(np.flatnonzero(~right)[0])
+        raise FileError(f"its expected_error in row {row} does not go with vertex {partners[row]}")
     return np.asarray(array, dtype=np.float64)
 
 

@@ -34,6 +34,7 @@ from unbend.matching._score import (
     Candidate,
     confidence_bound,
     disorder,
+    expected_errors,
     lead_shares,
     plausibility,
     ranked,
@@ -303,6 +304,7 @@ def _result(
     there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
+    confidence = min(share * plausibility(ranks[0].energy, in_disorder), bound)
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
@@ -313,13 +315,14 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=min(share * plausibility(ranks[0].energy, in_disorder), bound),
+        confidence=confidence,
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,
         disorder=in_disorder,
         hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
+        expected_error=expand_rows(expected_errors(left, right, chosen, confidence), ours, np.nan),
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import warn
@@ -78,6 +80,11 @@ class Match:
     landmark_hints : tuple of int
         Source vertices where landmarks would help most: there the runners-up that are nearly as
         good lead farthest elsewhere. Empty if none is.
+    expected_error : (n_source,) ndarray of float64, or None
+        Where the map is to be trusted: a geodesic distance, in square roots of the target's area,
+        that the error of a source vertex stays below at about nine vertices in ten; NaN without
+        partner. It does not bound the error of a single vertex. None for a match from a file that
+        was written before there were any.
     """
 
     source_to_target: IntArray
@@ -97,6 +104,16 @@ class Match:
     alternatives: tuple[Match, ...] = ()
     missed_landmarks: tuple[int, ...] = ()
     landmark_hints: tuple[int, ...] = ()
+    expected_error: FloatArray | None = None
+
+    def expected_error_quantiles(self) -> tuple[float, float]:
+        """Median and 95th percentile of `expected_error`; NaN if nothing is known."""
+        known = np.empty(0) if self.expected_error is None else self.expected_error
+        known = known[np.isfinite(known)]
+        if not len(known):
+            return math.nan, math.nan
+        median, high = np.quantile(known, (0.5, 0.95))
+        return float(median), float(high)
 
     def __repr__(self) -> str:
         part = min(self.overlap_source, self.overlap_target)

@@ -50,6 +50,7 @@ def match_html(dogs, tmp_path_factory: pytest.TempPathFactory) -> Path:
         confidence=0.9,
         hypotheses=(Hypothesis(0.2, 0.9), Hypothesis(0.3, 0.8)),
         mirrored=MIRRORED,
+        expected_error=np.where(forward >= 0, np.linspace(0, 0.2, len(forward)), np.nan),
     )
     match_page(source, target, found, path, truth=(known, np.roll(forward[known], 1)))
     return path
@@ -225,7 +226,14 @@ def test_colours_by_error_and_in_the_dark(browser, match_html, screenshots) -> N
     place = browser.picture("#source")
     browser.run("(s => { s.value = '1'; s.dispatchEvent(new Event('change')) })(part('paint'))")
     browser.settle()
+    by_error = browser.picture("#source")
+    assert changed(place, by_error) > 0.05
+    browser.run(
+        "(s => { s.value = 'expected'; s.dispatchEvent(new Event('change')) })(part('paint'))"
+    )
+    browser.settle()
     assert changed(place, browser.picture("#source")) > 0.05
+    assert changed(by_error, browser.picture("#source")) > 0.02
     dark = [{"name": "prefers-color-scheme", "value": "dark"}]
     browser.call("Emulation.setEmulatedMedia", features=dark)
     browser.settle()

@@ -74,6 +74,10 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "unbend match a b" in text
     assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>10%</td></tr>" in text
     assert data_of(page)["maps"][0]["errors"] is not None
+    assert data_of(page)["maps"][0]["expected"] is not None
+    assert "by expected error" in text
+    match_page(blob, blob, replace(found, expected_error=None), page)
+    assert "expected error" not in page.read_text(encoding="utf-8")
 
 
 def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:

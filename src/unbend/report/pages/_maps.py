@@ -47,11 +47,15 @@ def pack_map(
     colors = places_as_colors(source, ours, carried)[theirs.ids]
     shares = _FRAMES if first else _FEW_FRAMES
     errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
+    expected = match.expected_error if isinstance(match, Match) else None
     return {
         "source": _links(forward[ours.ids], theirs),
         "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
         "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
         "errors": None if errors is None else pack_places(errors[ours.ids][:, None]),
+        "expected": None
+        if expected is None
+        else pack_places(np.nan_to_num(np.minimum(expected, 1.0), nan=-1.0)[ours.ids][:, None]),
         **_motion(forms, forward),
     }
 

@@ -136,13 +136,14 @@ def match_page(
             tuple(maps),
             morphs=bool(packed[0]["frames"]),
             errors=found is not None,
+            expected=known is not None and known.expected_error is not None,
         ),
         words.forms(),
         '<div class="columns">',
         *([words.errors(found, _WORST)] if found is not None else []),
         *([words.hypotheses(known)] if known is not None and known.hypotheses else []),
         "</div>",
-        words.facts((source, target), shown, known, command),
+        words.facts((source, target), shown, known, command, _WORST),
     ]
     return make_page(
         title=f"{source.name} to {target.name}",

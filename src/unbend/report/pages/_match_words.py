@@ -40,7 +40,13 @@ def doubt(match: Match | None) -> str:
 
 
 def pictures(
-    names: tuple[str, str], up: str, maps: tuple[str, ...], *, morphs: bool, errors: bool
+    names: tuple[str, str],
+    up: str,
+    maps: tuple[str, ...],
+    *,
+    morphs: bool,
+    errors: bool,
+    expected: bool,
 ) -> str:
     """Both shapes, with controls that move and colour them."""
     choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
@@ -53,6 +59,8 @@ def pictures(
         else ""
     )
     error = '<option value="1">by error</option>' if errors else ""
+    if expected:
+        error += '<option value="expected">by expected error</option>'
     sides = [
         canvas(
             side,
@@ -144,7 +152,11 @@ def hypotheses(match: Match) -> str:
 
 
 def facts(
-    meshes: tuple[Mesh, Mesh], shown: tuple[Shown, Shown], match: Match | None, command: str
+    meshes: tuple[Mesh, Mesh],
+    shown: tuple[Shown, Shown],
+    match: Match | None,
+    command: str,
+    worst: float,
 ) -> str:
     """Section on what was matched, what was done to it, and by which command."""
     rows = []
@@ -166,4 +178,13 @@ def facts(
             ),
             ("residual of the aligned forms", f"{match.residual:.3f}"),
         ]
+        if match.expected_error is not None:
+            median, high = match.expected_error_quantiles()
+            rows.append(
+                (
+                    "expected error",
+                    f"up to {median:.3f} at half of the vertices, {high:.3f} at 95 % (in square "
+                    f"roots of the target's area; coloured from 0 to {worst:g} and more)",
+                )
+            )
     return how_made(rows, command)

@@ -74,19 +74,20 @@ start(async (data) => {
 
   const paint = part("paint");
   function color() {
-    const links = names.map((name) => map[name]), byError = paint.value === "1";
-    const errors = map.errors && map.errors.map((one) => (one > -0.5 ? one / data.worst : -1));
+    const links = names.map((name) => map[name]);
+    const measured = { 1: map.errors, expected: map.expected }[paint.value];
+    const errors = measured && measured.map((one) => (one > -0.5 ? one / data.worst : -1));
     views.forEach((view, i) => {
       const { standIns, partners } = links[i];
       let known = Float32Array.from(partners, (one) => (one < 0 ? 0 : 1));
-      if (byError) {
+      if (errors) {
         // The target has no errors of its own: it shows those of what leads to it.
         const seen = i ? Float32Array.from(standIns, (one) => (one < 0 ? -1 : errors[one])) : errors;
         view.set(view.meshes[0], "value", seen);
         known = seen.map((one) => (one < 0 ? 0 : 1));
       }
       view.set(view.meshes[0], "known", known);
-      view.paint = +paint.value;
+      view.paint = errors ? 1 : paint.value === "expected" ? 2 : +paint.value;
     });
   }
   paint.addEventListener("change", color);
