@@ -115,9 +115,7 @@ def test_auto_takes_the_robust_laplacian_where_faces_are_too_thin(length, kind):
         found = laplacian(long)
         assert found.areas.sum() == pytest.approx(face_areas(long).sum(), rel=1e-9)
     else:
-        too_thin = (
-            r"^long: to the robust Laplacian its area is 1.16e\+14, .* 9.69e\+08: they are"
-        )
+        too_thin = r"^long: to the robust Laplacian its area is 1.16e\+14, .* 9.69e\+08: they are"
         with pytest.warns(UnbendWarning, match=too_thin):
             found = laplacian(long)
     assert found.kind == kind
