@@ -32,7 +32,7 @@ INPUTS = {
     *("--values", "--truth", "--mirrored-truth", "--component", "--property", "--scheduler"),
 }
 # An output that needs a match to be made, which takes long: tests of match, register and transfer.
-APART = {"--save-match"}
+APART = {"--save-match", "--expected-error"}
 # A line for each command that has outputs, with the suffix of its OUT.
 LINES = {
     "canonical a.ply --no-cache": ".ply",

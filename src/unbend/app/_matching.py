@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from unbend._display import is_doubtful
 from unbend._text import plural, quoted
 from unbend.app._work import Result, Work, reading
 from unbend.correspondence import read_match, write_match
+from unbend.errors import UnbendWarning
 from unbend.io import write_map
 from unbend.matching import Match
 from unbend.matching import match as find_match
@@ -54,7 +56,9 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     for i, other in enumerate(found.alternatives):
         path = work.folder / f"alternative-{i}.npz"
         write_match(path, other, source=source, target=target)
-        work.draw("", target, match_colors(source, target, other)[1])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)  # it is no map that was chosen yet
+            work.draw("", target, match_colors(source, target, other)[1])
         result["alternatives"].append(
             {
                 "path": str(path),

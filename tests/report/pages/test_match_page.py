@@ -92,7 +92,8 @@ def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
 def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
     page = tmp_path / "match.html"
     one = replace(match(blob, blob, refine=False), confidence=np.nan)
-    two = replace(one, confidence=0.6, alternatives=(one,), mirrored=np.arange(642))
+    worse = replace(one, confidence_bound=0.5)  # of which the page does not warn
+    two = replace(one, confidence=0.6, alternatives=(worse,), mirrored=np.arange(642))
     match_page(blob, blob, two, page)
     assert len(data_of(page)["maps"]) == 3
     text = page.read_text(encoding="utf-8")

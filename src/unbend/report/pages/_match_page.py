@@ -126,7 +126,9 @@ def match_page(
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnbendWarning)  # runners-up may be as wrong as they are
+            packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
     blocks = [
