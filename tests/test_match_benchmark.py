@@ -215,7 +215,7 @@ def rows_of(errors, cpu=1.0, name="own"):
 def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, monkeypatch):
     """Maps that are right as often as four given constants say."""
     confidence, rng = script("confidence"), np.random.default_rng(0)
-    rows = rows_of(np.zeros(1500))
+    rows = rows_of(np.zeros(800))
     for i, row in enumerate(rows):
         row["energies"] = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
         row |= {"overlap": float(rng.uniform(0.3, 1)), "confidence_bound": 1.0}

@@ -89,7 +89,7 @@ def test_many_noisy_points_become_a_smooth_surface_of_fewer() -> None:
 
 
 def test_a_long_rod() -> None:
-    health = diagnose(surface_of_points(Mesh(sphere(5000) * [1, 1, 20])).mesh)
+    health = diagnose(surface_of_points(Mesh(sphere(2000) * [1, 1, 20])).mesh)
     assert health.closed
     assert health.genus == 0
     assert health.area == pytest.approx(np.pi**2 * 20, rel=0.04)
