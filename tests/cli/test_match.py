@@ -256,9 +256,9 @@ def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(
 
 
 def test_transfer_writes_where_it_is_to_be_trusted(folder: Path, tmp_path: Path) -> None:
-    given = ["transfer", folder / "a.ply", folder / "b.ply", "--values", folder / "a.vts"]
-    np.savetxt(tmp_path / "values.txt", np.arange(800.0))
-    given[-1] = tmp_path / "values.txt"
+    values = tmp_path / "values.txt"
+    np.savetxt(values, np.arange(800.0))
+    given = ["transfer", folder / "a.ply", folder / "b.ply", "--values", values]
     out = ["-o", tmp_path / "out.npy", "--expected-error", tmp_path / "errors.csv"]
     told = json.loads(right(*given, "--map", folder / "ab.npz", *out, "--json").stdout)
     assert str(tmp_path / "errors.csv") in told["written"]

@@ -32,6 +32,7 @@ from unbend.report import (
     similarity_page,
     view,
 )
+from unbend.report.pages import check_count
 
 _N_FOUND = 20  # shapes of a collection
 
@@ -110,11 +111,15 @@ def groups(work: Work, store: str) -> Result:
 
     work.progress("comparing", 0.0)
     entries, distances = Collection(store).distances()
-    numbers = find_groups(distances)
+    check_count(len(entries))  # before they are read
+    numbers = find_groups(distances).tolist()
     table = work.new_file("groups.csv", "the group of each shape")
-    write_table(
-        table, [("path", "group"), *zip([e.path for e in entries], numbers.tolist(), strict=True)]
+    pairs = sorted(
+        (path, number)
+        for one, number in zip(entries, numbers, strict=True)
+        for path in (one.path, *one.also)
     )
+    write_table(table, [("path", "group"), *pairs])
     meshes, _ = read_found(entries, store)
     similarity_page(
         meshes,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -110,12 +110,9 @@ def transfer(
             shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
         )
         progress("carrying", 0)
-        if expected_error is not None:
-            errors = getattr(found, "expected_error", None)
-            if errors is None:
-                raise InputError(f"{map_file} has no expected errors; leave out --map to match")
-            errors = carry(errors, found, kind="scalar", source=shapes[0], target=shapes[1])
-            write_values(expected_error, errors, shapes[1])
+        errors: Any = getattr(found, "expected_error", None)
+        if expected_error is not None and errors is None:
+            raise InputError(f"{map_file} has no expected errors; leave out --map to match")
         if is_markup:
             images = found.source_to_target if isinstance(found, Match) else found
             carried = images[array]
@@ -128,6 +125,9 @@ def transfer(
             is_mesh = out.lower().endswith(COLOR_SUFFIXES)
             like = lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
             write_values(out, carried, shapes[1], kind=chosen, like=like)
+        if expected_error is not None:
+            errors = carry(errors, found, kind="scalar", source=shapes[0], target=shapes[1])
+            write_values(expected_error, errors, shapes[1])
     lost = _count_lost(found, shapes[1])
     if lost:
         say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")

@@ -48,8 +48,8 @@ PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wr
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
 # What a vertex's expected error adds up from: the gaps to its partner in both poses, the square
-# root of what its patch leaves unexplained, and the doubt, one less the confidence. Errors stay
-# below it at nine vertices in ten, benchmarks/confidence.py measures.
+# root of what its patch leaves unexplained, and the doubt, one less the confidence. Fitted so that
+# errors stay below it at nine vertices in ten; benchmarks/confidence.py measures how many do.
 EXPECTED_ERROR = (0.75, 0.075, 0.62)
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
 # Share of the area, a limb's end. Less of it is no missing part, and different maps lead more of it
