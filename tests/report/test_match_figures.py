@@ -20,7 +20,7 @@ from unbend.report.match_figures import (
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list:
     """Keep the figures, small ones, instead of writing them."""
     figures: list = []
-    monkeypatch.setattr(match_figures, "new_figure", lambda w, h: new_figure(w, h, dpi=30))
+    monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 30)
     monkeypatch.setattr(match_figures, "save_figure", lambda figure, path: figures.append(figure))
     return figures
 
@@ -40,7 +40,7 @@ def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: li
     every = np.arange(blob.n_vertices)
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     draw_match(blob, Mesh(blob.vertices @ turn.T, blob.faces), every, "any.png")
-    above, below, above_target, below_target = drawn[0].get_axes()
+    above, above_target, below, below_target = drawn[0].get_axes()
     for left, right in ((above, above_target), (below, below_target)):
         pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in (left, right)]
         assert np.abs(pictures[0] - pictures[1]).mean() < 0.02
@@ -48,7 +48,7 @@ def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: li
 
 def test_vertices_without_a_partner_are_grey(blob: Mesh, drawn: list) -> None:
     draw_match(blob, blob, np.full(blob.n_vertices, -1), "any.png", up="z")
-    picture = np.asarray(drawn[0].get_axes()[2].get_images()[0].get_array())
+    picture = np.asarray(drawn[0].get_axes()[1].get_images()[0].get_array())
     opaque = picture[picture[..., 3] == 1][:, :3]
     assert np.ptp(opaque, axis=1).max() < 1e-6
 

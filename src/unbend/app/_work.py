@@ -15,7 +15,7 @@ from unbend.choices import Axis
 from unbend.errors import MeshError
 from unbend.io import read_mesh, write_mesh
 from unbend.mesh import Mesh
-from unbend.report.figures import UPRIGHT, drawable
+from unbend.report.figures import drawable, upright
 from unbend.report.raster import thumbnail
 
 Result = dict[str, Any]
@@ -75,10 +75,10 @@ class Work:
             faces = drawable(mesh).faces
         except MeshError:
             return
-        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, faces)
+        turned = Mesh(mesh.vertices @ upright(self.up).T, faces)
         path = self.folder / f"picture-{len(self.pictures)}.png"
         shares = None if colors is None else np.asarray(colors) / 255
-        path.write_bytes(thumbnail(upright, _PICTURE, shares))
+        path.write_bytes(thumbnail(turned, _PICTURE, shares))
         self.pictures.append({"caption": caption, "path": str(path)})
 
     def result(

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
-from unbend.correspondence import as_point_map, evaluate, morph, transfer
+from unbend.correspondence import as_point_map, carry, evaluate, morph
 from unbend.io import invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends
@@ -43,7 +43,7 @@ def pack_map(
     ours, theirs = shown
     forward = as_point_map(match)
     backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
-    carried = transfer(source.vertices, match, kind="scalar", source=source, target=target)
+    carried = carry(source.vertices, match, "scalar", source, target)
     colors = places_as_colors(source, ours, carried)[theirs.ids]
     shares = _FRAMES if first else _FEW_FRAMES
     errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
@@ -52,12 +52,15 @@ def pack_map(
         "source": _links(forward[ours.ids], theirs),
         "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
         "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
-        "errors": None if errors is None else pack_places(errors[ours.ids][:, None]),
-        "expected": None
-        if expected is None
-        else pack_places(np.nan_to_num(np.minimum(expected, 1.0), nan=-1.0)[ours.ids][:, None]),
+        "errors": None if errors is None else _pack_errors(errors[ours.ids]),
+        "expected": None if expected is None else _pack_errors(expected[ours.ids]),
         **_motion(forms, forward),
     }
+
+
+def _pack_errors(errors: FloatArray) -> dict[str, Any]:
+    """Pack errors up to 1; unknown ones are -1."""
+    return pack_places(np.nan_to_num(np.minimum(errors, 1.0), nan=-1.0)[:, None])
 
 
 def _links(partners: IntArray, other: Shown) -> dict[str, Any]:

@@ -14,14 +14,14 @@ import numpy.typing as npt
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
-from unbend.correspondence import as_point_map, evaluate, transfer
+from unbend.correspondence import as_point_map, carry, evaluate
 from unbend.errors import UnbendWarning
-from unbend.io import MeshLike, check_writable
+from unbend.io import MeshLike
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas
-from unbend.report.figures import check_up, drawable, fit_rigidly
+from unbend.report.figures import drawable, fit_rigidly
 from unbend.report.pages import _match_words as words
-from unbend.report.pages._document import SUFFIXES, Page, make_page
+from unbend.report.pages._document import Page, begin_page, make_page
 from unbend.report.pages._maps import pack_map
 from unbend.report.pages._packing import pack_places
 from unbend.report.pages._shown import (
@@ -98,26 +98,20 @@ def match_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
-    >>> import numpy as np
     >>> from unbend.report import match_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "match.html")
-    ...     match_page(mesh, mesh, np.arange(600), path)
+    >>> match_page(mesh, mesh, range(600), "match.html")
     Page('octopus to octopus', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     source, target = drawable(source), drawable(target)
-    check_up(up)
-    step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     maps = _maps(match)
     first = next(iter(maps.values()))
-    carried = transfer(source.vertices, first, kind="scalar", source=source, target=target)
-    target = _standing_alike(target, source, carried, as_point_map(first) >= 0)
+    forward = as_point_map(first)
+    carried = carry(source.vertices, first, "scalar", source, target)
+    target = _standing_alike(target, source, carried, forward >= 0)
     shown = show(source), show(target)
     rows = shown[0].ids
     step("page, canonical forms", 0.1)
@@ -126,34 +120,36 @@ def match_page(
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnbendWarning)  # runners-up may be as wrong as they are
-            packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
+        packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
-    blocks = [
-        words.pictures(
-            (source.name, target.name),
-            up,
-            tuple(maps),
-            morphs=bool(packed[0]["frames"]),
-            errors=found is not None,
-            expected=known is not None and known.expected_error is not None,
-        ),
-        words.forms(),
-        '<div class="columns">',
-        *([words.errors(found, _WORST)] if found is not None else []),
-        *([words.hypotheses(known)] if known is not None and known.hypotheses else []),
-        "</div>",
-        words.facts((source, target), shown, known, command, _WORST),
-    ]
+    columns = [words.errors(found, _WORST)] if found is not None else []
+    if known is not None and known.hypotheses:
+        columns.append(words.hypotheses(known))
+    matched = int((forward >= 0).sum())
+    part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
+    trust = ""
+    if known is not None and not math.isnan(known.confidence):
+        trust = f"; confidence {known.confidence:.2f}"
     return make_page(
-        title=f"{source.name} to {target.name}",
-        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
-        lead=_lead(first, target),
-        band=words.doubt(known),
-        body="\n".join(blocks),
-        data={
+        f"{source.name} to {target.name}",
+        f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}.",
+        [
+            words.pictures(
+                (source.name, target.name),
+                up,
+                list(maps),
+                morphs=bool(packed[0]["frames"]),
+                errors=found is not None,
+                expected=packed[0]["expected"] is not None,
+            ),
+            words.forms(),
+            '<div class="columns">',
+            *columns,
+            "</div>",
+            words.facts((source, target), shown, known, command, _WORST),
+        ],
+        {
             "source": shown[0].packed(source.vertices)
             | {"colors": pack_places(places_as_colors(source, shown[0])[rows])},
             "target": shown[1].packed(target.vertices),
@@ -172,8 +168,10 @@ def match_page(
             "worst": _WORST,
             "cells": cells_of(source.vertices[rows]),
         },
-        scripts=("match.js",),
+        "match.js",
         path=path,
+        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
+        band=words.doubt(known),
     )
 
 
@@ -203,13 +201,3 @@ def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: Bo
     places = target.vertices * (math.sqrt(areas[0] / areas[1]) if min(areas) > 0 else 1.0)
     turn, shift = fit_rigidly(places, carried, reflect=False)
     return Mesh(places @ turn.T + shift, target.faces, name=target.name, notes=target.notes)
-
-
-def _lead(match: Match | IntArray, target: Mesh) -> str:
-    forward = as_point_map(match)
-    matched = int((forward >= 0).sum())
-    part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
-    facts = f"{part} vertices matched to a shape of {target.n_vertices:,}"
-    if isinstance(match, Match) and not math.isnan(match.confidence):
-        facts += f"; confidence {match.confidence:.2f}"
-    return facts + "."

@@ -12,8 +12,7 @@ from unbend._types import Progress
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
-from unbend.report.figures import check_up
-from unbend.report.pages._document import canvas, controls, how_made, readout
+from unbend.report.pages._document import canvas, controls, how_made, readout, select
 from unbend.report.pages._packing import pack_places, pack_whole
 from unbend.report.pages._shown import show
 
@@ -38,19 +37,15 @@ def check_count(n: int) -> None:
         )
 
 
-def read_shapes(shapes: Sequence[MeshLike], up: str) -> list[Mesh]:
-    """Read shapes, no more than a page holds, and check the upward axis."""
-    check_up(up)
-    check_count(len(shapes))
-    return [as_mesh(one) for one in shapes]
-
-
-def pack_shapes(meshes: Sequence[Mesh], progress: Progress | None) -> tuple[list[Any], str]:
-    """Pack shapes as they are drawn, with a sentence on how they were decimated.
+def read_shapes(
+    shapes: Sequence[MeshLike], step: Progress
+) -> tuple[list[Mesh], list[dict[str, Any]], str]:
+    """Read shapes, no more than a page holds, and pack them, with a sentence on decimation.
 
     A mesh without faces has no picture.
     """
-    step = progress or (lambda stage, share: None)
+    check_count(len(shapes))
+    meshes = [as_mesh(one) for one in shapes]
     most = min(_MOST_VERTICES, _VERTICES_IN_ALL // len(meshes))
     packed, thinned = [], 0
     for i, mesh in enumerate(meshes):
@@ -71,28 +66,28 @@ def pack_shapes(meshes: Sequence[Mesh], progress: Progress | None) -> tuple[list
             f"{thinned:,} of {len(meshes):,} shapes are drawn with {most:,} vertices; "
             "results were computed on all of them"
         )
-    return packed, said
+    return meshes, packed, said
 
 
-def choices(names: Sequence[str], up: str) -> str:
-    """Make controls that choose and turn two shapes."""
-    options = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(names))
-    selects = "".join(
-        f"<label>{side.capitalize()} "
-        f'<select class="name" id="{side}-choice">{options}</select></label>'
-        for side in _SIDES
-    )
-    return controls(selects, up, grid=False)
-
-
-def beside(blocks: Sequence[str]) -> str:
-    """HTML blocks beside the two shapes."""
+def body(
+    meshes: Sequence[Mesh],
+    up: str,
+    blocks: Sequence[str],
+    rows: Sequence[tuple[str, str]],
+    command: str,
+) -> list[str]:
+    """Put HTML blocks beside two shapes, below controls and above facts on what was done."""
+    names = {str(i): mesh.name for i, mesh in enumerate(meshes)}
+    choices = "".join(select(side.capitalize(), f"{side}-choice", names) for side in _SIDES)
     views = "".join(canvas(one, one.capitalize(), f"The {one} shape.") for one in _SIDES)
-    return (
+    noted = [(one.name, "; ".join(one.notes)) for one in meshes if one.notes]
+    return [
+        controls(choices, up, grid=False),
         f'<div class="beside">\n<div>{"".join(blocks)}</div>\n'
         f'<div class="views">{views}{readout(_HINT)}</div>\n</div>\n'
-        '<canvas id="maker" aria-hidden="true"></canvas>'  # off screen, for the pictures
-    )
+        '<canvas id="maker" aria-hidden="true"></canvas>',  # off screen, for the pictures
+        how_made([*rows, *noted], command),
+    ]
 
 
 def cards(names: Sequence[str], chosen: Sequence[int], below: Sequence[str] = ()) -> str:
@@ -105,12 +100,6 @@ def cards(names: Sequence[str], chosen: Sequence[int], below: Sequence[str] = ()
             f"</canvas><span>{escape(names[i])}</span>{line}</button>"
         )
     return f'<div class="cards">{"".join(made)}</div>'
-
-
-def facts(meshes: Sequence[Mesh], rows: Sequence[tuple[str, str]], command: str) -> str:
-    """Section on what is shown, what was done to it, and by which command."""
-    noted = [(one.name, "; ".join(one.notes)) for one in meshes if one.notes]
-    return how_made([*rows, *noted], command)
 
 
 def number_told(value: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from html import escape
 from typing import Any, get_args
 
 import numpy as np
@@ -16,9 +15,9 @@ from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
-from unbend.io import MeshLike, check_writable
+from unbend.io import MeshLike
 from unbend.report.pages import _shapes as parts
-from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section
+from unbend.report.pages._document import Page, begin_page, hint, make_page, section
 from unbend.report.pages._packing import pack_places
 from unbend.report.trees import apart, join_alike
 
@@ -76,23 +75,18 @@ def similarity_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import similarity_page
     >>> from unbend.datasets import make_quadruped
     >>> animals = [make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse")]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "similarity.html")
-    ...     similarity_page(animals, [[1, 0.9], [0.9, 1]], path)
+    >>> similarity_page(animals, [[1, 0.9], [0.9, 1]], "similarity.html")
     Page('How alike 2 shapes are', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     shapes = list(shapes)
     array, numbers = _checked(len(shapes), values, measure, groups)
-    meshes = parts.read_shapes(shapes, up)
+    meshes, packed, said = parts.read_shapes(shapes, step)
     names = [one.name for one in meshes]
     tree = join_alike(apart(array) if measure == "similarity" else np.nan_to_num(array, nan=1.0))
-    packed, said = parts.pack_shapes(meshes, progress)
     others = array[~np.eye(len(array), dtype=bool) & np.isfinite(array)]
     spread = "no pair is known"
     if len(others):
@@ -100,40 +94,31 @@ def similarity_page(
     title = f"How alike {len(names)} shapes are"
     if numbers is not None:
         title = f"{len(names)} shapes in {plural(len(np.unique(numbers)), 'group')}"
-    facts = ""
+    blocks = [_heat_map(measure)]
     if len(names) <= _MOST_TOLD:
         heads = (measure, *(names[j] for j in tree.order))
         rows = [
             (names[i], *(parts.number_told(array[i, j]) for j in tree.order)) for i in tree.order
         ]
-        facts = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
+        blocks.append(f"<details><summary>As a table</summary>{table(rows, heads)}</details>")
+    facts = [
+        ("values", f"{measure}, {_MEANING[measure]}"),
+        ("dendrogram", "average linkage; the most alike stand beside each other"),
+        ("for display", said),
+    ]
+    blocks += _pictures(names, tree.order, numbers)
     return make_page(
-        title=title,
-        heading=title,
-        lead=f"{measure.capitalize()} is {spread}.",
-        body="\n".join(
-            [
-                parts.choices(names, up),
-                parts.beside([_heat_map(measure), facts, *_pictures(names, tree.order, numbers)]),
-                parts.facts(
-                    meshes,
-                    [
-                        ("values", f"{measure}, {_MEANING[measure]}"),
-                        ("dendrogram", "average linkage; the most alike stand beside each other"),
-                        ("for display", said),
-                    ],
-                    command,
-                ),
-            ]
-        ),
-        data={
+        title,
+        f"{measure.capitalize()} is {spread}.",
+        parts.body(meshes, up, blocks, facts, command),
+        {
             "shapes": packed,
             "measure": measure,
             "table": _packed(array),
             "order": tree.order.tolist(),
             "tree": _brackets(tree.heights, tree.places),
         },
-        scripts=("heat.js", "shapes.js"),
+        *("heat.js", "shapes.js"),
         path=path,
     )
 
@@ -181,42 +166,30 @@ def search_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import search_page
     >>> from unbend.datasets import make_quadruped
     >>> dog, horse = (make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse"))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     search_page(dog, [dog, horse], [0, 0.4], pathlib.Path(folder, "found.html"))
+    >>> search_page(dog, [dog, horse], [0, 0.4], "found.html")
     Page('Most like dog', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     found, numbers = list(found), numbers_of(values, "values")
     if numbers.shape != (len(found),) or not len(found):
         raise InputError(f"{len(found)} shapes need as many values, and there must be one at least")
-    meshes = parts.read_shapes([query, *found], up)
+    meshes, packed, said = parts.read_shapes([query, *found], step)
     names = [one.name for one in meshes]
-    packed, said = parts.pack_shapes(meshes, progress)
-    title = f"Most like {names[0]}"
     below = [f"{i + 1}. {measure} {parts.number_told(one)}" for i, one in enumerate(numbers)]
+    blocks = [
+        section("Looked for", parts.cards(names, [0])),
+        section("Found", parts.cards(names, range(1, len(names)), below)),
+    ]
+    known = [float(one) if np.isfinite(one) else None for one in numbers]
     return make_page(
-        title=title,
-        heading=escape(title),
-        lead=f"{plural(len(found), 'shape')}, the most alike first.",
-        body="\n".join(
-            [
-                parts.choices(names, up),
-                parts.beside(
-                    [
-                        section("Looked for", parts.cards(names, [0])),
-                        section("Found", parts.cards(names, range(1, len(names)), below)),
-                    ]
-                ),
-                parts.facts(meshes, [("for display", said)], command),
-            ]
-        ),
-        data={"shapes": packed, "measure": measure, "values": [None, *map(_or_none, numbers)]},
-        scripts=("heat.js", "shapes.js"),
+        f"Most like {names[0]}",
+        f"{plural(len(found), 'shape')}, the most alike first.",
+        parts.body(meshes, up, blocks, [("for display", said)], command),
+        {"shapes": packed, "measure": measure, "values": [None, *known]},
+        *("heat.js", "shapes.js"),
         path=path,
     )
 
@@ -285,7 +258,3 @@ def _brackets(heights: FloatArray, places: FloatArray) -> list[list[float]]:
     rows = np.column_stack([heights[:, [0, 3, 1]] / top, places[:, [0, 3]]])
     found: list[list[float]] = np.round(rows, 4).tolist()
     return found
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
