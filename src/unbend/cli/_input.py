@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from unbend._text import plural
-from unbend.choices import DistanceKind, Partial
-from unbend.cli._output import EXIT_UNSURE, say, warn_if_doubtful
-from unbend.errors import InputError
+from unbend.choices import DistanceKind
+from unbend.cli._options import MatchOptions
+from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
+from unbend.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from unbend._types import IntArray, Progress
@@ -20,22 +22,12 @@ if TYPE_CHECKING:
     from unbend.mesh import Mesh
 
 
-def parse_component(text: str | None) -> str | int | None:
-    """Turn the value of ``--component`` into what the library takes."""
-    if text is None or text == "largest":
-        return text
-    if text.isdecimal():
-        return int(text)
-    raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
-
-
 def read_shapes(paths: Iterable[str], component: str | None = None) -> list[Mesh]:
     """Read meshes, or one component of each."""
     from unbend.io import read_mesh
     from unbend.preparation import only_component
 
-    chosen = parse_component(component)
-    return [only_component(read_mesh(path), chosen) for path in paths]
+    return [only_component(read_mesh(path), component) for path in paths]
 
 
 def make_form(
@@ -50,12 +42,71 @@ def make_form(
     return sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
 
 
+# Commands on many files: folders stand for their meshes, and results go to a folder.
+
+
+def expand_folders(paths: Iterable[str]) -> list[str]:
+    """Replace folders by the meshes in and below them, in order."""
+    from unbend.collection import find_files
+
+    found: list[str] = []
+    for path in paths:
+        if not os.path.isdir(path):
+            found.append(path)
+            continue
+        meshes = [os.path.join(path, os.path.relpath(one, path)) for one in find_files([path])]
+        if not meshes:
+            raise FileError(
+                f"cannot read {path}: it is a folder without .off, .obj, .ply or .stl files"
+            )
+        found += meshes
+    return found
+
+
+def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]) -> bool:
+    """Whether results go to a folder: there are several meshes, or `out` is a folder.
+
+    Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
+    """
+    from unbend.io import VALUE_SUFFIXES, WRITE_SUFFIXES
+
+    is_file = out is not None and Path(out).suffix.lower() in (*WRITE_SUFFIXES, *VALUE_SUFFIXES)
+    if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
+        return False
+    if is_file:
+        raise InputError(f"{len(paths)} meshes need a folder to write to, and {out} is a file")
+    for name, value in of_one.items():
+        if value is not None:
+            raise InputError(f"{name} is for a single mesh; leave it out, or -o FOLDER")
+    return True
+
+
+def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) -> list[str]:
+    """Make the folder; name a file in it after each mesh, and never one of the meshes."""
+    from unbend.collection import make_folder
+
+    meshes = {os.path.realpath(path) for path in paths}
+    found: dict[str, str] = {}
+    for path in paths:
+        file = os.path.join(folder, Path(path).stem + suffix(path))
+        if file in found:
+            raise InputError(f"{found[file]} and {path} would both be written to {file}")
+        if os.path.realpath(file) in meshes:
+            raise InputError(f"{file} is one of the meshes; give another folder to write to")
+        found[file] = path
+    make_folder(folder)
+    return list(found)
+
+
+# Maps, landmarks and matches.
+
+
 def read_any_map(path: str, base: int | None, target: Mesh) -> IntArray:
     """Read the point map of a .npz match, or of any other map file."""
     from unbend.correspondence import read_match
     from unbend.io import read_map
 
-    if path.lower().endswith(".npz"):
+    if keeps_all(path):
         return read_match(path, target=target).source_to_target
     return read_map(path, base=base, n_target=target.n_vertices)
 
@@ -78,22 +129,6 @@ def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntAr
     return [sources, *truths]
 
 
-def keeps_all(path: str | None) -> bool:
-    """Whether a file will hold all of a match, not its point map alone."""
-    return path is not None and Path(path).suffix.lower() == ".npz"
-
-
-def write_result(path: str, found: Match, shapes: Sequence[Mesh]) -> None:
-    """Write all of a match to a .npz file, or its point map to any other."""
-    from unbend.correspondence import write_match
-    from unbend.io import write_map
-
-    if keeps_all(path):
-        write_match(path, found, source=shapes[0], target=shapes[1])
-    else:
-        write_map(path, found.source_to_target)
-
-
 def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[Mesh]) -> IntArray | None:
     """Read the hints for matching two shapes, if there are any: a table, or points on each."""
     from unbend.io import MARKUP_SUFFIXES, read_landmarks, read_markup_pairs
@@ -111,6 +146,41 @@ def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[Mesh]) -> IntArra
     return read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 
 
+def keeps_all(path: str | None) -> bool:
+    """Whether a file will hold all of a match, not its point map alone."""
+    return path is not None and path.lower().endswith(".npz")
+
+
+def write_result(path: str, found: Match, shapes: Sequence[Mesh]) -> None:
+    """Write all of a match to a .npz file, or its point map to any other."""
+    from unbend.correspondence import write_match
+    from unbend.io import write_map
+
+    if keeps_all(path):
+        write_match(path, found, source=shapes[0], target=shapes[1])
+    else:
+        write_map(path, found.source_to_target)
+
+
+def show_match(
+    shapes: Sequence[Mesh],
+    found: Match,
+    figure: str | None,
+    report: str | None,
+    **options: Any,
+) -> None:
+    """Write the figure and the page of a match, if they are asked for."""
+    if figure is not None:
+        from unbend.report.match_figures import draw_match
+
+        options["progress"]("drawing", 0)
+        draw_match(shapes[0], shapes[1], found, figure, up=options["up"])
+    if report is not None:
+        from unbend.report.pages import match_page
+
+        match_page(shapes[0], shapes[1], found, report, command=command_line(), **options)
+
+
 def is_unsure(found: Match, least: float | None) -> bool:
     """Say whether a match's confidence is below --min-confidence."""
     if least is None or found.confidence >= least:
@@ -123,14 +193,7 @@ def is_unsure(found: Match, least: float | None) -> bool:
 
 
 def read_or_match(
-    shapes: Sequence[Mesh],
-    map_file: str | None,
-    base: int | None,
-    partial: Partial,
-    landmarks: Sequence[str] | None,
-    save_match: str | None,
-    min_confidence: float | None,
-    progress: Progress,
+    shapes: Sequence[Mesh], given: MatchOptions, progress: Progress
 ) -> Match | IntArray:
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
     from unbend.correspondence import read_match
@@ -138,29 +201,29 @@ def read_or_match(
     from unbend.matching import match
 
     source, target = shapes
-    if map_file is None:
+    if given.map is None:
         found = match(
             source,
             target,
-            partial=partial,
-            landmarks=landmarks_of(landmarks, shapes),
+            partial=given.partial,
+            landmarks=landmarks_of(given.landmarks, shapes),
             barycentric=True,
             progress=progress,
         )
     else:
-        if landmarks or save_match is not None or partial != "auto":
+        if given.landmarks or given.save_match is not None or given.partial != "auto":
             raise InputError(
                 "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
             )
-        if not keeps_all(map_file):
-            if min_confidence is not None:
-                raise InputError(f"--min-confidence needs a .npz match, and {map_file} is none")
+        if not keeps_all(given.map):
+            if given.min_confidence is not None:
+                raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
             sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
-            return read_map(map_file, base=base, **sizes)
-        found = read_match(map_file, source=source, target=target)
+            return read_map(given.map, base=given.base, **sizes)
+        found = read_match(given.map, source=source, target=target)
     warn_if_doubtful(found)
-    if is_unsure(found, min_confidence):
+    if is_unsure(found, given.min_confidence):
         raise typer.Exit(EXIT_UNSURE)
-    if save_match is not None:
-        write_result(save_match, found, shapes)
+    if given.save_match is not None:
+        write_result(given.save_match, found, shapes)
     return found

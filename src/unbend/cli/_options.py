@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
 from unbend import choices
+from unbend.errors import InputError
 
 
 def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
@@ -30,6 +32,15 @@ def _map_file(path: str | None) -> str | None:
     from unbend.io import MAP_SUFFIXES
 
     return _writable(".npz", *MAP_SUFFIXES)(path)
+
+
+def parse_component(text: str | None) -> Any:
+    """Turn the value of ``--component`` into what the library takes."""
+    if text is None or text == "largest":
+        return text
+    if text.isdecimal():
+        return int(text)
+    raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
 
 
 def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
@@ -58,6 +69,17 @@ def report(help: str) -> Any:
     return typer.Option("--report", metavar="HTML", callback=html_file, help=help)
 
 
+def count(name: str, help: str) -> Any:
+    """Make the option -n, how many there are of something."""
+    return typer.Option("-n", name, metavar="N", min=1, help=help)
+
+
+Meshes = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
+    ),
+]
 Mesh = Annotated[
     str,
     typer.Argument(
@@ -80,10 +102,11 @@ Up = Annotated[
     ),
 ]
 Component = Annotated[
-    str | None,
+    str | None,  # a number where it is one
     typer.Option(
         "--component",
         metavar="largest|NUMBER",
+        callback=parse_component,
         help="Which connected component to keep; numbers count from 0, largest first.",
     ),
 ]
@@ -114,24 +137,6 @@ Base = Annotated[
     int | None,
     typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
 ]
-Map = Annotated[
-    str | None,
-    typer.Option(
-        "--map",
-        metavar="MAP",
-        help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
-        "first.",
-    ),
-]
-SaveMatch = Annotated[
-    str | None,
-    typer.Option(
-        "--save-match",
-        metavar="MAP",
-        callback=_map_file,
-        help="Keep the match that was made, as unbend match -o does.",
-    ),
-]
 Partial = Annotated[
     choices.Partial,
     typer.Option(
@@ -159,6 +164,42 @@ MinConfidence = Annotated[
         help="If the match's confidence is below X, write no file and exit with code 3.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class MatchOptions:
+    """Options of commands that read a map, or make one."""
+
+    map: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
+            "first.",
+        ),
+    ] = None
+    base: Base = None
+    partial: Partial = "auto"
+    landmarks: Landmarks = None
+    save_match: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            callback=_map_file,
+            help="Keep the match that was made, as unbend match -o does.",
+        ),
+    ] = None
+    min_confidence: MinConfidence = None
+
+    def given(self) -> dict[str, Any]:
+        """Values of the options that were given."""
+        defaults = vars(MatchOptions())
+        return {
+            f"--{name.replace('_', '-')}": value
+            for name, value in vars(self).items()
+            if value != defaults[name] and value != []
+        }
+
 
 # Of collections.
 Store = Annotated[

@@ -22,7 +22,7 @@ def info() -> None:
         "spectra": f"{found.n_files:,}",
         "size": f"{found.n_bytes / 2**20:,.1f} of {found.most_bytes / 2**20:,.0f} MiB",
     }
-    tell(vars(found) | {"folder": str(found.folder)}, rows(lines))
+    tell(vars(found) | {"folder": lines["folder"]}, rows(lines))
 
 
 def clear() -> None:

@@ -12,12 +12,10 @@ import typer
 
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, files_in, is_batch
-from unbend.cli._input import make_form, parse_component
+from unbend.cli._input import expand_folders, files_in, is_batch, make_form
 from unbend.cli._output import (
     command_line,
     lines_to_keep,
-    look_at,
     progress_on_stderr,
     rows,
     say,
@@ -37,12 +35,7 @@ _TABLE_SUFFIXES = (".npy", ".csv")
 
 
 def canonical(
-    meshes: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
-        ),
-    ],
+    meshes: options.Meshes,
     out: Annotated[
         str | None,
         options.out(
@@ -133,6 +126,7 @@ def canonical(
                 "or .csv"
             )
     given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
+    sampling = {name: number for name, number in given.items() if number is not None}
 
     def compute(i: int, progress: Progress) -> dict[str, Any]:
         progress("reading", 0)
@@ -140,11 +134,11 @@ def canonical(
         form = make_form(
             shape,
             distance,
-            {name: number for name, number in given.items() if number is not None},
+            sampling,
             n_components=n_components,
             weighting=weighting,
             laplacian=laplacian,
-            component=parse_component(component),
+            component=component,
             keep_scale=keep_scale,
             progress=progress,
         )
@@ -165,24 +159,22 @@ def canonical(
         if report is not None:
             from unbend.report.pages import form_page
 
-            form_page(
-                shape,
-                form,
-                report,
-                posed=posed,
-                up=up,
-                keep_scale=keep_scale,
-                command=command_line(),
-                progress=progress,
-            )
+            shown: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
+            form_page(shape, form, report, command=command_line(), progress=progress, **shown)
         return _numbers(paths[i], shape, form)
 
     done: list[dict[str, Any]] = []
     failures: list[Failure] = []
     with progress_on_stderr() as progress:
         for i, path in enumerate(paths):
+
+            def step(stage: str, share: float, i: int = i, path: str = path) -> None:
+                if batch:
+                    stage = f"{i + 1} of {len(paths)}, {path}: {stage}"
+                progress(stage, (i + share) / len(paths))
+
             try:
-                done.append(compute(i, progress if not batch else _part(progress, i, paths)))
+                done.append(compute(i, step))
             except (UnbendError, MemoryError) as error:
                 if not batch:
                     raise
@@ -194,16 +186,10 @@ def canonical(
     tell(
         {"files": done},
         _overview(done, failures) if batch else rows(_summary(done[0])),
-        written=[out, figure, report],
-        next_step=look_at(report) or (None if out or figure or batch else hint),
+        written=[out, figure],
+        report=report,
+        next_step=None if out or figure or batch else hint,
         failures=failures,
-    )
-
-
-def _part(progress: Progress, i: int, paths: list[str]) -> Progress:
-    """Progress of one mesh among many."""
-    return lambda stage, share: progress(
-        f"{i + 1} of {len(paths)}, {paths[i]}: {stage}", (i + share) / len(paths)
     )
 
 

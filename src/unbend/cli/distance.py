@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
-from unbend.cli._input import parse_component
-from unbend.cli._output import lines_to_keep, look_at, progress_on_stderr, rows, tell, write_columns
-
-if TYPE_CHECKING:
-    from unbend._types import FloatArray
-    from unbend.mesh import Mesh
-
-
-def _vertex(text: str) -> int:
-    if not text.isdecimal():
-        raise typer.BadParameter(f"{text!r} is no vertex number; vertices are counted from 0")
-    return int(text)
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
 
 
 def distance(
@@ -27,7 +16,7 @@ def distance(
     sources: Annotated[
         list[int],
         typer.Option(
-            "--from", metavar="VERTEX", parser=_vertex, help="A vertex id, from 0; may be repeated."
+            "--from", metavar="VERTEX", min=0, help="A vertex id, from 0; may be repeated."
         ),
     ],
     out: Annotated[
@@ -76,7 +65,7 @@ def distance(
 
     from unbend._arrays import first_largest
     from unbend.distances import distance as measure
-    from unbend.io import check_writable, read_mesh
+    from unbend.io import SCALAR_SUFFIXES, check_writable, read_mesh, write_mesh
 
     if out is not None:
         check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
@@ -91,10 +80,14 @@ def distance(
             n_eigenpairs=n_eigenpairs,
             time=time,
             laplacian=laplacian,
-            component=parse_component(component),
+            component=component,
         )
-    if out is not None:
-        _write(out, mesh, shape, sources, field)
+    names = [f"distance_{source}" for source in sources]
+    if out is not None and out.lower().endswith(SCALAR_SUFFIXES):
+        lines_to_keep(out, mesh)
+        write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
+    elif out is not None:
+        write_columns(out, field.T, names)
     nearest = field.min(axis=0)
     if figure is not None:
         from unbend.report.shape_figures import draw_values
@@ -105,32 +98,16 @@ def distance(
 
         view(shape, values=nearest, path=report, up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
-    largest = field[np.arange(len(sources)), farthest]
-    reached = list(zip(sources, farthest.tolist(), largest.tolist(), strict=True))
-    keys = ("vertex", "farthest", "distance")
     lines = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
-    for source, vertex, length in reached:
-        lines[f"from {source}"] = f"farthest is vertex {vertex}, at {length:.5g}"
+    reached = []
+    for source, vertex, lengths in zip(sources, farthest.tolist(), field, strict=True):
+        reached.append({"vertex": source, "farthest": vertex, "distance": lengths[vertex]})
+        lines[f"from {source}"] = f"farthest is vertex {vertex}, at {lengths[vertex]:.5g}"
     tell(
-        {
-            "file": mesh,
-            "distance": kind,
-            "sources": [dict(zip(keys, one, strict=True)) for one in reached],
-        },
+        {"file": mesh, "distance": kind, "sources": reached},
         rows(lines),
         shapes=[shape],
-        written=[out, figure, report],
-        next_step=look_at(report) or (None if out else "add -o OUT.ply to write the distances"),
+        written=[out, figure],
+        report=report,
+        next_step=None if out else "add -o OUT.ply to write the distances",
     )
-
-
-def _write(out: str, path: str, shape: Mesh, sources: list[int], field: FloatArray) -> None:
-    """Write distances (s, n) in the format that the file's suffix names."""
-    from unbend.io import SCALAR_SUFFIXES, write_mesh
-
-    names = [f"distance_{source}" for source in sources]
-    if out.lower().endswith(SCALAR_SUFFIXES):
-        lines_to_keep(out, path)
-        write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
-    else:
-        write_columns(out, field.T, names)

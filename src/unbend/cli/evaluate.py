@@ -55,6 +55,7 @@ def evaluate(
       unbend evaluate map.npz b.off a.vts b.vts --mirrored-truth b.sym.vts --figure curves.png
       unbend evaluate map.npz b.off a.vts b.vts --distance geodesic-exact --json
     """
+    from unbend.correspondence import THRESHOLDS
     from unbend.correspondence import evaluate as measure
     from unbend.io import read_mesh
 
@@ -70,41 +71,40 @@ def evaluate(
             from unbend.report.match_figures import draw_error_curves
 
             draw_error_curves({Path(map_file).stem: found}, figure)
-    result = {"map": map_file, "target": target, "distance": distance, **_as_dict(found)}
-    tell(result, _summary(found), shapes=[shape], written=[figure])
-
-
-def _protocols(found: Evaluation) -> list[str]:
-    return ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
-
-
-def _as_dict(found: Evaluation) -> dict[str, Any]:
-    from unbend.correspondence import THRESHOLDS
-
-    return {
-        "n_rows": len(found.direct),
-        "coverage": found.coverage,
-        "overlap": vars(found.overlap),
-        "thresholds": THRESHOLDS,
-        "protocols": {
-            name: {
-                "n_rows": len(found.errors(name)),
-                "mean": found.mean(name),
-                "median": found.median(name),
-                "auc": found.auc(name),
-                "curve": found.curve(name),
-            }
-            for name in _protocols(found)
+    names = ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
+    tell(
+        {
+            "map": map_file,
+            "target": target,
+            "distance": distance,
+            "n_rows": len(found.direct),
+            "coverage": found.coverage,
+            "overlap": found.overlap,
+            "thresholds": THRESHOLDS,
+            "protocols": {name: _measures(found, name) for name in names},
         },
+        _summary(found, names),
+        shapes=[shape],
+        written=[figure],
+    )
+
+
+def _measures(found: Evaluation, name: str) -> dict[str, Any]:
+    return {
+        "n_rows": len(found.errors(name)),
+        "mean": found.mean(name),
+        "median": found.median(name),
+        "auc": found.auc(name),
+        "curve": found.curve(name),
     }
 
 
-def _summary(found: Evaluation) -> list[str]:
+def _summary(found: Evaluation, names: list[str]) -> list[str]:
     from unbend.correspondence import THRESHOLDS
 
     columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
-    for name in _protocols(found):
+    for name in names:
         curve = found.curve(name)
         numbers = f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"
         cells.append([name, *numbers, *(f"{curve[i]:.1f} %" for i in columns)])

@@ -16,14 +16,12 @@ from unbend.cli._input import (
     landmarks_of,
     read_shapes,
     read_truth,
+    show_match,
     write_result,
 )
 from unbend.cli._output import (
-    EXIT_UNSURE,
-    command_line,
     elapsed,
     lines_to_keep,
-    look_at,
     progress_on_stderr,
     rows,
     tell,
@@ -47,12 +45,7 @@ def match(
     min_confidence: options.MinConfidence = None,
     n_matches: Annotated[
         int,
-        typer.Option(
-            "-n",
-            "--n-matches",
-            metavar="N",
-            help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
-        ),
+        options.count("--n-matches", "Write the N best distinct maps: MAP, MAP-2, MAP-3 ..."),
     ] = 1,
     n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 150,
     allow_mirror: Annotated[
@@ -114,9 +107,18 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """
+    from unbend.errors import InputError
+    from unbend.io import COLOR_SUFFIXES, check_writable
     from unbend.matching import match as find_match
 
-    _check_options(colored, report, truth, mirrored_truth)
+    for path in colored or ():
+        check_writable(path, COLOR_SUFFIXES)
+    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
+        raise InputError(f"--colored needs two files, and both are {colored[0]}")
+    if truth is not None and report is None:
+        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
+    if mirrored_truth is not None and truth is None:
+        raise InputError("--mirrored-truth needs --truth")
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
@@ -138,27 +140,22 @@ def match(
         )
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)
-        matches = (found, *found.alternatives)
-        maps = [] if out is None or unsure else [_numbered(out, i) for i in range(len(matches))]
-        written = [] if unsure else [*maps, figure, *(colored or ()), report]
+        maps = []
         if not unsure:
             progress("writing", 0)
-            for path, one in zip(maps, matches, strict=bool(maps)):
-                write_result(path, one, shapes)
+            if out is not None:
+                for i, one in enumerate((found, *found.alternatives)):
+                    maps.append(_numbered(out, i))
+                    write_result(maps[i], one, shapes)
             if colored is not None:
                 _write_colored((source, target), component is None, shapes, found, colored)
-            if figure is not None:
-                from unbend.report.match_figures import draw_match
-
-                progress("drawing", 0)
-                draw_match(shapes[0], shapes[1], found, figure, up=up)
-            if report is not None:
-                from unbend.report.pages import match_page
-
-                shown: Any = {"up": up, "truth": known, "landmarks": hints}
-                shown |= {"command": command_line(), "progress": progress}
-                match_page(shapes[0], shapes[1], found, report, **shown)
+            looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
+            show_match(shapes, found, figure, report, progress=progress, **looks)
     warn_if_doubtful(found, seen=report is not None)
+    next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
+    if out is not None:
+        paths = f"{quoted(source, target)} --map {quoted(out)}"
+        next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {
@@ -173,35 +170,16 @@ def match(
                 zip(("median", "within_95"), found.expected_error_quantiles(), strict=True)
             ),
             "missed_landmarks": found.missed_landmarks,
-            "hypotheses": [vars(one) for one in found.hypotheses],
+            "hypotheses": found.hypotheses,
             "alternatives": [_measures(one) for one in found.alternatives],
         },
         rows(summary(shapes, found, seconds)) + others,
         shapes=shapes,
-        written=written,
-        next_step=None if unsure else look_at(report) or _next_step(source, target, out),
+        written=[*maps, figure, *(colored or ())],
+        report=report,
+        next_step=next_step,
+        unsure=unsure,
     )
-    if unsure:
-        raise typer.Exit(EXIT_UNSURE)
-
-
-def _check_options(
-    colored: tuple[str, str] | None,
-    report: str | None,
-    truth: tuple[str, str] | None,
-    mirrored_truth: str | None,
-) -> None:
-    from unbend.errors import InputError
-    from unbend.io import COLOR_SUFFIXES, check_writable
-
-    for path in colored or ():
-        check_writable(path, COLOR_SUFFIXES)
-    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
-        raise InputError(f"--colored needs two files, and both are {colored[0]}")
-    if truth is not None and report is None:
-        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
-    if mirrored_truth is not None and truth is None:
-        raise InputError("--mirrored-truth needs --truth")
 
 
 def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
@@ -259,10 +237,3 @@ def _write_colored(
     colors = match_colors(shapes[0], shapes[1], found)
     for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
         write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))
-
-
-def _next_step(source: str, target: str, out: str | None) -> str:
-    if out is None:
-        return "add -o MAP.npz to keep the match, --report HTML to look at it"
-    paths = quoted(source, target)
-    return f"unbend transfer {paths} --map {quoted(out)} --values VALUES.npy -o OUT.npy"

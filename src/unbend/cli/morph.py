@@ -29,12 +29,8 @@ def morph(
             help="How many shapes between the two, evenly spaced; 1 is the one halfway.",
         ),
     ] = 1,
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    *,
+    matching: options.MatchOptions,
     component: options.Component = None,
     cache: options.Cache = True,
 ) -> None:
@@ -53,15 +49,13 @@ def morph(
 
     check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
     path = Path(out)
-    digits = len(str(steps))
-    files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
-    files = files if steps > 1 else [out]
+    files, digits = [out], len(str(steps))
+    if steps > 1:
+        files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
-        match = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
+        match = read_or_match(shapes, matching, progress)
         like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):
             progress("morphing", i / steps)
@@ -74,6 +68,6 @@ def morph(
         {"source": source, "target": target, "steps": steps, "confidence": confidence},
         rows({"shapes": count, "confidence": trust}),
         shapes=shapes,
-        written=[*files, save_match],
+        written=[*files, matching.save_match],
         next_step=f"open {files[0]} in MeshLab or Blender",
     )

@@ -11,17 +11,8 @@ import typer
 
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, is_batch
-from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import (
-    lines_to_keep,
-    look_at,
-    progress_on_stderr,
-    rows,
-    shown,
-    table,
-    tell,
-)
+from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, table, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
@@ -44,12 +35,8 @@ def register(
             "materials, groups and polygons stay. For several scans, a folder."
         ),
     ],
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    *,
+    matching: options.MatchOptions,
     component: options.Component = None,
     report: Annotated[
         str | None,
@@ -78,15 +65,7 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    of_one = {
-        "--map": map_file,
-        "--partial": None if partial == "auto" else partial,
-        "--landmarks": landmarks or None,
-        "--save-match": save_match,
-        "--min-confidence": min_confidence,
-        "--component": component,
-        "--report": report,
-    }
+    of_one = matching.given() | {"--component": component, "--report": report}
     if is_batch(paths, out, of_one):
         _register_many(template, paths, out)
         return
@@ -98,9 +77,7 @@ def register(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
-        match = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
+        match = read_or_match(shapes, matching, progress)
         found = fit_template(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
         like = lines_to_keep(out, template, whole=component is None)
@@ -124,9 +101,9 @@ def register(
         rows(lines),
         failures=(),
         shapes=shapes,
-        written=[out, save_match, report],
-        next_step=look_at(report)
-        or f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
+        written=[out, matching.save_match],
+        report=report,
+        next_step=f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
     )
 
 

@@ -7,17 +7,8 @@ from typing import Annotated
 import typer
 
 from unbend.cli import _options as options
-from unbend.cli._input import is_unsure, read_shapes, write_result
-from unbend.cli._output import (
-    EXIT_UNSURE,
-    command_line,
-    elapsed,
-    look_at,
-    progress_on_stderr,
-    rows,
-    tell,
-    warn_if_doubtful,
-)
+from unbend.cli._input import is_unsure, read_shapes, show_match, write_result
+from unbend.cli._output import elapsed, progress_on_stderr, rows, tell, warn_if_doubtful
 
 
 def symmetry(
@@ -60,16 +51,7 @@ def symmetry(
             progress("writing", 0)
             if out is not None:
                 write_result(out, found, (shape, shape))
-            if figure is not None:
-                from unbend.report.match_figures import draw_match
-
-                draw_match(shape, shape, found, figure, up=up)
-            if report is not None:
-                from unbend.report.pages import match_page
-
-                match_page(
-                    shape, shape, found, report, up=up, command=command_line(), progress=progress
-                )
+            show_match((shape, shape), found, figure, report, up=up, progress=progress)
     warn_if_doubtful(found, seen=report is not None)
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     tell(
@@ -87,11 +69,8 @@ def symmetry(
             }
         ),
         shapes=[shape],
-        written=[] if unsure else [out, figure, report],
-        next_step=None
-        if unsure
-        else look_at(report)
-        or ("add --report HTML to look at it" if out else "add -o PARTNERS.csv to keep them"),
+        written=[out, figure],
+        report=report,
+        next_step="add --report HTML to look at it" if out else "add -o PARTNERS.csv to keep them",
+        unsure=unsure,
     )
-    if unsure:
-        raise typer.Exit(EXIT_UNSURE)

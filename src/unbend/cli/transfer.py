@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -10,11 +10,6 @@ from unbend.choices import ValueKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, say, tell
-
-if TYPE_CHECKING:
-    from unbend._types import IntArray
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
 
 
 def transfer(
@@ -55,12 +50,8 @@ def transfer(
             "target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.",
         ),
     ] = None,
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    *,
+    matching: options.MatchOptions,
     cache: options.Cache = True,
 ) -> None:
     """Transfer values from source to target: numbers are averaged, labels by majority.
@@ -86,6 +77,7 @@ def transfer(
         VALUE_SUFFIXES,
         check_storable,
         check_writable,
+        invert_map,
         read_markups,
         read_values,
         write_markups,
@@ -106,13 +98,11 @@ def transfer(
             array = read_values(values, n_vertices=shapes[0].n_vertices, name=property_name)
             chosen = value_kind(array, kind)
             check_storable(out, array, chosen)
-        found = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
+        found = read_or_match(shapes, matching, progress)
         progress("carrying", 0)
         errors: Any = getattr(found, "expected_error", None)
         if expected_error is not None and errors is None:
-            raise InputError(f"{map_file} has no expected errors; leave out --map to match")
+            raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
         if is_markup:
             images = found.source_to_target if isinstance(found, Match) else found
             carried = images[array]
@@ -128,7 +118,8 @@ def transfer(
         if expected_error is not None:
             errors = carry(errors, found, kind="scalar", source=shapes[0], target=shapes[1])
             write_values(expected_error, errors, shapes[1])
-    lost = _count_lost(found, shapes[1])
+    back = found.target_to_source if isinstance(found, Match) else invert_map(found, shapes[1])
+    lost = int((back < 0).sum())
     if lost:
         say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
@@ -145,13 +136,5 @@ def transfer(
         },
         rows({"carried": f"{len(carried):,}{width} values ({shown})"}),
         shapes=shapes,
-        written=[out, save_match, expected_error],
+        written=[out, matching.save_match, expected_error],
     )
-
-
-def _count_lost(found: Match | IntArray, target: Mesh) -> int:
-    from unbend.io import invert_map
-    from unbend.matching import Match
-
-    back = found.target_to_source if isinstance(found, Match) else invert_map(found, target)
-    return int((back < 0).sum())

@@ -9,7 +9,7 @@ import typer
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
-from unbend.cli._output import look_at, progress_on_stderr, tell
+from unbend.cli._output import progress_on_stderr, tell
 
 if TYPE_CHECKING:
     from unbend.mesh import Mesh
@@ -62,25 +62,22 @@ def view(
         if values is not None:
             scalars = read_values(values, n_vertices=shapes[0].n_vertices)
         progress("drawing", 0)
-        page = make_view(
-            shapes[0],
-            None if b is None else shapes[1],
-            hints,
-            values=scalars,
-            up=up,
-        )
+        other = None if b is None else shapes[1]
+        page = make_view(shapes[0], other, hints, values=scalars, up=up)
         if out is None or show:
             out = str(page.open(out))
         else:
             page.write(out)
+    next_step = f"open {out} in a browser"
+    if b is not None:
+        match = quoted("unbend", "match", a, b)
+        next_step = f"{match} --landmarks landmarks.csv, once they are saved"
     tell(
         {"a": a, "b": b},
         [],
         shapes=shapes,
         written=[out],
-        next_step=look_at(out)
-        if b is None
-        else f"{quoted('unbend', 'match', a, b)} --landmarks landmarks.csv, once they are saved",
+        next_step=next_step,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._batch import expand_folders
+from unbend.cli._input import expand_folders
 from unbend.cli._output import tell
 
 

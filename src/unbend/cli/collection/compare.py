@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from unbend.choices import Rerank
 from unbend.cli import _options as options
-from unbend.cli._output import (
-    command_line,
-    look_at,
-    progress_on_stderr,
-    rows,
-    say,
-    table,
-    tell,
-)
+from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
 from unbend.cli._output import matrix as matrix_lines
 from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape, write_page
 
@@ -32,9 +24,7 @@ _MOST_PRINTED = 24
 def search(
     store: options.Store,
     query: Annotated[str, typer.Argument(metavar="QUERY", help="The query: a mesh.")],
-    n: Annotated[
-        int, typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Number of results.")
-    ] = 10,
+    n: Annotated[int, options.count("--n-shapes", "Number of results.")] = 10,
     rerank: Annotated[
         Rerank,
         typer.Option(
@@ -69,26 +59,14 @@ def search(
             from unbend.report.pages import search_page
 
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
-            search_page(
-                query,
-                read_shown(hits, store),
-                ranked,
-                report,
-                measure=_MEASURES[rerank],
-                up=up,
-                command=command_line(),
-                progress=progress,
-            )
+            looks: Any = {"up": up, "command": command_line(), "progress": progress}
+            meshes = read_shown(hits, store)
+            search_page(query, meshes, ranked, report, measure=_MEASURES[rerank], **looks)
+    ranks = [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)]
     tell(
-        {
-            "store": store,
-            "query": query,
-            "rerank": rerank,
-            "hits": [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)],
-        },
+        {"store": store, "query": query, "rerank": rerank, "hits": ranks},
         _lines(hits, rerank),
-        written=[report],
-        next_step=look_at(report),
+        report=report,
     )
 
 
@@ -144,22 +122,15 @@ def matrix(
             "distances": distances,
         },
         lines,
-        written=[csv, figure, report],
-        next_step=look_at(report),
+        written=[csv, figure],
+        report=report,
     )
 
 
 def groups(
     store: options.Store,
     n: Annotated[
-        int | None,
-        typer.Option(
-            "-n",
-            "--n-groups",
-            metavar="N",
-            min=1,
-            help="Number of groups, by default the best of 2 to 50.",
-        ),
+        int | None, options.count("--n-groups", "Number of groups, by default the best of 2 to 50.")
     ] = None,
     csv: options.Csv = None,
     report: options.Report = None,
@@ -198,8 +169,9 @@ def groups(
     tell(
         {"store": store, "groups": paths},
         lines,
-        written=[csv, report],
-        next_step=look_at(report) or guess,
+        written=[csv],
+        report=report,
+        next_step=guess,
     )
 
 
@@ -233,13 +205,10 @@ def evaluate(
         left_out = len(entries) - len(kept)
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
     measured = retrieval_measures(distances[np.ix_(kept, kept)], classes)
+    names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
+    heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
     lines = {
-        "nearest neighbour": f"{measured.nearest_neighbor:.1%}",
-        "first tier": f"{measured.first_tier:.1%}",
-        "second tier": f"{measured.second_tier:.1%}",
-        "E-measure": f"{measured.e_measure:.1%}",
-        "DCG": f"{measured.dcg:.1%}",
-        "mAP": f"{measured.map:.1%}",
+        **{head: f"{getattr(measured, name):.1%}" for head, name in zip(heads, names, strict=True)},
         "precision": ", ".join(
             f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%} recall"
             for i in (4, 9, 14, 19)

@@ -71,10 +71,7 @@ def add(
 
 def list_(
     store: options.Store,
-    n: Annotated[
-        int | None,
-        typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Show the first N only."),
-    ] = None,
+    n: Annotated[int | None, options.count("--n-shapes", "Show the first N only.")] = None,
 ) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
 
@@ -88,7 +85,7 @@ def list_(
     lines: Iterator[str] = _lines(entries)
     if n is not None and len(collection) > n:
         lines = itertools.chain(lines, [f"... of {len(collection):,}"])
-    tell({"store": store, "shapes": (vars(entry) for entry in entries)}, lines)
+    tell({"store": store, "shapes": entries}, lines)
 
 
 def _lines(entries: Iterator[Entry]) -> Iterator[str]:
@@ -180,7 +177,7 @@ def remove(
     tell(
         {
             "store": store,
-            "removed": [vars(entry) for entry in removed],
+            "removed": removed,
             "n_shapes": len(collection),
         },
         [*lines, f"{store} has {len(collection):,} shapes"],

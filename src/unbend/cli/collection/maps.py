@@ -1,9 +1,9 @@
-"""``unbend collection register`` and ``mean``: shapes in correspondence, and their statistics."""
+"""Commands that relate the shapes of a collection: match, register, mean."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,8 +12,60 @@ from unbend.cli._output import list_failures, progress_on_stderr, rows, tell
 from unbend.cli.collection._common import opened
 from unbend.cli.register import tell_registered
 
-if TYPE_CHECKING:
-    from unbend.collection import MeanShape
+
+def match(
+    store: options.Store,
+    out: Annotated[
+        str,
+        options.out(
+            "Folder for a .npz file and a .csv map per pair, the table matches.csv, and the "
+            "spectra.",
+            "DIR",
+        ),
+    ],
+    pairs: Annotated[
+        str | None,
+        typer.Option(metavar="PAIRS.csv", help="The pairs: columns source,target of paths or ids."),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Match every shape with each that follows it.")
+    ] = False,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+) -> None:
+    """Match many pairs of shapes, as unbend match does one; each spectrum is computed once.
+
+    Pairs whose match exists are skipped, so run the same command again to resume. Shapes that
+    cannot be matched are listed at the end, with exit code 1.
+
+    Examples
+    --------
+      unbend collection match shapes --all -o matches
+      unbend collection match shapes --pairs pairs.csv -o matches --workers 4
+    """
+    from unbend.errors import InputError
+    from unbend.io import read_table
+
+    if (pairs is None) == (not every):
+        raise InputError("give --pairs PAIRS.csv or --all, one of them")
+    collection = opened(store)
+    chosen = None
+    if pairs is not None:
+        chosen = [(source, target) for source, target in read_table(pairs, ("source", "target"))]
+    with progress_on_stderr() as progress:
+        done = collection.match(
+            chosen, out, workers=workers, scheduler=scheduler, progress=progress
+        )
+    line = (
+        f"matched {done.matched:,}, there before {done.skipped:,}, failed "
+        f"{len(done.failures):,} ({done.seconds:.1f} s); {out}/matches.csv lists all"
+    )
+    tell(
+        {"store": store, "n_matched": done.matched, "n_skipped": done.skipped},
+        [line],
+        written=[out],
+        failures=done.failures,
+    )
 
 
 def register(
@@ -138,29 +190,25 @@ def mean(
         progress("writing", 0)
         written = write_mean(out, found)
     list_failures(found.left_out)
-    shares = found.statistics.variances / found.statistics.total_variance
+    statistics, n, others = found.statistics, len(found.names), len(found.left_out)
+    shapes_told = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
+    shares = (statistics.variances / statistics.total_variance).tolist()
+    lines = {
+        "shapes": shapes_told if others else f"{n:,}",
+        "components": ", ".join(f"{share:.1%}" for share in shares) + " of the variance",
+        "variability": f"{statistics.total_variance**0.5:.4g} on average, in the unit of the "
+        "shapes",
+    }
     tell(
         {
             "registered": registered,
             "template": template.name,
             "files": [path.name for path in written],
-            "n_shapes": len(found.names),
-            "failed": [vars(one) for one in found.left_out],
-            "variances": found.statistics.variances,
-            "total_variance": found.statistics.total_variance,
+            "n_shapes": n,
+            "failed": found.left_out,
+            "variances": statistics.variances,
+            "total_variance": statistics.total_variance,
         },
-        rows(_told(found, shares.tolist())),
+        rows(lines),
         written=[out],
     )
-
-
-def _told(found: MeanShape, shares: list[float]) -> dict[str, str]:
-    n = len(found.names) + len(found.left_out)
-    return {
-        "shapes": f"{len(found.names):,} of {n:,}; the others are listed in left_out.csv"
-        if found.left_out
-        else f"{n:,}",
-        "components": ", ".join(f"{share:.1%}" for share in shares) + " of the variance",
-        "variability": f"{found.statistics.total_variance**0.5:.4g} on average, in the unit of "
-        "the shapes",
-    }
