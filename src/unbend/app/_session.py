@@ -32,14 +32,9 @@ _SHOWN = ("name", "state", "size", "told", "picture", "sample")  # of a shape
 
 
 class Session:
-    """Shapes, results and jobs. Every method may be called from any thread.
+    """Shapes, results and jobs, each of which may take so many bytes of memory.
 
-    Parameters
-    ----------
-    memory : int
-        Bytes that a job may take.
-    collection : str or None
-        The folder of a collection that shapes are searched in.
+    Every method may be called from any thread.
     """
 
     def __init__(self, memory: int, collection: str | None = None) -> None:
@@ -80,29 +75,25 @@ class Session:
         with self._changed:
             if seen == self._version:
                 return None
-            shapes = [
-                {key: one[key] for key in _SHOWN if key in one} | {"id": i}
-                for i, one in self._shapes.items()
-            ]
-            results = [_told(i, one) for i, one in self._results.items()]
-            jobs = [
-                {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
-                for i, one in self._jobs.items()
-            ]
-            troubles = [{"id": i, "text": text} for i, text in self._troubles.items()]
             return {
                 "version": self._version,
-                "shapes": shapes,
-                "results": results,
-                "jobs": jobs,
-                "troubles": troubles,
+                "shapes": [
+                    {key: one[key] for key in _SHOWN if key in one} | {"id": i}
+                    for i, one in self._shapes.items()
+                ],
+                "results": [_told(i, one) for i, one in self._results.items()],
+                "jobs": [
+                    {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
+                    for i, one in self._jobs.items()
+                ],
+                "troubles": [{"id": i, "text": text} for i, text in self._troubles.items()],
                 "collection": self._collection or "",
                 "up": self._up,
             }
 
     # Files
 
-    def new_upload(self, name: str, size: int | None, *, values: bool) -> tuple[Path, str, int]:
+    def new_upload(self, name: str, size: int, *, values: bool) -> tuple[Path, str, int]:
         """Give the path for a file of the user, the name to show, and the bytes that it may have.
 
         Nothing of the user's name but its suffix is used for the path.
@@ -116,7 +107,7 @@ class Session:
             if len(self._shapes) + len(self._values) >= _MOST_SHAPES:
                 raise InputError(f"{_MOST_SHAPES} files are open; remove some first")
             room = min(_MOST_BYTES, _MOST_BYTES_IN_ALL - self._bytes)
-            if size is not None and size > room:
+            if size > room:
                 raise InputError(f"{label} is too large: {room // 2**20} MiB can be taken")
             kept = label.lower().endswith(".mrk.json")
             path = self.folder / f"upload-{next(self._ids)}{'.mrk.json' if kept else suffix}"
@@ -203,9 +194,8 @@ class Session:
     def submit(self, asked: dict[str, Any]) -> int:
         """Put into the queue what a page asked for, after checking every word of it."""
         with self._changed:
-            return self._submit(
-                check_request(asked, self._shapes, self._results, self._values, self._collection)
-            )
+            open_now = self._shapes, self._results, self._values
+            return self._submit(check_request(asked, *open_now, self._collection))
 
     def cancel(self, i: int) -> None:
         """Take a job out of the queue, and end it if it runs."""
@@ -223,12 +213,9 @@ class Session:
         if len(self._jobs) >= _MOST_JOBS:
             raise InputError("too many jobs wait; cancel some first")
         i = next(self._ids)
-        title = TITLES[job["do"]].format(
-            " and ".join(self._shapes[one]["name"] for one in job["shapes"])
-        )
-        entry = {"title": title, "stage": "waiting", "share": 0.0, "running": False}
-        entry["job"] = job | {"up": self._up}
-        self._jobs[i] = entry
+        names = " and ".join(self._shapes[one]["name"] for one in job["shapes"])
+        entry = {"title": TITLES[job["do"]].format(names), "job": job | {"up": self._up}}
+        self._jobs[i] = entry | {"stage": "waiting", "share": 0.0, "running": False}
         self._note()
         return i
 
