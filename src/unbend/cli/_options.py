@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend import choices
 from unbend.errors import InputError
 
@@ -17,9 +18,7 @@ def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
 
     def check(path: str | None) -> str | None:
         if path is not None:
-            from unbend.io import check_writable
-
-            check_writable(path, suffixes)
+            unbend.io.check_writable(path, suffixes)
         return path
 
     return check
@@ -29,9 +28,7 @@ html_file = _writable(".html")
 
 
 def _map_file(path: str | None) -> str | None:
-    from unbend.io import MAP_SUFFIXES
-
-    return _writable(".npz", *MAP_SUFFIXES)(path)
+    return _writable(".npz", *unbend.io.MAP_SUFFIXES)(path)
 
 
 def parse_component(text: str | None) -> Any:
@@ -45,9 +42,7 @@ def parse_component(text: str | None) -> Any:
 
 def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
     if not keep:
-        from unbend.spectral import use_cache
-
-        ctx.with_resource(use_cache(gib=0))
+        ctx.with_resource(unbend.spectral.use_cache(gib=0))
     return keep
 
 
@@ -69,9 +64,9 @@ def report(help: str) -> Any:
     return typer.Option("--report", metavar="HTML", callback=html_file, help=help)
 
 
-def count(name: str, help: str) -> Any:
+def count(name: str, help: str, least: int | None = 1) -> Any:
     """Make the option -n, how many there are of something."""
-    return typer.Option("-n", name, metavar="N", min=1, help=help)
+    return typer.Option("-n", name, metavar="N", min=least, help=help)
 
 
 Meshes = Annotated[

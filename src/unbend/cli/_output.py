@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import unbend
 from unbend._display import is_doubtful, where_landmarks_help
 from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray, Progress
-    from unbend.collection import Failure
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
@@ -67,9 +65,7 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
 
     `whole` says that `out` gets all faces of the original.
     """
-    from unbend.io import file_extras
-
-    held = file_extras(original)
+    held = unbend.io.file_extras(original)
     if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
         kept = "; its normals are recomputed" if "normals" in held else ""
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
@@ -95,7 +91,7 @@ def warning_printer() -> Callable[..., None]:
     return print_warning
 
 
-def warn_if_doubtful(match: Match, *, seen: bool = False) -> None:
+def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     """Warn of a match that may well be wrong; `seen` tells that a page of it was written."""
     if not is_doubtful(match.confidence):
         return
@@ -145,7 +141,7 @@ def shown(path: str) -> str:
     return path.removeprefix(os.path.join(os.getcwd(), ""))
 
 
-def list_failures(failures: Iterable[Failure]) -> None:
+def list_failures(failures: Iterable[unbend.collection.Failure]) -> None:
     """Name on stderr what could not be done, each with its reason."""
     for failure in failures:
         name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
@@ -156,11 +152,11 @@ def tell(
     result: Mapping[str, Any],
     lines: Iterable[str],
     *,
-    shapes: Iterable[Mesh] = (),
+    shapes: Iterable[unbend.Mesh] = (),
     written: Iterable[str | None] = (),
     report: str | None = None,
     next_step: str | None = None,
-    failures: Sequence[Failure] | None = None,
+    failures: Sequence[unbend.collection.Failure] | None = None,
     unsure: bool = False,
 ) -> None:
     """Tell what a command found: as JSON if that was asked for, else in lines.
@@ -244,9 +240,7 @@ def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:
     """Write an array to a .npy file, or with names of its columns to a .csv file."""
     import numpy as np
 
-    from unbend.io import atomic_write
-
-    with atomic_write(path) as file:
+    with unbend.io.atomic_write(path) as file:
         if path.lower().endswith(".npy"):
             np.save(file, values)
         else:

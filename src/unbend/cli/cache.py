@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unbend
 from unbend.cli._command import make_group
 from unbend.cli._output import rows, tell
 
@@ -14,9 +15,7 @@ def info() -> None:
       unbend cache info
       unbend cache info --json
     """
-    from unbend.spectral import cache_info
-
-    found = cache_info()
+    found = unbend.spectral.cache_info()
     lines = {
         "folder": str(found.folder),
         "spectra": f"{found.n_files:,}",
@@ -32,9 +31,7 @@ def clear() -> None:
     --------
       unbend cache clear
     """
-    from unbend.spectral import clear_cache
-
-    removed = clear_cache()
+    removed = unbend.spectral.clear_cache()
     tell({"n_removed": removed}, [f"removed {removed:,} spectra"])
 
 

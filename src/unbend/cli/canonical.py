@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, files_in, is_batch, make_form
@@ -23,12 +23,10 @@ from unbend.cli._output import (
     tell,
     write_columns,
 )
+from unbend.errors import InputError, UnbendError
 
 if TYPE_CHECKING:
-    from unbend._types import FloatArray, Progress
-    from unbend.canonical import CanonicalForm
-    from unbend.collection import Failure
-    from unbend.mesh import Mesh
+    from unbend._types import FloatArray
 
 _MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
 _TABLE_SUFFIXES = (".npy", ".csv")
@@ -101,11 +99,6 @@ def canonical(
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """
-    from unbend.canonical import lay_into_pose
-    from unbend.collection import Failure
-    from unbend.errors import InputError, UnbendError
-    from unbend.io import check_writable, read_mesh
-
     if detail is not None and n_components < 3:
         raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     paths = expand_folders(meshes)
@@ -119,7 +112,7 @@ def canonical(
 
     files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
     for file in files:
-        suffix = check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
+        suffix = unbend.io.check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
             raise InputError(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
@@ -128,9 +121,13 @@ def canonical(
     given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
     sampling = {name: number for name, number in given.items() if number is not None}
 
-    def compute(i: int, progress: Progress) -> dict[str, Any]:
-        progress("reading", 0)
-        shape = read_mesh(paths[i])
+    def compute(i: int, path: str) -> dict[str, Any]:
+        def step(stage: str, share: float) -> None:
+            of_many = f"{i + 1} of {len(paths)}, {path}: " if batch else ""
+            progress(of_many + stage, (i + share) / len(paths))
+
+        step("reading", 0)
+        shape = unbend.read_mesh(path)
         form = make_form(
             shape,
             distance,
@@ -140,45 +137,44 @@ def canonical(
             laplacian=laplacian,
             component=component,
             keep_scale=keep_scale,
-            progress=progress,
+            progress=step,
         )
-        posed = None
+        posed, seconds = None, form.seconds
         if detail is not None:
             start = perf_counter()
-            posed = lay_into_pose(shape, form, progress=progress)
-            form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
+            posed = unbend.lay_into_pose(shape, form, progress=step)
             posed = posed if keep_scale else posed / form.area**0.5
+            seconds = seconds | {"detail": perf_counter() - start}
         if files:
-            progress("writing", 0)
-            _write(files[i], paths[i], shape, form.points if posed is None else posed)
+            step("writing", 0)
+            _write(files[i], path, shape, form.points if posed is None else posed)
         if figure is not None:
-            from unbend.report.shape_figures import draw_form
-
-            progress("drawing", 0)
-            draw_form(shape, form, figure, posed=posed, up=up)
+            step("drawing", 0)
+            unbend.report.draw_form(shape, form, figure, posed=posed, up=up)
         if report is not None:
-            from unbend.report.pages import form_page
-
-            shown: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
-            form_page(shape, form, report, command=command_line(), progress=progress, **shown)
-        return _numbers(paths[i], shape, form)
+            looks: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
+            looks |= {"command": command_line(), "progress": step}
+            unbend.report.form_page(shape, form, report, **looks)
+        names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
+        return {
+            "file": path,
+            "n_vertices": shape.n_vertices,
+            "n_faces": shape.n_faces,
+            "notes": shape.notes,
+            **{name: getattr(form, name) for name in names},
+            "steps": seconds,
+        }
 
     done: list[dict[str, Any]] = []
-    failures: list[Failure] = []
+    failures: list[unbend.collection.Failure] = []
     with progress_on_stderr() as progress:
         for i, path in enumerate(paths):
-
-            def step(stage: str, share: float, i: int = i, path: str = path) -> None:
-                if batch:
-                    stage = f"{i + 1} of {len(paths)}, {path}: {stage}"
-                progress(stage, (i + share) / len(paths))
-
             try:
-                done.append(compute(i, step))
+                done.append(compute(i, path))
             except (UnbendError, MemoryError) as error:
                 if not batch:
                     raise
-                failures.append(Failure.of(path, error))
+                failures.append(unbend.collection.Failure.of(path, error))
     for one in done:
         for note in one["notes"]:
             say("note", f"{one['file']}: {note}" if batch else note)
@@ -193,12 +189,9 @@ def canonical(
     )
 
 
-def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
+def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
     """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
-
-    from unbend.io import write_mesh
-    from unbend.mesh import Mesh
 
     if not out.lower().endswith(_MESH_SUFFIXES):
         write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
@@ -207,19 +200,7 @@ def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
     like = lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
-    write_mesh(out, Mesh(points, faces), like=like)
-
-
-def _numbers(path: str, shape: Mesh, form: CanonicalForm) -> dict[str, Any]:
-    names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
-    return {
-        "file": path,
-        "n_vertices": shape.n_vertices,
-        "n_faces": shape.n_faces,
-        "notes": shape.notes,
-        **{name: getattr(form, name) for name in names},
-        "steps": form.seconds,
-    }
+    unbend.write_mesh(out, unbend.Mesh(points, faces), like=like)
 
 
 def _summary(one: dict[str, Any]) -> dict[str, str]:
@@ -235,7 +216,7 @@ def _summary(one: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _overview(done: list[dict[str, Any]], failures: list[Failure]) -> list[str]:
+def _overview(done: list[dict[str, Any]], failures: list[unbend.collection.Failure]) -> list[str]:
     lines = [("mesh", "vertices", "faces", "stress", "time", "")]
     for one in done:
         counts = f"{one['n_vertices']:,}", f"{one['n_faces']:,}"

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, say, table, tell
 from unbend.errors import InputError, UnbendError
-
-if TYPE_CHECKING:
-    from unbend.mesh import Mesh
-    from unbend.preparation import Diagnosis
 
 
 def check(meshes: options.Meshes) -> None:
@@ -48,13 +45,10 @@ def check(meshes: options.Meshes) -> None:
 
 def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
     """Give what was found in a file, and all lines about it."""
-    from unbend.io import read_mesh
-    from unbend.preparation import diagnose
-
     one = {"file": path, "usable": False, "verdict": "", "next_step": None, "notes": ()}
     try:
-        shape = read_mesh(path)
-        health = diagnose(shape)
+        shape = unbend.read_mesh(path)
+        health = unbend.diagnose(shape)
     except UnbendError as error:
         say("error", str(error))
         return one | {"verdict": str(error), "health": None}, []
@@ -64,16 +58,16 @@ def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
     return one | {"notes": shape.notes, "health": health}, lines
 
 
-def _judge(shape: Mesh, health: Diagnosis, path: str) -> tuple[bool, str, str | None]:
+def _judge(
+    shape: unbend.Mesh, health: unbend.preparation.Diagnosis, path: str
+) -> tuple[bool, str, str | None]:
     """Try what computations will try: whether they can, in a sentence, and what to do next."""
-    from unbend.preparation import prepare
-
     command = f"unbend canonical {quoted(path)} -o OUT.ply"
     try:
-        prepared = prepare(shape)
+        prepared = unbend.preparation.prepare(shape)
     except InputError as refusal:
         try:
-            prepare(shape, component="largest")
+            unbend.preparation.prepare(shape, component="largest")
         except InputError:
             return False, f"unbend cannot work with this mesh: {refusal}", None
         sentence = "unbend can work with one component of this mesh."
@@ -97,7 +91,7 @@ def _overview(found: list[dict[str, Any]]) -> list[str]:
     return table("<>>>><", *lines)
 
 
-def _details(shape: Mesh, health: Diagnosis) -> list[str]:
+def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[str]:
     """Facts about a mesh, then whatever is out of order."""
     lines = [(shape.name, "found", "what unbend does"), ("vertices", f"{shape.n_vertices:,}", "")]
     if not health.n_faces:
@@ -133,7 +127,7 @@ def _details(shape: Mesh, health: Diagnosis) -> list[str]:
     return table("<><", *lines)
 
 
-def _component_action(health: Diagnosis) -> str:
+def _component_action(health: unbend.preparation.Diagnosis) -> str:
     if health.n_components == 1:
         return ""
     sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
@@ -141,7 +135,7 @@ def _component_action(health: Diagnosis) -> str:
     return f"matches the largest; else needs --component largest (vertices: {sizes}{more})"
 
 
-def _boundary_action(health: Diagnosis) -> str:
+def _boundary_action(health: unbend.preparation.Diagnosis) -> str:
     if health.closed:
         return "closed"
     loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Annotated, Any
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._output import progress_on_stderr, table, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
-    from unbend.mesh import Mesh
 
-    Column = tuple[str, Mesh, FloatArray, FloatArray, FloatArray]
+    Column = tuple[str, unbend.Mesh, FloatArray, FloatArray, FloatArray]
 
 _POSES = {
     "dog": ("standing", "galloping", "sitting"),
@@ -32,36 +32,32 @@ def demo(
       unbend demo
       unbend demo -o picture.png
     """
-    from unbend.alignment import procrustes
-    from unbend.canonical import canonical_form, lay_into_pose
-    from unbend.datasets import make_biped, make_quadruped
-    from unbend.io import check_writable
-    from unbend.report.colors import position_colors
-    from unbend.report.figures import draw_canonical_forms
-
-    check_writable(out, (".png", ".pdf", ".svg"))
+    unbend.io.check_writable(out, (".png", ".pdf", ".svg"))
     columns: list[Column] = []
     with progress_on_stderr() as progress:
-        for species, make in (("dog", make_quadruped), ("human", make_biped)):
+        for species, make in (
+            ("dog", unbend.datasets.make_quadruped),
+            ("human", unbend.datasets.make_biped),
+        ):
             first = upright = None
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
-                form = canonical_form(mesh)
-                points, surface = form.points, lay_into_pose(mesh, form)
+                form = unbend.canonical_form(mesh)
+                points, surface = form.points, unbend.lay_into_pose(mesh, form)
                 if first is None:
                     first, upright = points, mesh.vertices
-                    colors = position_colors(mesh.vertices)
+                    colors = unbend.report.position_colors(mesh.vertices)
                 # A form is unique up to a rotation or reflection: draw them all one way round.
-                rotation, translation = procrustes(points, first)
+                rotation, translation = unbend.alignment.procrustes(points, first)
                 points = points @ rotation.T + translation
-                turn, shift = procrustes(surface, upright, reflect=False)
+                turn, shift = unbend.alignment.procrustes(surface, upright, reflect=False)
                 upright = surface = surface @ turn.T + shift
                 columns.append((f"{species}, {pose}", mesh, points, colors, surface))
         progress("comparing", 0)
         pairs = _compare(columns)
         progress("drawing", 0)
-        draw_canonical_forms(columns, out, canonical_view=(30, 20))
+        unbend.report.draw_canonical_forms(columns, out, canonical_view=(30, 20))
     tell(
         {"pairs": pairs},
         _lines(pairs),
@@ -74,8 +70,6 @@ def _compare(columns: list[Column]) -> list[dict[str, Any]]:
     """Measure how far apart each two shapes are, as they stand and unbent."""
     import numpy as np
 
-    from unbend.alignment import align
-
     def scaled(points: FloatArray) -> FloatArray:
         some = points[:: len(points) // _COMPARED]
         some = some - some.mean(axis=0)
@@ -86,8 +80,8 @@ def _compare(columns: list[Column]) -> list[dict[str, Any]]:
             "first": first.replace(",", ""),
             "second": second.replace(",", ""),
             "same_species": first.split(",")[0] == second.split(",")[0],
-            "before": align(scaled(mesh.vertices), scaled(other.vertices)).residual,
-            "after": align(scaled(form), scaled(other_form)).residual,
+            "before": unbend.align(scaled(mesh.vertices), scaled(other.vertices)).residual,
+            "after": unbend.align(scaled(form), scaled(other_form)).residual,
         }
         for (first, mesh, form, *_), (second, other, other_form, *_) in itertools.combinations(
             columns, 2

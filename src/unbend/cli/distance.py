@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
@@ -64,16 +65,14 @@ def distance(
     import numpy as np
 
     from unbend._arrays import first_largest
-    from unbend.distances import distance as measure
-    from unbend.io import SCALAR_SUFFIXES, check_writable, read_mesh, write_mesh
 
     if out is not None:
-        check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
+        unbend.io.check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shape = read_mesh(mesh)
+        shape = unbend.read_mesh(mesh)
         progress(f"{kind} distance", 0)
-        field = measure(
+        field = unbend.distance(
             shape,
             sources,
             distance=kind,
@@ -83,20 +82,16 @@ def distance(
             component=component,
         )
     names = [f"distance_{source}" for source in sources]
-    if out is not None and out.lower().endswith(SCALAR_SUFFIXES):
+    if out is not None and out.lower().endswith(unbend.io.SCALAR_SUFFIXES):
         lines_to_keep(out, mesh)
-        write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
+        unbend.write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
     elif out is not None:
         write_columns(out, field.T, names)
     nearest = field.min(axis=0)
     if figure is not None:
-        from unbend.report.shape_figures import draw_values
-
-        draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
+        unbend.report.draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:
-        from unbend.report import view
-
-        view(shape, values=nearest, path=report, up=up)
+        unbend.report.view(shape, values=nearest, path=report, up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
     lines = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
     reached = []

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import GeodesicKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_any_map, read_truth
 from unbend.cli._output import progress_on_stderr, table, tell
-
-if TYPE_CHECKING:
-    from unbend.correspondence import Evaluation
 
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
@@ -55,22 +53,16 @@ def evaluate(
       unbend evaluate map.npz b.off a.vts b.vts --mirrored-truth b.sym.vts --figure curves.png
       unbend evaluate map.npz b.off a.vts b.vts --distance geodesic-exact --json
     """
-    from unbend.correspondence import THRESHOLDS
-    from unbend.correspondence import evaluate as measure
-    from unbend.io import read_mesh
-
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shape = read_mesh(target)
+        shape = unbend.read_mesh(target)
         point_map = read_any_map(map_file, base, shape)
         files = [path for path in (source_truth, target_truth, mirrored_truth) if path is not None]
         sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
         progress(f"{distance} distances", 0)
-        found = measure(point_map, shape, sources, *truths, distance=distance)
+        found = unbend.evaluate(point_map, shape, sources, *truths, distance=distance)
         if figure is not None:
-            from unbend.report.match_figures import draw_error_curves
-
-            draw_error_curves({Path(map_file).stem: found}, figure)
+            unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
     names = ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
     tell(
         {
@@ -80,7 +72,7 @@ def evaluate(
             "n_rows": len(found.direct),
             "coverage": found.coverage,
             "overlap": found.overlap,
-            "thresholds": THRESHOLDS,
+            "thresholds": unbend.correspondence.THRESHOLDS,
             "protocols": {name: _measures(found, name) for name in names},
         },
         _summary(found, names),
@@ -89,7 +81,7 @@ def evaluate(
     )
 
 
-def _measures(found: Evaluation, name: str) -> dict[str, Any]:
+def _measures(found: unbend.correspondence.Evaluation, name: str) -> dict[str, Any]:
     return {
         "n_rows": len(found.errors(name)),
         "mean": found.mean(name),
@@ -99,10 +91,8 @@ def _measures(found: Evaluation, name: str) -> dict[str, Any]:
     }
 
 
-def _summary(found: Evaluation, names: list[str]) -> list[str]:
-    from unbend.correspondence import THRESHOLDS
-
-    columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
+def _summary(found: unbend.correspondence.Evaluation, names: list[str]) -> list[str]:
+    columns = [int(abs(unbend.correspondence.THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
     for name in names:
         curve = found.curve(name)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import (
@@ -27,10 +28,7 @@ from unbend.cli._output import (
     tell,
     warn_if_doubtful,
 )
-
-if TYPE_CHECKING:
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
+from unbend.errors import InputError
 
 # A map that is not sure of its side has about as much of the surface on either.
 _CLEAR_SIDE = 0.1
@@ -45,7 +43,7 @@ def match(
     min_confidence: options.MinConfidence = None,
     n_matches: Annotated[
         int,
-        options.count("--n-matches", "Write the N best distinct maps: MAP, MAP-2, MAP-3 ..."),
+        options.count("--n-matches", "Write the N best distinct maps: MAP, MAP-2, MAP-3 ...", None),
     ] = 1,
     n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 150,
     allow_mirror: Annotated[
@@ -107,12 +105,8 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """
-    from unbend.errors import InputError
-    from unbend.io import COLOR_SUFFIXES, check_writable
-    from unbend.matching import match as find_match
-
     for path in colored or ():
-        check_writable(path, COLOR_SUFFIXES)
+        unbend.io.check_writable(path, unbend.io.COLOR_SUFFIXES)
     if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
         raise InputError(f"--colored needs two files, and both are {colored[0]}")
     if truth is not None and report is None:
@@ -127,7 +121,7 @@ def match(
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
             known = read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
         hints = landmarks_of(landmarks, shapes)
-        found = find_match(
+        found = unbend.match(
             *shapes,
             partial=partial,
             landmarks=hints,
@@ -182,7 +176,7 @@ def match(
     )
 
 
-def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
+def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> dict[str, str]:
     """Name the results."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
@@ -213,7 +207,7 @@ def describe_side(orientation: float) -> str:
     return f"{(1 + abs(orientation)) / 2:.0%} of the surface {side}"
 
 
-def _measures(found: Match) -> dict[str, Any]:
+def _measures(found: unbend.Match) -> dict[str, Any]:
     names = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
     return {name: getattr(found, name) for name in names}
 
@@ -227,13 +221,10 @@ def _numbered(out: str, i: int) -> str:
 def _write_colored(
     originals: tuple[str, str],
     whole: bool,
-    shapes: list[Mesh],
-    found: Match,
+    shapes: list[unbend.Mesh],
+    found: unbend.Match,
     paths: tuple[str, str],
 ) -> None:
-    from unbend.io import write_mesh
-    from unbend.report.match_figures import match_colors
-
-    colors = match_colors(shapes[0], shapes[1], found)
+    colors = unbend.report.match_colors(shapes[0], shapes[1], found)
     for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
-        write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))
+        unbend.write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
@@ -44,10 +45,7 @@ def morph(
       unbend morph standing.ply leaping.ply --steps 9 -o frame.ply
       unbend morph standing.ply leaping.ply --map map.npz -o halfway.glb
     """
-    from unbend.correspondence import morph as shape_between
-    from unbend.io import check_writable, write_mesh
-
-    check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
+    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
     path = Path(out)
     files, digits = [out], len(str(steps))
     if steps > 1:
@@ -59,8 +57,8 @@ def morph(
         like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):
             progress("morphing", i / steps)
-            between = shape_between(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
-            write_mesh(file, between, like=like)
+            between = unbend.morph(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
+            unbend.write_mesh(file, between, like=like)
     confidence = getattr(match, "confidence", None)
     trust = "not estimated" if confidence is None else f"{confidence:.2f}, of the match"
     count = f"{steps} between {shapes[0].name} and {shapes[1].name}"

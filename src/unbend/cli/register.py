@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
@@ -16,8 +17,6 @@ from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, t
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
-    from unbend.collection import Registered
-    from unbend.correspondence import Registration
 
 
 def register(
@@ -65,27 +64,27 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    of_one = matching.given() | {"--component": component, "--report": report}
-    if is_batch(paths, out, of_one):
-        _register_many(template, paths, out)
+    if is_batch(paths, out, matching.given() | {"--component": component, "--report": report}):
+        with progress_on_stderr() as progress:
+            done = unbend.collection.register_files(paths, template, out, progress)
+        _, fitted, _ = unbend.collection.read_registrations(out)
+        of_all = [
+            _numbers(row.path, os.path.join(out, row.file), one)
+            for row, one in zip(done.shapes, fitted, strict=True)
+        ]
+        tell_registered(done, {"template": template, "scans": of_all}, template, out)
         return
-    from unbend.correspondence import register as fit_template
-    from unbend.correspondence import write_registration
-    from unbend.io import COLOR_SUFFIXES, check_writable
-
-    check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
+    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
         match = read_or_match(shapes, matching, progress)
-        found = fit_template(shapes[0], shapes[1], match, progress=progress)
+        found = unbend.register(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
         like = lines_to_keep(out, template, whole=component is None)
-        write_registration(out, found, like=like)
+        unbend.correspondence.write_registration(out, found, like=like)
         if report is not None:
-            from unbend.report import view
-
-            view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
+            unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
     one = _numbers(paths[0], out, found)
     unknown = math.isnan(found.confidence)
     lines = {
@@ -94,7 +93,7 @@ def register(
         "distance of all": _in_words(one["distance_all"]),
         "confidence": "not estimated" if unknown else f"{found.confidence:.2f}, of the match",
     }
-    colored = Path(out).suffix.lower() in COLOR_SUFFIXES and like is None
+    colored = Path(out).suffix.lower() in unbend.io.COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
     tell(
         {"template": template, "scans": [one]},
@@ -107,20 +106,9 @@ def register(
     )
 
 
-def _register_many(template: str, paths: list[str], out: str) -> None:
-    from unbend.collection import read_registrations, register_files
-
-    with progress_on_stderr() as progress:
-        done = register_files(paths, template, out, progress)
-    _, found, _ = read_registrations(out)
-    scans = [
-        _numbers(row.path, os.path.join(out, row.file), one)
-        for row, one in zip(done.shapes, found, strict=True)
-    ]
-    tell_registered(done, {"template": template, "scans": scans}, template, out)
-
-
-def tell_registered(done: Registered, result: dict[str, Any], template: str, out: str) -> None:
+def tell_registered(
+    done: unbend.collection.Registered, result: dict[str, Any], template: str, out: str
+) -> None:
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
@@ -149,7 +137,7 @@ def tell_registered(done: Registered, result: dict[str, Any], template: str, out
     )
 
 
-def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:
+def _numbers(scan: str, file: str, found: unbend.correspondence.Registration) -> dict[str, Any]:
     return {
         "scan": scan,
         "file": file,
@@ -163,20 +151,19 @@ def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:
     }
 
 
-def _spread(found: Registration, distances: FloatArray) -> dict[str, Any]:
+def _spread(found: unbend.correspondence.Registration, distances: FloatArray) -> dict[str, Any]:
     """Mean and 95 % quantile of distances, in the scan's unit and in sqrt(area)."""
     import numpy as np
 
-    from unbend.mesh import vertex_areas
-
-    known = distances[np.isfinite(distances)]
-    mean, most = (known.mean(), np.quantile(known, 0.95)) if len(known) else (np.nan, np.nan)
-    side = np.sqrt(vertex_areas(found.mesh).sum())
+    mean = most = np.nan
+    if len(known := distances[np.isfinite(distances)]):
+        mean, most = known.mean(), np.quantile(known, 0.95)
+    side = np.sqrt(unbend.mesh.vertex_areas(found.mesh).sum())
     return {
-        "mean": float(mean),
-        "within_95": float(most),
-        "mean_relative": float(mean / side),
-        "within_95_relative": float(most / side),
+        "mean": mean,
+        "within_95": most,
+        "mean_relative": mean / side,
+        "within_95_relative": most / side,
     }
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -16,7 +17,6 @@ from unbend.errors import InputError
 
 if TYPE_CHECKING:
     from unbend._types import Progress
-    from unbend.mesh import Mesh
 
 
 def similarity(
@@ -63,8 +63,6 @@ def similarity(
     """
     if figure is not None and not matrix:
         raise InputError("a heat map shows all pairs; add --matrix to --figure")
-    from unbend.io import write_table
-
     paths = [model, *probes]
     square: list[list[float]] = []
     with output.progress_on_stderr() as progress:
@@ -79,40 +77,33 @@ def similarity(
                 )
         pairs = _compare(shapes, known, matrix, n_components, distance, progress)
         ranked = sorted(pairs, key=lambda one: -round(one[2], 9))
+        keys = ("model", "probe", "similarity", "confidence")
         named = [
-            {
-                "model": paths[i],
-                "probe": paths[j],
-                "similarity": value,
-                "confidence": confidence,
-            }
-            for i, j, value, confidence in pairs
+            dict(zip(keys, (paths[i], paths[j], *others), strict=True)) for i, j, *others in pairs
         ]
         cells: list[list[Any]] = [["model", "probe", "similarity", "match_confidence"]]
         if matrix:
             square = [[1.0] * len(paths) for _ in paths]
             for i, j, value, _ in pairs:
                 square[i][j] = square[j][i] = value
-            cells = [
-                ["shape", *paths],
-                *([path, *row] for path, row in zip(paths, square, strict=True)),
-            ]
+            cells = [["shape", *paths]]
+            cells += [[path, *row] for path, row in zip(paths, square, strict=True)]
+        else:
+            cells += [list(one.values()) for one in named]
         if csv is not None:
-            write_table(csv, cells)
+            unbend.io.write_table(csv, cells)
         if figure is not None:
-            from unbend.report.collection_figures import draw_similarities
-
-            draw_similarities([Path(path).stem for path in paths], square, figure)
+            unbend.report.draw_similarities([Path(path).stem for path in paths], square, figure)
         if report is not None:
-            from unbend.report.pages import search_page, similarity_page
-
             looks: Any = {"up": up, "command": output.command_line(), "progress": progress}
             if matrix:
-                similarity_page(shapes, square, report, **looks)
+                unbend.report.similarity_page(shapes, square, report, **looks)
             else:
                 alike = [shapes[j] for _, j, *_ in ranked]
                 values = [value for _, _, value, _ in ranked]
-                search_page(shapes[0], alike, values, report, measure="similarity", **looks)
+                unbend.report.search_page(
+                    shapes[0], alike, values, report, measure="similarity", **looks
+                )
     lines = [["probe", "similarity", "" if known else "confidence of the match"]]
     for _, j, value, confidence in ranked:
         lines.append([paths[j], f"{value:.4f}", "" if known else f"{confidence:.2f}"])
@@ -126,7 +117,7 @@ def similarity(
 
 
 def _compare(
-    shapes: list[Mesh],
+    shapes: list[unbend.Mesh],
     known: bool,
     matrix: bool,
     n_components: int,
@@ -137,10 +128,6 @@ def _compare(
 
     Gives pairs of shapes, their similarity, and the confidence of their match, if one was made.
     """
-    from unbend.correspondence import similarity as likeness
-    from unbend.matching import match
-    from unbend.mesh import vertex_areas
-
     forms = []
     for shape in shapes:
         progress(f"{shape.name}, canonical form", 0)
@@ -152,12 +139,14 @@ def _compare(
             break
         found = areas = None
         if not known:
-            areas = vertex_areas(shapes[i]), vertex_areas(shapes[j])
+            areas = unbend.mesh.vertex_areas(shapes[i]), unbend.mesh.vertex_areas(shapes[j])
 
             def step(stage: str, share: float, i: int = i, j: int = j) -> None:
                 progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
 
-            found = match(shapes[i], shapes[j], progress=step)
-        value = likeness(forms[i], forms[j], match=found, n_components=n_components, areas=areas)
+            found = unbend.match(shapes[i], shapes[j], progress=step)
+        value = unbend.similarity(
+            forms[i], forms[j], match=found, n_components=n_components, areas=areas
+        )
         pairs.append((i, j, value, None if found is None else found.confidence))
     return pairs

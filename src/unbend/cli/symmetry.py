@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._input import is_unsure, read_shapes, show_match, write_result
 from unbend.cli._output import elapsed, progress_on_stderr, rows, tell, warn_if_doubtful
@@ -39,12 +40,10 @@ def symmetry(
       unbend symmetry cat.off --report symmetry.html --up z
       unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
     """
-    from unbend.matching import symmetry as find_symmetry
-
     with progress_on_stderr() as progress:
         progress("reading", 0)
         (shape,) = read_shapes([mesh], component)
-        found = find_symmetry(shape, refine=refine, progress=progress)
+        found = unbend.symmetry(shape, refine=refine, progress=progress)
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)
         if not unsure:

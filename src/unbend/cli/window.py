@@ -10,6 +10,7 @@ import typer
 
 from unbend.cli._input import expand_folders
 from unbend.cli._output import tell
+from unbend.errors import FileError
 
 
 def app(
@@ -40,7 +41,6 @@ def app(
       unbend app scans/ --collection shapes
     """
     from unbend.app import serve
-    from unbend.errors import FileError
 
     paths = expand_folders(files or [])
     for path in paths:

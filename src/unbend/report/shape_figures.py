@@ -139,16 +139,14 @@ def draw_values(
     height = fitting_height(3.7, [turned], FRONT_AND_BACK)
     row = [(turned.vertices, turned, array, view) for view in FRONT_AND_BACK]
     figure, ((first, _),) = draw_grid([row], ["", ""], 3.85, height, right=0.9)
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
     place = first.get_position()
     figure.text(0.44, 0.35 * place.y0, as_written(mesh.name), ha="center", fontsize=10)
     scale = figure.add_axes((0.9, place.y0, 0.02, 0.9 * place.height))
-    steps = np.linspace(0, 1, 256)[:, None]
-    ends = (0, 1, float(finite.min()), float(finite.max()))
-    scale.imshow(steps, origin="lower", aspect="auto", cmap="viridis", extent=ends)
-    scale.set_xticks([])
-    scale.yaxis.tick_right()
-    scale.yaxis.set_label_position("right")
-    scale.set_ylabel(label, fontsize=9)
+    colors = ScalarMappable(Normalize(float(finite.min()), float(finite.max())), "viridis")
+    figure.colorbar(colors, scale).set_label(label, fontsize=9)
     save_figure(figure, path)
 
 

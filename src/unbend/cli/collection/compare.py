@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import Rerank
 from unbend.cli import _options as options
 from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
 from unbend.cli._output import matrix as matrix_lines
 from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape, write_page
-
-if TYPE_CHECKING:
-    from unbend.collection import Entry, Hit
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24
@@ -56,12 +54,12 @@ def search(
     with progress_on_stderr() as progress:
         hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
         if report is not None:
-            from unbend.report.pages import search_page
-
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
             looks: Any = {"up": up, "command": command_line(), "progress": progress}
             meshes = read_shown(hits, store)
-            search_page(query, meshes, ranked, report, measure=_MEASURES[rerank], **looks)
+            unbend.report.search_page(
+                query, meshes, ranked, report, measure=_MEASURES[rerank], **looks
+            )
     ranks = [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)]
     tell(
         {"store": store, "query": query, "rerank": rerank, "hits": ranks},
@@ -70,7 +68,7 @@ def search(
     )
 
 
-def _lines(hits: list[Hit], rerank: str) -> list[str]:
+def _lines(hits: list[unbend.collection.Hit], rerank: str) -> list[str]:
     cells = [["rank", "distance", "" if rerank == "none" else rerank, "id", "path"]]
     for i, hit in enumerate(hits):
         again = "" if hit.reranked is None else "none"
@@ -99,14 +97,12 @@ def matrix(
     """
     entries, distances = opened(store, csv, figure, report).distances()
     if csv is not None:
-        from unbend.io import write_table
-
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
-        write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
+        unbend.io.write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
     if figure is not None:
-        from unbend.report.collection_figures import draw_distances
-
-        draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
+        unbend.report.draw_distances(
+            [Path(entry.path).stem for entry in entries], distances, figure
+        )
     if report is not None:
         write_page(report, store, entries, distances, up)
     if len(entries) <= _MOST_PRINTED:
@@ -147,19 +143,15 @@ def groups(
       unbend collection groups shapes -n 5 --csv groups.csv
       unbend collection groups shapes --report groups.html
     """
-    from unbend.collection import find_groups
-
     entries, distances = opened(store, csv, report).distances()
-    numbers = find_groups(distances, n).tolist()
-    members: list[list[Entry]] = [[] for _ in range(max(numbers) + 1)]
+    numbers = unbend.collection.find_groups(distances, n).tolist()
+    members: list[list[unbend.collection.Entry]] = [[] for _ in range(max(numbers) + 1)]
     for entry, number in zip(entries, numbers, strict=True):
         members[number].append(entry)
     paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
     if csv is not None:
-        from unbend.io import write_table
-
         pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
-        write_table(csv, [("path", "group"), *pairs])
+        unbend.io.write_table(csv, [("path", "group"), *pairs])
     if report is not None:
         write_page(report, store, entries, distances, up, groups=numbers)
     lines = []
@@ -195,16 +187,14 @@ def evaluate(
     """
     import numpy as np
 
-    from unbend.collection import read_labels, retrieval_measures
-
     entries, distances = opened(store).distances()
-    found = read_labels(labels, [(entry.path, *entry.also) for entry in entries])
+    found = unbend.collection.read_labels(labels, [(entry.path, *entry.also) for entry in entries])
     kept = np.array([i for i, label in enumerate(found) if label is not None], dtype=int)
     classes = [label for label in found if label is not None]
     if len(kept) < len(entries):
         left_out = len(entries) - len(kept)
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
-    measured = retrieval_measures(distances[np.ix_(kept, kept)], classes)
+    measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
     names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
     heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
     lines = {

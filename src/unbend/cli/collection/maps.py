@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._output import list_failures, progress_on_stderr, rows, tell
 from unbend.cli.collection._common import opened
 from unbend.cli.register import tell_registered
+from unbend.errors import FileError, InputError
 
 
 def match(
@@ -43,15 +45,14 @@ def match(
       unbend collection match shapes --all -o matches
       unbend collection match shapes --pairs pairs.csv -o matches --workers 4
     """
-    from unbend.errors import InputError
-    from unbend.io import read_table
-
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
     chosen = None
     if pairs is not None:
-        chosen = [(source, target) for source, target in read_table(pairs, ("source", "target"))]
+        chosen = [
+            (source, target) for source, target in unbend.io.read_table(pairs, ("source", "target"))
+        ]
     with progress_on_stderr() as progress:
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
@@ -129,12 +130,9 @@ def register(
 
 
 def _read_landmarks(path: str) -> dict[str, list[tuple[int, int]]]:
-    from unbend.errors import FileError
-    from unbend.io import read_table
-
     found: dict[str, list[tuple[int, int]]] = {}
     columns = ("shape", "template", "vertex")
-    for line, (shape, *vertices) in enumerate(read_table(path, columns), start=2):
+    for line, (shape, *vertices) in enumerate(unbend.io.read_table(path, columns), start=2):
         if not all(word.isdecimal() and len(word) < 19 for word in vertices):
             raise FileError(
                 f"{path}: line {line}: vertices are whole numbers counted from 0, not "
@@ -173,12 +171,10 @@ def mean(
       unbend collection mean registered -o statistics
       unbend collection mean skulls_registered -o form --scale --n-components 10
     """
-    from unbend.collection import mean_shape, read_registrations, write_mean
-
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        template, shapes, failures = read_registrations(registered)
-        found = mean_shape(
+        template, shapes, failures = unbend.collection.read_registrations(registered)
+        found = unbend.collection.mean_shape(
             shapes,
             template,
             n_components=n_components,
@@ -188,7 +184,7 @@ def mean(
         )
         found = replace(found, left_out=(*failures, *found.left_out))
         progress("writing", 0)
-        written = write_mean(out, found)
+        written = unbend.collection.write_mean(out, found)
     list_failures(found.left_out)
     statistics, n, others = found.statistics, len(found.names), len(found.left_out)
     shapes_told = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"

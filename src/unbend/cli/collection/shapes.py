@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._output import progress_on_stderr, rows, shown, tell
 from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
-
-if TYPE_CHECKING:
-    from unbend.collection import Entry
+from unbend.errors import InputError
 
 
 def add(
@@ -42,9 +41,7 @@ def add(
       unbend collection add shapes 'models/**/*.obj' --workers 8
       unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
     """
-    from unbend.collection import Collection
-
-    collection = Collection(store)
+    collection = unbend.collection.Collection(store)
     with progress_on_stderr() as progress:
         done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
@@ -88,7 +85,7 @@ def list_(
     tell({"store": store, "shapes": entries}, lines)
 
 
-def _lines(entries: Iterator[Entry]) -> Iterator[str]:
+def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
     """Print as they are read: there may be millions."""
     first = list(itertools.islice(entries, 1))  # before anything is printed: it may fail
     yield f"{'id':<{SHORT_ID}}  {'vertices':>10}  {'faces':>10}  path"
@@ -113,13 +110,10 @@ def info(
       unbend collection info shapes
       unbend collection info shapes scans/cat0.off --thumbnail cat0.png
     """
-    from unbend.errors import InputError
-    from unbend.io import atomic_write, check_writable
-
     if thumbnail is not None:
         if shape is None:
             raise InputError("--thumbnail is the picture of one shape: name it after STORE")
-        check_writable(thumbnail, (".png",))
+        unbend.io.check_writable(thumbnail, (".png",))
     collection = opened(store, thumbnail)
     if shape is None:
         found = collection.info()
@@ -135,7 +129,7 @@ def info(
         return
     (entry,) = collection.find([shape])
     if thumbnail is not None:
-        with atomic_write(thumbnail) as file:
+        with unbend.io.atomic_write(thumbnail) as file:
             file.write(collection.thumbnail(entry.id))
     lines = {
         "id": entry.id,
