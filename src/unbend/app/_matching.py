@@ -24,7 +24,6 @@ _N_MATCHES, _LARGE = 3, 60_000  # vertices beyond which other maps would take to
 
 
 def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result:
-    """Match two shapes."""
     count = _N_MATCHES if max(mesh.n_vertices for mesh in work.meshes) <= _LARGE else 1
     found = find_match(
         *work.meshes,

@@ -10,6 +10,7 @@ import shutil
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
@@ -146,13 +147,12 @@ class Session:
 
     def remove_shape(self, i: int) -> None:
         """Forget a shape, and remove its file if it is ours."""
-        with self._changed:
+        with self._change():
             path = Path(self._shapes.pop(i)["path"])
             if path.parent == self.folder:
                 self._bytes -= path.stat().st_size
                 with contextlib.suppress(OSError):  # Windows keeps what is being read
                     path.unlink()
-            self._note()
 
     # Results
 
@@ -172,22 +172,17 @@ class Session:
 
     def keep_landmarks(self, i: int, given: list[Any]) -> None:
         """Keep the landmarks that were placed on the page of a result."""
-        with self._changed:
+        with self._change():
             result = self._results[i]
             result["placed"] = check_landmarks(given, len(result["shapes"]))
-            self._note()
 
     def remove_result(self, i: int) -> None:
-        """Forget a result and remove its files."""
-        with self._changed:
+        with self._change():
             shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True)
-            self._note()
 
     def remove_trouble(self, i: int) -> None:
-        """Forget what went wrong."""
-        with self._changed:
+        with self._change():
             self._troubles.pop(i, None)
-            self._note()
 
     # Jobs
 
@@ -199,15 +194,12 @@ class Session:
 
     def cancel(self, i: int) -> None:
         """Take a job out of the queue, and end it if it runs."""
-        with self._changed:
+        with self._change():
             entry = self._jobs.pop(i, None)
-            if entry is None:
-                return
-            if entry["job"]["do"] == "look":
+            if entry is not None and entry["job"]["do"] == "look":
                 self._failed(i, entry, "cancelled")
-            if entry["running"]:
+            if entry is not None and entry["running"]:
                 self._worker.cancel()
-            self._note()
 
     def _submit(self, job: dict[str, Any]) -> int:
         if len(self._jobs) >= _MOST_JOBS:
@@ -238,7 +230,7 @@ class Session:
                 self._note()
             given = job | {"shapes": shapes, "folder": str(folder)}
             found = self._worker.run(given, functools.partial(self._step, entry))
-            with self._changed:
+            with self._change():
                 there = self._jobs.pop(i, None) is not None
                 if there and "error" in found:
                     self._failed(i, entry, found["error"])
@@ -246,12 +238,10 @@ class Session:
                     self._finished(i, job, found | {"folder": str(folder)})
                 else:
                     shutil.rmtree(folder, ignore_errors=True)
-                self._note()
 
     def _step(self, entry: dict[str, Any], stage: str, share: float) -> None:
-        with self._changed:
+        with self._change():
             entry |= {"stage": stage, "share": share}
-            self._note()
 
     def _failed(self, i: int, entry: dict[str, Any], error: str) -> None:
         """Show a sentence, with the names that the user knows in place of paths."""
@@ -282,6 +272,12 @@ class Session:
     def _note(self) -> None:
         self._version += 1
         self._changed.notify_all()
+
+    @contextlib.contextmanager
+    def _change(self) -> Iterator[None]:
+        with self._changed:
+            yield
+            self._note()
 
 
 def remove_dead(is_alive: Any) -> None:

@@ -26,6 +26,7 @@ from unbend.io import (
 )
 from unbend.mesh import Mesh
 from unbend.report import (
+    check_count,
     form_page,
     match_colors,
     position_colors,
@@ -33,14 +34,12 @@ from unbend.report import (
     similarity_page,
     view,
 )
-from unbend.report.pages import check_count
 
 _N_FOUND = 20  # shapes of a collection
 _LARGEST = ("--component", "largest")
 
 
 def distance(work: Work, vertices: Sequence[int]) -> Result:
-    """Measure distances on the surface from some vertices."""
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
     nearest = measure(mesh, vertices, component="largest").min(axis=0)
@@ -59,7 +58,6 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
 
 
 def form(work: Work) -> Result:
-    """Compute the canonical form of a shape."""
     (mesh,), (stem,) = work.meshes, work.stems
     found = canonical_form(mesh, component="largest", progress=work.progress)
     there = np.asarray(np.isfinite(found.points).all(axis=1))
@@ -172,7 +170,6 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
 
 
 def register(work: Work) -> Result:
-    """Fit the first shape to the second one."""
     source, target = work.meshes
     found = fit_template(source, target, work.read_map(), progress=work.progress)
     stem = "-on-".join(work.stems)

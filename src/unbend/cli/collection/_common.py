@@ -39,7 +39,7 @@ def read_shown(
     shapes: Sequence[unbend.collection.Entry | unbend.collection.Hit], store: str
 ) -> list[unbend.Mesh]:
     """Read shapes to show them, and name on stderr what cannot be read."""
-    unbend.report.pages.check_count(len(shapes))
+    unbend.report.check_count(len(shapes))
     meshes, failures = unbend.collection.read_found(shapes, store)
     list_failures(failures)
     return meshes

@@ -31,8 +31,14 @@ from unbend.report.pages._document import (
     section,
     select,
 )
-from unbend.report.pages._packing import pack_places, pack_whole
-from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
+from unbend.report.pages._shown import (
+    cells_of,
+    faces_within,
+    pack_places,
+    pack_whole,
+    places_as_colors,
+    show,
+)
 from unbend.report.shape_figures import turned_to_fit
 from unbend.spectral import spectrum
 
@@ -150,7 +156,7 @@ def form_page(
             "unit": unit if form.distance == "biharmonic" else None,
             "cells": cells_of(mesh.vertices[rows]),
         },
-        "form.js",
+        ["form.js"],
         path=path,
         heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
     )

@@ -28,8 +28,14 @@ from unbend.report.pages._document import (
     section,
     select,
 )
-from unbend.report.pages._packing import pack_places, pack_whole
-from unbend.report.pages._shown import cells_of, checked_landmarks, places_as_colors, show
+from unbend.report.pages._shown import (
+    cells_of,
+    checked_landmarks,
+    pack_places,
+    pack_whole,
+    places_as_colors,
+    show,
+)
 
 # Saved positions and values are exact to this share of the widest range.
 _STEPS = 2**20
@@ -109,7 +115,7 @@ def view(
         " ".join(lead),
         [_pictures(names, up, scalars), _table(names)],
         {"shapes": packed, "landmarks": _landmarks(landmarks, meshes)},
-        *("landmarks.js", "view.js"),
+        ("landmarks.js", "view.js"),
         path=path,
         heading='<span class="arrow">and</span>'.join(map(escape, names)),
     )
