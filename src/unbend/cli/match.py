@@ -145,7 +145,7 @@ def match(
                 _write_colored((source, target), component is None, shapes, found, colored)
             looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
             show_match(shapes, found, figure, report, progress=progress, **looks)
-    warn_if_doubtful(found, seen=report is not None)
+    warn_if_doubtful(found, seen=report is not None and not unsure)
     next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
     if out is not None:
         paths = f"{quoted(source, target)} --map {quoted(out)}"

@@ -51,7 +51,7 @@ def symmetry(
             if out is not None:
                 write_result(out, found, (shape, shape))
             show_match((shape, shape), found, figure, report, up=up, progress=progress)
-    warn_if_doubtful(found, seen=report is not None)
+    warn_if_doubtful(found, seen=report is not None and not unsure)
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     tell(
         {
