@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import re
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -42,9 +44,10 @@ def make_group(help: str, *functions: Callable[..., None], **options: Any) -> ty
 
 
 def _command(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --quiet to a function, and keep the lines of its examples apart.
+    """Add --json and --quiet to a function; its docstring has the help of its options.
 
-    A parameter that is a dataclass stands for the options that are its fields.
+    A parameter that is a dataclass stands for the options that are its fields. The lines of the
+    examples are kept apart.
     """
     defaults: dict[str, Any] = {}
     hints: dict[str, Any] = {}
@@ -57,6 +60,10 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
             hints |= get_type_hints(own[name], include_extras=True)
         else:
             defaults[name], hints[name] = one.default, own[name]
+    text, _, examples = (function.__doc__ or "").partition("    Examples\n    --------\n")
+    text, _, options = text.partition("    Options\n    -------\n")
+    for name, words in re.findall(r"^ {6}(\w+): (.*(?:\n {10}.*)*)", options, re.MULTILINE):
+        hints[name] = _with_help(hints[name], " ".join(words.split()))
     defaults |= {"as_json": False, "quiet": False}
     hints |= {"as_json": _JsonOption, "quiet": _QuietOption}
 
@@ -67,6 +74,7 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
         function(**given)
 
     run.__name__, run.__annotations__ = function.__name__, hints
+    run.__doc__ = f"{text}    \b\n    Examples:\n{examples}"
     kind = inspect.Parameter.KEYWORD_ONLY
     run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [
@@ -74,6 +82,14 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
             for name, default in defaults.items()
         ]
     )
-    text = (function.__doc__ or "").replace("    --------\n", "")
-    run.__doc__ = text.replace("    Examples\n", "    \b\n    Examples:\n")
     return run
+
+
+def _with_help(hint: Any, text: str) -> Any:
+    """Give an option its help: a type, or one that is annotated with an option."""
+    kind, about = hint, typer.Option()
+    if get_origin(hint) is Annotated:
+        kind, about = get_args(hint)
+    about = copy.copy(about)
+    about.help = text
+    return Annotated[kind, about]

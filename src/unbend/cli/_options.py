@@ -46,29 +46,29 @@ def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
     return keep
 
 
-def out(help: str, metavar: str = "OUT", callback: Any = None) -> Any:
+def out(metavar: str = "OUT", callback: Any = None) -> Any:
     """Make the option that names the file to write."""
-    return typer.Option("-o", "--out", metavar=metavar, callback=callback, help=help)
+    return typer.Option("-o", "--out", metavar=metavar, callback=callback)
 
 
-def figure(help: str) -> Any:
-    """Make the option that draws a figure."""
-    check = _writable(".png", ".pdf", ".svg")
-    return typer.Option(
-        "--figure", metavar="PNG", callback=check, help=f"{help} (.png, .pdf, .svg)."
-    )
-
-
-def report(help: str) -> Any:
-    """Make the option that writes a page for a browser."""
-    return typer.Option("--report", metavar="HTML", callback=html_file, help=help)
-
-
-def count(name: str, help: str, least: int | None = 1) -> Any:
+def count(name: str, least: int | None = 1) -> Any:
     """Make the option -n, how many there are of something."""
-    return typer.Option("-n", name, metavar="N", min=least, help=help)
+    return typer.Option("-n", name, metavar="N", min=least)
 
 
+Figure = Annotated[
+    str | None,
+    typer.Option("--figure", metavar="PNG", callback=_writable(".png", ".pdf", ".svg")),
+]
+Report = Annotated[
+    str | None,
+    typer.Option(
+        "--report",
+        metavar="HTML",
+        callback=html_file,
+        help="Write an interactive page of pictures, for a browser.",
+    ),
+]
 Meshes = Annotated[
     list[str],
     typer.Argument(
@@ -121,11 +121,13 @@ Cache = Annotated[
 # Of commands that read a map or make a match.
 MapOut = Annotated[
     str | None,
-    out(
-        "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of each "
-        "source vertex, from 0) or .vts (from 1).",
-        "MAP",
-        _map_file,
+    typer.Option(
+        "-o",
+        "--out",
+        metavar="MAP",
+        callback=_map_file,
+        help="Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
+        "each source vertex, from 0) or .vts (from 1).",
     ),
 ]
 Base = Annotated[
@@ -218,4 +220,3 @@ Scheduler = Annotated[
         help="A Dask scheduler whose workers to use; they must see the files under these paths.",
     ),
 ]
-Report = Annotated[str | None, report("Write an interactive page of pictures, for a browser.")]

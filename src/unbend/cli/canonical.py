@@ -34,53 +34,19 @@ _TABLE_SUFFIXES = (".npy", ".csv")
 
 def canonical(
     meshes: options.Meshes,
-    out: Annotated[
-        str | None,
-        options.out(
-            "Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces "
-            "(dimension 3; from .obj to .obj texture, materials, groups and polygons stay), .npy "
-            "or .csv (any dimension). For several meshes, a folder."
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the shape beside its form, in the same colours")
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report("Write a page to look at the form in a browser, beside the shape."),
-    ] = None,
+    out: Annotated[str | None, options.out()] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
-    n_components: Annotated[int, typer.Option(help="Dimension of the form.")] = 3,
-    distance: Annotated[
-        DistanceKind, typer.Option(help="The distance that the form approximates.")
-    ] = "biharmonic",
-    weighting: Annotated[
-        Weighting, typer.Option(help="Weight vertices equally, or by their area.")
-    ] = "uniform",
-    n_samples: Annotated[
-        int | None,
-        typer.Option(
-            help="Compute the paper's form, from so many vertices, instead of the exact one. "
-            "Geodesic distances have no exact form; for them it is 200 by default."
-        ),
-    ] = None,
-    n_eigenpairs: Annotated[
-        int | None,
-        typer.Option(help="Eigenfunctions of the paper's form, likewise; 100 by default."),
-    ] = None,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
+    weighting: Weighting = "uniform",
+    n_samples: int | None = None,
+    n_eigenpairs: int | None = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
-    keep_scale: Annotated[
-        bool,
-        typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
-    ] = False,
-    detail: Annotated[
-        Detail | None,
-        typer.Option(
-            help="preserved: write the surface itself instead of the form, deformed as rigidly as "
-            "possible into the form's pose."
-        ),
-    ] = None,
+    keep_scale: Annotated[bool, typer.Option("--keep-scale")] = False,
+    detail: Detail | None = None,
     cache: options.Cache = True,
 ) -> None:
     """Compute the canonical form of meshes: a pose-invariant version of each shape.
@@ -88,6 +54,23 @@ def canonical(
     The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
     is given. Several meshes get one table, and a file each in the format of the mesh if that holds
     the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
+
+    Options
+    -------
+      out: Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces (dimension
+          3; from .obj to .obj texture, materials, groups and polygons stay), .npy or .csv (any
+          dimension). For several meshes, a folder.
+      figure: Draw the shape beside its form, in the same colours (.png, .pdf, .svg).
+      report: Write a page to look at the form in a browser, beside the shape.
+      n_components: Dimension of the form.
+      distance: The distance that the form approximates.
+      weighting: Weight vertices equally, or by their area.
+      n_samples: Compute the paper's form, from so many vertices, instead of the exact one. Geodesic
+          distances have no exact form; for them it is 200 by default.
+      n_eigenpairs: Eigenfunctions of the paper's form, likewise; 100 by default.
+      keep_scale: Keep the mesh's unit; otherwise its area becomes 1.
+      detail: preserved: write the surface itself instead of the form, deformed as rigidly as
+          possible into the form's pose.
 
     Examples
     --------

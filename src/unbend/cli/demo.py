@@ -23,9 +23,13 @@ _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 
 
 def demo(
-    out: Annotated[str, options.out("Where to write the picture.", "PNG")] = "unbend-demo.png",
+    out: Annotated[str, options.out("PNG")] = "unbend-demo.png",
 ) -> None:
     """Draw a dog and a person in three poses with their canonical forms, and compare them.
+
+    Options
+    -------
+      out: Where to write the picture.
 
     Examples
     --------

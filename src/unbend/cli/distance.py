@@ -14,47 +14,32 @@ from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, wr
 
 def distance(
     mesh: options.Mesh,
-    sources: Annotated[
-        list[int],
-        typer.Option(
-            "--from", metavar="VERTEX", min=0, help="A vertex id, from 0; may be repeated."
-        ),
-    ],
-    out: Annotated[
-        str | None,
-        options.out(
-            ".npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one "
-            "value per vertex and source, distance_VERTEX."
-        ),
-    ] = None,
-    kind: Annotated[
-        DistanceKind,
-        typer.Option(
-            "--distance",
-            help="geodesic: the length of the shortest path on the surface, by the heat method; "
-            "geodesic-exact: without its error, slower. The others are spectral: they measure how "
-            "far apart points are in the shape as a whole, and are no lengths of paths.",
-        ),
-    ] = "geodesic",
-    n_eigenpairs: Annotated[
-        int | None, typer.Option(help="Number of eigenpairs; by default no truncation.")
-    ] = None,
-    time: Annotated[
-        float | None,
-        typer.Option(help="Diffusion time, in units of the mesh's area; by default 0.1."),
-    ] = None,
+    sources: Annotated[list[int], typer.Option("--from", metavar="VERTEX", min=0)],
+    out: Annotated[str | None, options.out()] = None,
+    kind: Annotated[DistanceKind, typer.Option("--distance")] = "geodesic",
+    n_eigenpairs: int | None = None,
+    time: float | None = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the mesh, coloured by the distance to the nearest VERTEX")
-    ] = None,
-    report: Annotated[
-        str | None, options.report("Write a page to look at these distances in a browser.")
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure distances on the surface from vertices to all others, in the mesh's unit.
+
+    Options
+    -------
+      sources: A vertex id, from 0; may be repeated.
+      out: .npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one value
+          per vertex and source, distance_VERTEX.
+      kind: geodesic: the length of the shortest path on the surface, by the heat method;
+          geodesic-exact: without its error, slower. The others are spectral: they measure how far
+          apart points are in the shape as a whole, and are no lengths of paths.
+      n_eigenpairs: Number of eigenpairs; by default no truncation.
+      time: Diffusion time, in units of the mesh's area; by default 0.1.
+      figure: Draw the mesh, coloured by the distance to the nearest VERTEX (.png, .pdf, .svg).
+      report: Write a page to look at these distances in a browser.
 
     Examples
     --------

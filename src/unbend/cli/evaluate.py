@@ -17,35 +17,30 @@ _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
 
 def evaluate(
-    map_file: Annotated[
-        str,
-        typer.Argument(metavar="MAP", help="A map: .npz, .npy, .txt, .csv or .vts."),
-    ],
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="The mesh that MAP maps to.")],
-    source_truth: Annotated[
-        str,
-        typer.Argument(
-            metavar="SOURCE_TRUTH",
-            help="Source vertices whose image is known (.vts, .txt, .csv or .npy).",
-        ),
-    ],
-    target_truth: Annotated[
-        str, typer.Argument(metavar="TARGET_TRUTH", help="Their true images, row by row.")
-    ],
-    mirrored_truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Their images on the other side, left-right.")
-    ] = None,
-    distance: Annotated[
-        GeodesicKind, typer.Option(help="geodesic: heat method, about -1 %; exact: slow.")
-    ] = "geodesic",
+    map_file: Annotated[str, typer.Argument(metavar="MAP")],
+    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    source_truth: Annotated[str, typer.Argument(metavar="SOURCE_TRUTH")],
+    target_truth: Annotated[str, typer.Argument(metavar="TARGET_TRUTH")],
+    mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    distance: GeodesicKind = "geodesic",
     base: options.Base = None,
-    figure: Annotated[str | None, options.figure("Draw the error curves")] = None,
+    figure: options.Figure = None,
 ) -> None:
     """Measure the geodesic errors of a map against the ground truth, in units of sqrt(target area).
 
     The protocols are: direct, against the ground truth as given; map-min, the better of the ground
     truth and its reflection for the whole map; vertex-min, the better for each row. For partial
     shapes, -1 in the ground truth means no partner, and the overlap is measured too.
+
+    Options
+    -------
+      map_file: A map: .npz, .npy, .txt, .csv or .vts.
+      target: The mesh that MAP maps to.
+      source_truth: Source vertices whose image is known (.vts, .txt, .csv or .npy).
+      target_truth: Their true images, row by row.
+      mirrored_truth: Their images on the other side, left-right.
+      distance: geodesic: heat method, about -1 %; exact: slow.
+      figure: Draw the error curves (.png, .pdf, .svg).
 
     Examples
     --------

@@ -41,51 +41,18 @@ def match(
     partial: options.Partial = "auto",
     landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
-    n_matches: Annotated[
-        int,
-        options.count("--n-matches", "Write the N best distinct maps: MAP, MAP-2, MAP-3 ...", None),
-    ] = 1,
-    n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 150,
-    allow_mirror: Annotated[
-        bool,
-        typer.Option(
-            "--allow-mirror",
-            help="Let the map turn the surface inside out, as from a left hand to a right one.",
-        ),
-    ] = False,
-    refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
-    ] = True,
+    n_matches: Annotated[int, options.count("--n-matches", None)] = 1,
+    n_eigenpairs: int = 150,
+    allow_mirror: Annotated[bool, typer.Option("--allow-mirror")] = False,
+    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw both shapes, corresponding points in one colour")
-    ] = None,
-    colored: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            metavar="OUT OUT",
-            help="Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, "
-            "for Blender, MeshLab and ParaView.",
-        ),
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page to look at the match in a browser: both shapes turn together, and a "
-            "place on one shows its partner on the other."
-        ),
-    ] = None,
+    figure: options.Figure = None,
+    colored: Annotated[tuple[str, str] | None, typer.Option(metavar="OUT OUT")] = None,
+    report: options.Report = None,
     truth: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            metavar="SOURCE_TRUTH TARGET_TRUTH",
-            help="Source vertices whose image is known, and their true images, row by row: the "
-            "report then shows the errors.",
-        ),
+        tuple[str, str] | None, typer.Option(metavar="SOURCE_TRUTH TARGET_TRUTH")
     ] = None,
-    mirrored_truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Their images on the other side.")
-    ] = None,
+    mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -94,6 +61,21 @@ def match(
     The shapes may have different poses and different meshes. Nothing is random: the same meshes
     give the same map. With --min-confidence, a less confident match is printed but not written, and
     the exit code is 3.
+
+    Options
+    -------
+      n_matches: Write the N best distinct maps: MAP, MAP-2, MAP-3 ...
+      n_eigenpairs: Eigenfunctions of each shape.
+      allow_mirror: Let the map turn the surface inside out, as from a left hand to a right one.
+      refine: Refine the map on the full meshes.
+      figure: Draw both shapes, corresponding points in one colour (.png, .pdf, .svg).
+      colored: Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, for
+          Blender, MeshLab and ParaView.
+      report: Write a page to look at the match in a browser: both shapes turn together, and a place
+          on one shows its partner on the other.
+      truth: Source vertices whose image is known, and their true images, row by row: the report
+          then shows the errors.
+      mirrored_truth: Their images on the other side.
 
     Examples
     --------

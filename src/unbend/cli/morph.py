@@ -14,22 +14,10 @@ from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 
 def morph(
-    source: Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to begin with.")],
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to end on.")],
-    out: Annotated[
-        str,
-        options.out(
-            "The shape between (.ply, .obj, .glb, .off, .stl); of several steps OUT-1, OUT-2 ..."
-        ),
-    ],
-    steps: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="How many shapes between the two, evenly spaced; 1 is the one halfway.",
-        ),
-    ] = 1,
+    source: Annotated[str, typer.Argument(metavar="SOURCE")],
+    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    out: Annotated[str, options.out()],
+    steps: Annotated[int, typer.Option(metavar="N", min=1)] = 1,
     *,
     matching: options.MatchOptions,
     component: options.Component = None,
@@ -38,6 +26,13 @@ def morph(
     """Morph one shape into another: write the shapes between them.
 
     They have the source's vertices and faces. Limbs rotate about their joints rather than shrink.
+
+    Options
+    -------
+      source: The mesh to begin with.
+      target: The mesh to end on.
+      out: The shape between (.ply, .obj, .glb, .off, .stl); of several steps OUT-1, OUT-2 ...
+      steps: How many shapes between the two, evenly spaced; 1 is the one halfway.
 
     Examples
     --------

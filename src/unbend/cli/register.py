@@ -20,30 +20,13 @@ if TYPE_CHECKING:
 
 
 def register(
-    template: Annotated[str, typer.Argument(metavar="TEMPLATE", help="The mesh to deform.")],
-    scans: Annotated[
-        list[str],
-        typer.Argument(metavar="SCANS", help="The meshes to fit it to, or folders of them."),
-    ],
-    out: Annotated[
-        str,
-        options.out(
-            "The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each "
-            "vertex from the scan, yellow where that is not reached (.ply and .vtp have the "
-            "distances too), .off, .stl. From .obj to .obj only positions change: texture, "
-            "materials, groups and polygons stay. For several scans, a folder."
-        ),
-    ],
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+    scans: Annotated[list[str], typer.Argument(metavar="SCANS")],
+    out: Annotated[str, options.out()],
     *,
     matching: options.MatchOptions,
     component: options.Component = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page for a browser: the fitted template, coloured by its distance from the "
-            "scan, beside the scan."
-        ),
-    ] = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -53,6 +36,17 @@ def register(
     in the scan's coordinates and unit. Of several scans, a folder is written with a mesh of each
     and tables of all; scans that cannot be registered are listed, with exit code 1. The command
     unbend collection register does the same on all processors.
+
+    Options
+    -------
+      template: The mesh to deform.
+      scans: The meshes to fit it to, or folders of them.
+      out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
+          from the scan, yellow where that is not reached (.ply and .vtp have the distances too),
+          .off, .stl. From .obj to .obj only positions change: texture, materials, groups and
+          polygons stay. For several scans, a folder.
+      report: Write a page for a browser: the fitted template, coloured by its distance from the
+          scan, beside the scan.
 
     Examples
     --------

@@ -20,39 +20,35 @@ if TYPE_CHECKING:
 
 
 def similarity(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="The mesh to compare with.")],
-    probes: Annotated[
-        list[str], typer.Argument(metavar="PROBES", help="Meshes to compare it with.")
-    ],
-    known: Annotated[
-        bool,
-        typer.Option(
-            "--known-correspondence",
-            help="Vertex i is the same point on every shape; otherwise the shapes are matched, "
-            "which takes seconds a pair.",
-        ),
-    ] = False,
-    matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
-    n_components: Annotated[int, typer.Option(help="Dimension that is compared.")] = 3,
-    distance: Annotated[
-        DistanceKind, typer.Option(help="The distance that the forms approximate.")
-    ] = "biharmonic",
+    model: Annotated[str, typer.Argument(metavar="MODEL")],
+    probes: Annotated[list[str], typer.Argument(metavar="PROBES")],
+    known: Annotated[bool, typer.Option("--known-correspondence")] = False,
+    matrix: Annotated[bool, typer.Option("--matrix")] = False,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
     component: options.Component = None,
     csv: options.Csv = None,
-    figure: Annotated[str | None, options.figure("With --matrix: draw a heat map")] = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page to look at in a browser: the probes as pictures, the most alike first; "
-            "with --matrix a heat map with its dendrogram, and pictures that open."
-        ),
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure how similar shapes are, whatever their poses: 1 for the same shape.
 
     The measure is the cosine of the canonical forms after the best alignment.
+
+    Options
+    -------
+      model: The mesh to compare with.
+      probes: Meshes to compare it with.
+      known: Vertex i is the same point on every shape; otherwise the shapes are matched, which
+          takes seconds a pair.
+      matrix: Compare all pairs.
+      n_components: Dimension that is compared.
+      distance: The distance that the forms approximate.
+      figure: With --matrix: draw a heat map (.png, .pdf, .svg).
+      report: Write a page to look at in a browser: the probes as pictures, the most alike first;
+          with --matrix a heat map with its dendrogram, and pictures that open.
 
     Examples
     --------

@@ -16,23 +16,22 @@ def symmetry(
     mesh: options.Mesh,
     out: options.MapOut = None,
     min_confidence: options.MinConfidence = None,
-    refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full mesh.")
-    ] = True,
+    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the shape twice, mirror partners in one colour")
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report("Write a page on which a place shows its partner on the other side."),
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
 
     The confidence says how likely it is that the shape has such a symmetry and that this is it.
+
+    Options
+    -------
+      refine: Refine the map on the full mesh.
+      figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
+      report: Write a page on which a place shows its partner on the other side.
 
     Examples
     --------

@@ -17,46 +17,28 @@ from unbend.errors import InputError
 def transfer(
     source: options.Source,
     target: options.Target,
-    values: Annotated[
-        str,
-        typer.Option(
-            metavar="FILE",
-            help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a "
-            "mesh with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).",
-        ),
-    ],
-    out: Annotated[
-        str,
-        options.out(
-            ".npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values; "
-            ".obj, .glb: the target with colours or texture coordinates. Numbers and labels are "
-            "coloured, for Blender and MeshLab. Landmarks: .mrk.json."
-        ),
-    ],
-    kind: Annotated[
-        ValueKind, typer.Option(help="auto: scalar for fractions, label for whole numbers, text.")
-    ] = "auto",
-    property_name: Annotated[
-        str | None,
-        typer.Option(
-            "--property",
-            metavar="NAME",
-            help="Which values of a mesh file: a property of its vertices, color or uv.",
-        ),
-    ] = None,
-    expected_error: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write too how far off each target vertex's source may be, in square roots of the "
-            "target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.",
-        ),
-    ] = None,
+    values: Annotated[str, typer.Option(metavar="FILE")],
+    out: Annotated[str, options.out()],
+    kind: ValueKind = "auto",
+    property_name: Annotated[str | None, typer.Option("--property", metavar="NAME")] = None,
+    expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     *,
     matching: options.MatchOptions,
     cache: options.Cache = True,
 ) -> None:
     """Transfer values from source to target: numbers are averaged, labels by majority.
+
+    Options
+    -------
+      values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
+          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).
+      out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
+          .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
+          coloured, for Blender and MeshLab. Landmarks: .mrk.json.
+      kind: auto: scalar for fractions, label for whole numbers, text.
+      property_name: Which values of a mesh file: a property of its vertices, color or uv.
+      expected_error: Write too how far off each target vertex's source may be, in square roots of
+          the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
 
     Examples
     --------

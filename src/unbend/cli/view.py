@@ -16,22 +16,11 @@ from unbend.errors import InputError
 
 def view(
     a: options.Mesh,
-    b: Annotated[
-        str | None, typer.Argument(metavar="[MESH]", help="A second mesh, for pairs of landmarks.")
-    ] = None,
-    out: Annotated[
-        str | None,
-        options.out(
-            "The page to write, .html; by default a temporary file.", "HTML", options.html_file
-        ),
-    ] = None,
+    b: Annotated[str | None, typer.Argument(metavar="[MESH]")] = None,
+    out: Annotated[str | None, options.out("HTML", options.html_file)] = None,
     landmarks: options.Landmarks = None,
-    values: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Numbers per vertex of the first mesh.")
-    ] = None,
-    show: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
-    ] = True,
+    values: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open")] = True,
     up: options.Up = "y",
 ) -> None:
     """Show one or two meshes in a browser, and place landmarks on them.
@@ -39,6 +28,13 @@ def view(
     The page shows the number of the vertex under the pointer, counted from 0. A click places a
     landmark; on two meshes landmarks are pairs. The page saves them for --landmarks of other
     commands, and for 3D Slicer.
+
+    Options
+    -------
+      b: A second mesh, for pairs of landmarks.
+      out: The page to write, .html; by default a temporary file.
+      values: Numbers per vertex of the first mesh.
+      show: Open the page in a browser.
 
     Examples
     --------

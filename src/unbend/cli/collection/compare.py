@@ -21,27 +21,22 @@ _MOST_PRINTED = 24
 
 def search(
     store: options.Store,
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="The query: a mesh.")],
-    n: Annotated[int, options.count("--n-shapes", "Number of results.")] = 10,
-    rerank: Annotated[
-        Rerank,
-        typer.Option(
-            help="Order the best again: form, by aligned canonical forms (hundredths of a second "
-            "each), or match, by point maps (seconds each)."
-        ),
-    ] = "none",
-    index: Annotated[
-        bool,
-        typer.Option(
-            "--index",
-            help="Use an index, which is created or updated first. It is faster beyond 100,000 "
-            "shapes.",
-        ),
-    ] = False,
+    query: Annotated[str, typer.Argument(metavar="QUERY")],
+    n: Annotated[int, options.count("--n-shapes")] = 10,
+    rerank: Rerank = "none",
+    index: Annotated[bool, typer.Option("--index")] = False,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
     """Find the most similar shapes, whatever their poses. The query need not be in the collection.
+
+    Options
+    -------
+      query: The query: a mesh.
+      n: Number of results.
+      rerank: Order the best again: form, by aligned canonical forms (hundredths of a second each),
+          or match, by point maps (seconds each).
+      index: Use an index, which is created or updated first. It is faster beyond 100,000 shapes.
 
     Examples
     --------
@@ -83,11 +78,15 @@ def _lines(hits: list[unbend.collection.Hit], rerank: str) -> list[str]:
 def matrix(
     store: options.Store,
     csv: options.Csv = None,
-    figure: Annotated[str | None, options.figure("Draw a heat map with its dendrogram")] = None,
+    figure: options.Figure = None,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
     """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
+
+    Options
+    -------
+      figure: Draw a heat map with its dendrogram (.png, .pdf, .svg).
 
     Examples
     --------
@@ -125,9 +124,7 @@ def matrix(
 
 def groups(
     store: options.Store,
-    n: Annotated[
-        int | None, options.count("--n-groups", "Number of groups, by default the best of 2 to 50.")
-    ] = None,
+    n: Annotated[int | None, options.count("--n-groups")] = None,
     csv: options.Csv = None,
     report: options.Report = None,
     up: options.Up = "y",
@@ -136,6 +133,10 @@ def groups(
 
     The groups are those of average linkage of the descriptors. By default their number has the
     largest mean silhouette.
+
+    Options
+    -------
+      n: Number of groups, by default the best of 2 to 50.
 
     Examples
     --------
@@ -169,16 +170,17 @@ def groups(
 
 def evaluate(
     store: options.Store,
-    labels: Annotated[
-        str,
-        typer.Argument(metavar="LABELS", help="A .csv table with the columns path and label."),
-    ],
+    labels: Annotated[str, typer.Argument(metavar="LABELS")],
 ) -> None:
     """Measure how well the descriptors find shapes of the same class.
 
     Every labelled shape is a query. The measures are those of the Princeton Shape Benchmark, and
     mean average precision. 100 % is best, except for the E-measure of small classes. Shapes
     without a label are ignored, and so are identical files with different labels.
+
+    Options
+    -------
+      labels: A .csv table with the columns path and label.
 
     Examples
     --------

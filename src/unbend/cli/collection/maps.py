@@ -17,21 +17,9 @@ from unbend.errors import FileError, InputError
 
 def match(
     store: options.Store,
-    out: Annotated[
-        str,
-        options.out(
-            "Folder for a .npz file and a .csv map per pair, the table matches.csv, and the "
-            "spectra.",
-            "DIR",
-        ),
-    ],
-    pairs: Annotated[
-        str | None,
-        typer.Option(metavar="PAIRS.csv", help="The pairs: columns source,target of paths or ids."),
-    ] = None,
-    every: Annotated[
-        bool, typer.Option("--all", help="Match every shape with each that follows it.")
-    ] = False,
+    out: Annotated[str, options.out("DIR")],
+    pairs: Annotated[str | None, typer.Option(metavar="PAIRS.csv")] = None,
+    every: Annotated[bool, typer.Option("--all")] = False,
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -39,6 +27,12 @@ def match(
 
     Pairs whose match exists are skipped, so run the same command again to resume. Shapes that
     cannot be matched are listed at the end, with exit code 1.
+
+    Options
+    -------
+      out: Folder for a .npz file and a .csv map per pair, the table matches.csv, and the spectra.
+      pairs: The pairs: columns source,target of paths or ids.
+      every: Match every shape with each that follows it.
 
     Examples
     --------
@@ -71,28 +65,9 @@ def match(
 
 def register(
     store: options.Store,
-    template: Annotated[
-        str,
-        typer.Option(
-            metavar="MESH", help="The mesh to deform: a file, or a path or id of the collection."
-        ),
-    ],
-    out: Annotated[
-        str,
-        options.out(
-            "The folder to write to, for this template alone: a mesh per shape, shapes.csv, "
-            "vertices.npy and vertices.csv.",
-            "DIR",
-        ),
-    ],
-    landmarks: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CSV",
-            help="Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex "
-            "of the template, and the corresponding vertex of the shape, counted from 0.",
-        ),
-    ] = None,
+    template: Annotated[str, typer.Option(metavar="MESH")],
+    out: Annotated[str, options.out("DIR")],
+    landmarks: Annotated[str | None, typer.Option(metavar="CSV")] = None,
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -102,6 +77,14 @@ def register(
     (shapes, vertices, 3) and vertices.csv (shape,vertex,x,y,z) hold all positions; shapes.csv lists
     confidence, coverage and distances. Registered shapes are skipped, so run the same command again
     to resume. Shapes that cannot be registered are listed at the end, with exit code 1.
+
+    Options
+    -------
+      template: The mesh to deform: a file, or a path or id of the collection.
+      out: The folder to write to, for this template alone: a mesh per shape, shapes.csv,
+          vertices.npy and vertices.csv.
+      landmarks: Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex of
+          the template, and the corresponding vertex of the shape, counted from 0.
 
     Examples
     --------
@@ -143,21 +126,12 @@ def _read_landmarks(path: str) -> dict[str, list[tuple[int, int]]]:
 
 
 def mean(
-    registered: Annotated[
-        str,
-        typer.Argument(metavar="DIR", help="The folder that unbend collection register wrote."),
-    ],
-    out: Annotated[str, options.out("The folder to write to.", "OUT")],
-    n_components: Annotated[
-        int, typer.Option(metavar="N", min=1, help="How many components to keep.")
-    ] = 5,
-    scale: Annotated[
-        bool, typer.Option("--scale/--keep-scale", help="Scale all shapes to one size first.")
-    ] = False,
-    min_confidence: Annotated[float, typer.Option(help="Leave out less confident matches.")] = 0.5,
-    min_coverage: Annotated[
-        float, typer.Option(help="Least share of the template that is covered.")
-    ] = 0.5,
+    registered: Annotated[str, typer.Argument(metavar="DIR")],
+    out: Annotated[str, options.out("OUT")],
+    n_components: Annotated[int, typer.Option(metavar="N", min=1)] = 5,
+    scale: Annotated[bool, typer.Option("--scale/--keep-scale")] = False,
+    min_confidence: float = 0.5,
+    min_coverage: float = 0.5,
 ) -> None:
     """Compute the mean, components and variability of shapes that are registered to a template.
 
@@ -165,6 +139,15 @@ def mean(
     component_K_minus.ply and component_K_plus.ply (the mean moved by 3 standard deviations),
     variances.csv, scores.csv, left_out.csv (shapes left out, and why) and, with matplotlib,
     components.png.
+
+    Options
+    -------
+      registered: The folder that unbend collection register wrote.
+      out: The folder to write to.
+      n_components: How many components to keep.
+      scale: Scale all shapes to one size first.
+      min_confidence: Leave out less confident matches.
+      min_coverage: Least share of the template that is covered.
 
     Examples
     --------

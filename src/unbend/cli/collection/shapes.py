@@ -18,14 +18,7 @@ from unbend.errors import InputError
 
 def add(
     store: options.Store,
-    paths: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATHS",
-            help="Meshes, folders of them (and all folders below), quoted patterns like "
-            "'scans/**/*.ply'.",
-        ),
-    ],
+    paths: Annotated[list[str], typer.Argument(metavar="PATHS")],
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -34,6 +27,10 @@ def add(
     Files whose content is stored already are skipped, so run the same command again to resume. A
     file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
     with several paths. After you move a folder, add it again to update the paths.
+
+    Options
+    -------
+      paths: Meshes, folders of them (and all folders below), quoted patterns like 'scans/**/*.ply'.
 
     Examples
     --------
@@ -68,9 +65,13 @@ def add(
 
 def list_(
     store: options.Store,
-    n: Annotated[int | None, options.count("--n-shapes", "Show the first N only.")] = None,
+    n: Annotated[int | None, options.count("--n-shapes")] = None,
 ) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
+
+    Options
+    -------
+      n: Show the first N only.
 
     Examples
     --------
@@ -96,14 +97,15 @@ def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
 
 def info(
     store: options.Store,
-    shape: Annotated[
-        str | None, typer.Argument(metavar="[SHAPE]", help="A path or id, to show one shape.")
-    ] = None,
-    thumbnail: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Write the picture of SHAPE.")
-    ] = None,
+    shape: Annotated[str | None, typer.Argument(metavar="[SHAPE]")] = None,
+    thumbnail: Annotated[str | None, typer.Option(metavar="PNG")] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.
+
+    Options
+    -------
+      shape: A path or id, to show one shape.
+      thumbnail: Write the picture of SHAPE.
 
     Examples
     --------
@@ -145,14 +147,15 @@ def info(
 
 def remove(
     store: options.Store,
-    shapes: Annotated[
-        list[str],
-        typer.Argument(metavar="SHAPES", help="Paths, or ids (8 digits or more of them)."),
-    ],
+    shapes: Annotated[list[str], typer.Argument(metavar="SHAPES")],
 ) -> None:
     """Remove shapes from a collection; their files stay where they are.
 
     A path removes only that path of a shape that has several. An id removes the shape.
+
+    Options
+    -------
+      shapes: Paths, or ids (8 digits or more of them).
 
     Examples
     --------
@@ -180,14 +183,15 @@ def remove(
 
 def export(
     store: options.Store,
-    out: Annotated[
-        str,
-        options.out(".parquet: every column; .csv: all but forms and thumbnails."),
-    ],
+    out: Annotated[str, options.out()],
 ) -> None:
     """Write the stored data of every shape into one table.
 
     There is a row for each file. Identical files have the same id.
+
+    Options
+    -------
+      out: .parquet: every column; .csv: all but forms and thumbnails.
 
     Examples
     --------
