@@ -156,18 +156,19 @@ class Session:
 
     # Results
 
-    def result_file(self, i: int, kind: str, number: int = 0) -> tuple[str, str]:
-        """Path and name of a result's page, or of one of its files or pictures."""
-        result = self._results[i]
-        if kind == "page":
-            return result["page"], f"{result['title']}.html"
-        one = result[kind][number]
-        return one["path"], one.get("name", "picture.png")
+    def result_page(self, i: int) -> tuple[str, str]:
+        """Path and name of a result's page."""
+        return self._results[i]["page"], f"{self._results[i]['title']}.html"
 
-    def open_found(self, i: int, number: int) -> int:
+    def result_file(self, i: int, kind: str, n: int) -> tuple[str, str | None]:
+        """Path of one of a result's files or pictures; files have a name."""
+        one = self._results[i][kind][n]
+        return one["path"], one.get("name")
+
+    def open_found(self, i: int, n: int) -> int:
         """Add a shape of the collection that a search has found."""
         with self._changed:
-            one = self._results[i]["found"][number]
+            one = self._results[i]["found"][n]
             return self.add(Path(one["path"]), one["name"])
 
     def keep_landmarks(self, i: int, given: list[Any]) -> None:
