@@ -72,4 +72,4 @@ def test_draws_the_distance_to_the_nearest_source(mesh, tmp_path):
 def test_what_is_no_vertex_number_is_called_so(mesh):
     done = runner.invoke(app, ["distance", mesh, "--from", "nose"])
     assert done.exit_code == 2
-    assert "'--from': 'nose' is not a valid" in done.stderr
+    assert "'nose' is no vertex number; vertices are counted from 0" in done.stderr

@@ -12,9 +12,15 @@ from unbend.cli import _options as options
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
 
 
+def _vertex(text: str) -> int:
+    if not text.isdecimal():
+        raise typer.BadParameter(f"{text!r} is no vertex number; vertices are counted from 0")
+    return int(text)
+
+
 def distance(
     mesh: options.Mesh,
-    sources: Annotated[list[int], typer.Option("--from", metavar="VERTEX", min=0)],
+    sources: Annotated[list[int], typer.Option("--from", metavar="VERTEX", parser=_vertex)],
     out: Annotated[str | None, options.out()] = None,
     kind: Annotated[DistanceKind, typer.Option("--distance")] = "geodesic",
     n_eigenpairs: int | None = None,
