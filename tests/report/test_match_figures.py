@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from unbend import Mesh
+from unbend import Mesh, transfer
 from unbend.correspondence import evaluate
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
+from unbend.matching import Match
 from unbend.report import match_figures
 from unbend.report.figures import new_figure
 from unbend.report.match_figures import (
@@ -88,3 +89,14 @@ def test_partners_have_one_colour_and_others_are_grey(blob: Mesh) -> None:
     there = forward >= 0
     np.testing.assert_array_equal(ours[there], theirs[forward[there]])
     assert (ours[~there] == 153).all()
+
+
+def test_drawing_does_not_warn_of_a_map_in_disorder(blob: Mesh, tmp_path) -> None:
+    every = np.arange(642)
+    wrong = Match(every, every, np.eye(3), 1.0, 0.0, 0.2, confidence_bound=0.3)
+    with pytest.warns(UnbendWarning, match="part of the map is wrong"):
+        transfer(every, wrong)
+    ours, theirs = match_colors(blob, blob, wrong)  # warnings are errors
+    np.testing.assert_array_equal(ours, theirs)
+    draw_match(blob, blob, wrong, tmp_path / "match.png")
+    assert (tmp_path / "match.png").exists()
