@@ -51,7 +51,7 @@ def test_laid_is_what_is_near_and_faces_alike_and_half_of_what_is_beyond() -> No
     grid = np.array([0, 1, -1]).reshape(3, 1, 1)  # nearest to the third is a boundary
     points, areas = np.array([[0.0, 0, 0], [1, 0, 0.1], [2, 0, 0]]), np.array([0.5, 0.25, 0.125])
     given = grid, np.zeros(3), 1.0, goal, up, 0.2
-    turns = Rotation.from_euler("x", [0, 90, 0], degrees=True).as_matrix()
+    turns = Rotation.from_euler("x", [[0], [90], [0]], degrees=True).as_matrix()
     shifts, sizes = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0.3]]), np.array([1.0, 1.0, 1.0])
     laid = lay(points, up, areas, turns, shifts, sizes, *given)
     near = 0.25 * (1 - 0.1**2 / 0.2**2)

@@ -27,7 +27,7 @@ def _moved(mesh: Mesh) -> Mesh:
 
 
 def _front(share: float) -> Damaged:
-    return cut(BODY, BODY.vertices @ [1.0, 0.1, 0.0], share)
+    return cut(BODY, BODY.vertices @ [0.0, 0.1, 1.0], share)
 
 
 def _angle(rotations: np.ndarray) -> np.ndarray:
@@ -64,11 +64,10 @@ def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape])
 
 
 def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
-    middle = BODY.vertices @ [1.0, 0.1, 0.0]
+    middle = BODY.vertices @ [0.0, 0.1, 1.0]
     front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
     motions = find_motions(_shape(front), _shape(_moved(back)), SIZES, 8)
-    assert _angle(motions.rotations).min() < 25
-    assert _angle(motions.rotations).argmin() < 4
+    assert _angle(motions.rotations[:4]).min() < 25
 
 
 def test_motions_differ(sides: tuple[Shape, Shape]) -> None:
