@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -53,7 +54,7 @@ class Motions(NamedTuple):
         turned = np.einsum("hij,nj->hni", self.rotations, points)
         return np.asarray(turned * self.sizes[:, None, None] + self.shifts[:, None])
 
-    def taken(self, rows: IntArray) -> Motions:
+    def taken(self, rows: npt.NDArray[np.intp] | IntArray) -> Motions:
         """Select some."""
         return Motions(*(one[rows] for one in self))
 
@@ -153,15 +154,16 @@ def _share_laid(shape: Shape, goal: Shape, motions: Motions) -> FloatArray:
     corner = goal.vertices.min(axis=0) - constants.LIMB
     extent = goal.vertices.max(axis=0) + constants.LIMB - corner
     cells = np.ceil(extent / constants.THIN).astype(np.int64) + 1
-    middles = corner + constants.THIN * np.moveaxis(np.indices(cells), 0, -1)
+    middles = corner + constants.THIN * np.moveaxis(np.indices(tuple(cells)), 0, -1)
     grid = cKDTree(goal.vertices).query(middles)[1]
     grid[goal.on_boundary[grid]] = -1
-    return lay(
+    found: FloatArray = lay(
         *(shape.vertices[samples], _smooth_normals(shape)[samples], areas),
         *motions,
         *(grid, corner, constants.THIN),
         *(goal.vertices, _smooth_normals(goal), constants.LIMB),
     )
+    return found
 
 
 @compiled
