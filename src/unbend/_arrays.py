@@ -111,6 +111,11 @@ def snap(values: FloatArray) -> FloatArray:
     return np.asarray(np.round(values / cell) * cell)
 
 
+def sum_rows(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
+    """Sum the rows (m, d) of each of `count` owners, (count, d)."""
+    return np.column_stack([np.bincount(owners, column, count) for column in rows.T])
+
+
 def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:
     """Row of the nearest target (m, d) to each point (n, d); of equally near ones, the first."""
     from scipy.spatial import cKDTree

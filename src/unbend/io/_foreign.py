@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_equal_row
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io._objects import mesh_of
-from unbend.io.formats.contents import NO_FACES, Contents
+from unbend.io.formats.contents import NO_FACES, Contents, weld
 
 _TRIMESH = (".glb", ".gltf", ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
@@ -72,14 +71,13 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     notes = ["read by trimesh"]
     if b'"generator":"unbend"' not in data:
         # Others repeat a vertex for each of its texture coordinates, normals and materials.
-        first = first_equal_row(places)
-        kept = np.flatnonzero(first == np.arange(len(first)))
-        if len(kept) < len(first):
+        kept, number = weld(places)
+        if len(kept) < len(number):
             notes.append(
-                f"{len(first)} vertices welded into {len(kept)} where their positions are equal "
+                f"{len(number)} vertices welded into {len(kept)} where their positions are equal "
                 "(the format repeats them at seams)"
             )
-            corners = np.searchsorted(kept, first)[corners]
+            corners = number[corners]
             places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
     return Contents(places, corners, tuple(notes), lambda: shared)
 

@@ -25,15 +25,15 @@ def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[lis
         reader = csv.DictReader(
             io.StringIO(data.decode("utf-8-sig"), newline=""), skipinitialspace=True
         )
-        missing = [name for name in columns if name not in (reader.fieldnames or ())]
-        rows = [] if missing else [[row[name] for name in columns] for row in reader]
+        for name in columns:
+            if name not in (reader.fieldnames or ()):
+                raise FileError(
+                    f"{path}: there is no column {name}; the first line must name the columns "
+                    f"{', '.join(columns)}"
+                )
+        rows = [[row[name] for name in columns] for row in reader]
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"cannot read {path}: {error}") from None
-    if missing:
-        raise FileError(
-            f"{path}: there is no column {missing[0]}; the first line must name the columns "
-            f"{', '.join(columns)}"
-        )
     for line, row in enumerate(rows, start=2):
         for name, value in zip(columns, row, strict=True):
             if not value:
@@ -41,9 +41,11 @@ def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[lis
     return rows
 
 
-def write_table(path: str | os.PathLike[str], rows: Iterable[Iterable[Any]]) -> None:
+def write_table(
+    path: str | os.PathLike[str], rows: Iterable[Iterable[Any]], quoting: int = csv.QUOTE_MINIMAL
+) -> None:
     """Write rows, the first being the names of the columns; the file appears once complete."""
     with atomic_write(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        csv.writer(text, lineterminator="\n").writerows(rows)
+        csv.writer(text, lineterminator="\n", quoting=quoting).writerows(rows)
         text.detach()
