@@ -49,15 +49,6 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     raise InputError(f"{what}: needs real numbers, not {array.dtype}")
 
 
-def point_map_of(values: npt.ArrayLike, what: str) -> IntArray | None:
-    """Turn vertex numbers of any whole type, -1 for none, into an array, or return None."""
-    array = array_of(values, what)
-    if array.ndim != 1 or array.dtype.kind not in "iu":
-        return None
-    images = array.astype(np.int64)  # of uint64, what is too large turns negative
-    return None if images.min(initial=-1) < -1 else images
-
-
 def unit_of(points: npt.NDArray[Any]) -> float:
     """Power of 2 about as large as points are across: dividing by it rounds nothing.
 

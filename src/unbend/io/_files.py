@@ -85,12 +85,12 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
 
 
 @contextmanager
-def named(path: Path) -> Iterator[None]:
-    """Put the file's name in front of errors that readers raise without it."""
+def prefixed(prefix: str) -> Iterator[None]:
+    """Put a prefix, such as the file's name, in front of errors that readers raise without it."""
     try:
         yield
     except (FileError, MeshError) as error:
-        raise type(error)(f"{path.name}: {error}") from error.__cause__
+        raise type(error)(f"{prefix}: {error}") from error.__cause__
 
 
 @contextmanager

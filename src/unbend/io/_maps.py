@@ -12,11 +12,11 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from unbend._arrays import is_whole, point_map_of, snap
+from unbend._arrays import array_of, is_whole, snap
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import are_numbers, data_lines
@@ -83,7 +83,7 @@ def read_map(
     data = read_bytes(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    with named(path):
+    with prefixed(path.name):
         values = whole_numbers(read_array(data)) if suffix == ".npy" else _numbers(data, suffix)
         if n_source is not None and len(values) != n_source:
             raise FileError(
@@ -132,11 +132,9 @@ def write_map(
     path = check_writable(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    images = point_map_of(point_map, "a point map")
-    if images is None or not len(images):
-        raise InputError(
-            "a point map must be a list of whole numbers, counted from 0, or -1 for no image"
-        )
+    images = checked_map(point_map)
+    if not len(images):
+        raise InputError("a map of no vertices cannot be written")
     rows = np.where(images < 0, -1, images + first)
     with atomic_write(path) as file:
         if suffix == ".npy":
@@ -157,7 +155,7 @@ def read_landmarks(
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
-    with named(path):
+    with prefixed(path.name):
         return _landmarks(data, path.suffix.lower(), (n_source, n_target))
 
 
@@ -181,6 +179,26 @@ def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> In
                     "counted from 0"
                 )
     return np.array(rows, dtype=np.int64)
+
+
+def checked_map(
+    values: npt.ArrayLike, n_target: int | None = None, what: str = "a map"
+) -> IntArray:
+    """Turn a map of any whole type into an array of int64.
+
+    Raises InputError if it is no map, or names a vertex that the target does not have.
+    """
+    array = array_of(values, what)
+    is_list = array.ndim == 1 and array.dtype.kind in "iu"
+    images = array.astype(np.int64) if is_list else np.array([-2])
+    if images.min(initial=-1) < -1:  # of uint64, what is too large turns negative
+        raise InputError(f"{what} must be a list of vertex numbers, from 0, or -1 for none")
+    if n_target is not None and images.max(initial=-1) >= n_target:
+        raise InputError(
+            f"the map names target vertex {images.max()}, but the target has "
+            f"{plural(n_target, 'vertex')}"
+        )
+    return images
 
 
 def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
@@ -213,12 +231,8 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     array([1, 1, 0])
     """
     mesh = as_mesh(target)
-    images = point_map_of(point_map, "a map")
-    if images is None:
-        raise InputError("a map must be a list of vertex numbers, -1 for none")
     n = mesh.n_vertices
-    if images.max(initial=-1) >= n:
-        raise InputError(f"the map names target vertex {images.max()}, but there are {n} vertices")
+    images = checked_map(point_map, n)
     hit, first = np.unique(images, return_index=True)
     hit, first = hit[hit >= 0], first[hit >= 0]
     inverse = np.full(n, -1, dtype=np.int64)

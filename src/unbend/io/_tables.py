@@ -42,10 +42,11 @@ def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[lis
 
 
 def write_table(
-    path: str | os.PathLike[str], rows: Iterable[Iterable[Any]], quoting: int = csv.QUOTE_MINIMAL
+    path: str | os.PathLike[str], rows: Iterable[Iterable[Any]], *, quote_all: bool = False
 ) -> None:
     """Write rows, the first being the names of the columns; the file appears once complete."""
     with atomic_write(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        csv.writer(text, lineterminator="\n", quoting=quoting).writerows(rows)
+        options: dict[str, Any] = {"quoting": csv.QUOTE_ALL} if quote_all else {}
+        csv.writer(text, lineterminator="\n", **options).writerows(rows)
         text.detach()

@@ -17,7 +17,7 @@ from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
 from unbend.io._objects import MeshLike
 from unbend.io._tables import write_table
@@ -81,10 +81,10 @@ def read_values(
         raise InputError(f"{path.name} is no mesh file: it has no values of the name {name}")
     if suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES:
         contents = read_contents(path)
-        with named(path):
+        with prefixed(path.name):
             return _checked_rows(_of_mesh(contents.values(), name), n_vertices)
     data = read_bytes(path, (*VALUE_SUFFIXES, *READ_SUFFIXES))
-    with named(path):
+    with prefixed(path.name):
         values = read_array(data) if suffix == ".npy" else _table(data, suffix, n_vertices)
         return _checked_rows(values, n_vertices)
 
@@ -195,7 +195,7 @@ def write_values(
     elif suffix == ".csv":
         # Quoted, a row that begins with # is not read as a comment.
         marked = any(str(row[0]).startswith("#") for row in rows)
-        write_table(path, [names, *rows], csv.QUOTE_ALL if marked else csv.QUOTE_MINIMAL)
+        write_table(path, [names, *rows], quote_all=marked)
     elif suffix == ".txt":
         with atomic_write(path) as file:
             file.write("".join(f"{' '.join(map(str, row))}\n" for row in rows).encode())

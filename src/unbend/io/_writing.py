@@ -15,7 +15,7 @@ from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats import glb, obj, off, ply, points, stl, vtp
@@ -133,7 +133,7 @@ def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8]
         prefix = os.path.relpath(source, folder)
     except ValueError:  # another drive of Windows
         prefix = source
-    with named(like):
+    with prefixed(like.name):
         contents = obj.read(data)
         if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
             contents.faces, mesh.faces
