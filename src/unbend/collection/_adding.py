@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import itertools
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from unbend._types import Progress
-from unbend.collection._engine import engine
-from unbend.collection._entry import make_row
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
+from unbend.collection._engine import counted, engine
 from unbend.collection._files import find_files, hashed, is_gone
-from unbend.collection._progress import counted
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
+from unbend.io import read_mesh
+from unbend.mesh import vertex_areas
+from unbend.report.raster import thumbnail
 
 # Rows are committed as they come. Commits take at most a twentieth of the time (an object store is
 # slow) and are a quarter of a second apart, unless this many rows wait.
 _COMMITS_SHARE, _SECONDS_BETWEEN, _MOST_ROWS = 1 / 20, 0.25, 4096
+_THUMBNAIL = 96  # pixels across
 
 File = tuple[str, str]  # path and hash
 
@@ -48,7 +54,7 @@ def add_files(
     if first is not None:
         try:
             with engine(workers=workers, scheduler=scheduler) as run:
-                for outcomes in run(_make_row, itertools.chain([first], fresh)):
+                for outcomes in run(make_row, itertools.chain([first], fresh)):
                     for file, value, reason in outcomes:
                         adding.take(file, value or Failure(file[0], reason or ""))
                     adding.commit_if_due()
@@ -147,5 +153,29 @@ class _Adding:
         self._copies = {}
 
 
-def _make_row(file: File) -> dict[str, Any] | Failure:
-    return make_row(*file)
+def make_row(file: File) -> dict[str, Any] | Failure:
+    """Read a shape and compute its columns in the store; any error becomes its failure."""
+    path, digest = file
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            mesh = read_mesh(path)
+            basis = make_basis(mesh)
+            descriptor, form = describe(basis), sample_form(basis)
+        if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
+            return Failure(path, "its description is not finite; try unbend check on it")
+        notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])
+        return {
+            "id": digest,
+            "path": path,
+            "n_vertices": mesh.n_vertices,
+            "n_faces": mesh.n_faces,
+            "area": float(vertex_areas(mesh).sum()) if mesh.n_faces else 0.0,
+            "notes": "; ".join(note.removeprefix(f"{mesh.name}: ") for note in notes),
+            "version": DESCRIPTOR_VERSION,
+            "descriptor": descriptor,
+            "form": form.astype(np.float32).ravel(),
+            "thumbnail": thumbnail(mesh, _THUMBNAIL),
+        }
+    except Exception as error:  # of any kind: other meshes go on
+        return Failure.of(path, error)

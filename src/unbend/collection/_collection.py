@@ -13,9 +13,7 @@ from unbend._arrays import is_whole
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis
-from unbend.collection._entry import sample_form
-from unbend.collection._export import export
+from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
@@ -84,17 +82,7 @@ class Collection:
         FileError
             If nothing was added yet.
         """
-        if not self.exists:
-            self._store.check_filled()
-        return Info(
-            n_shapes=len(self),
-            n_files=len(self._store),
-            n_bytes=self._store.n_bytes(),
-            version=self._store.version() or DESCRIPTOR_VERSION,
-            descriptor_length=self._store.width,
-            indexed=self._store.indexed,
-            parameters=self._store.parameters(),
-        )
+        return self._store.info()
 
     def __len__(self) -> int:
         return self._store.n_shapes()
@@ -392,4 +380,4 @@ class Collection:
         check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))
         self._store.check_filled()
-        return export(self._store, path)
+        return self._store.export(path)

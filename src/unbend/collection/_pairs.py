@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._types import Progress
-from unbend.collection._engine import attempt, attempt_all, engine
+from unbend.collection._engine import attempt_all, engine
 from unbend.collection._files import find_file, make_folder, stem
-from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
@@ -66,17 +65,17 @@ def match_pairs(
     matched = 0
     if left:
         with engine(workers=workers, scheduler=scheduler) as run:
-            tell = counted(progress, "spectra", len(left))
             shapes = (Task((entry,), str(folder), store.path) for entry in left.values())
-            failures += filter(None, attempt_all(run, keep_spectrum, shapes, tell))
+            spectra = attempt_all(run, keep_spectrum, shapes, len(left), "spectra", progress)
+            failures += filter(None, spectra)
             bad = {one.path for one in failures}
             tasks = (
                 Task(pair, str(folder), store.path)
                 for pair in pairs()
                 if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
             )
-            tell = counted(progress, "pairs", n_pairs - skipped)
-            for failure in attempt_all(run, match_pair, tasks, tell):
+            total = n_pairs - skipped
+            for failure in attempt_all(run, match_pair, tasks, total, "pairs", progress):
                 if failure is None:
                     matched += 1
                 else:
@@ -101,28 +100,20 @@ def _chosen(
     return lambda: iter(chosen), len(chosen)
 
 
-def keep_spectrum(task: Task) -> Failure | None:
+def keep_spectrum(task: Task) -> None:
     """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
-
-    def work() -> None:
-        with _spectra(task):
-            prepare_spectrum(_read(task.entries[0], task.store))
-
-    return attempt(task.name, work)
+    with _spectra(task):
+        prepare_spectrum(_read(task.entries[0], task.store))
 
 
-def match_pair(task: Task) -> Failure | None:
+def match_pair(task: Task) -> None:
     """Match two shapes and write the result."""
     source, target = task.entries
-
-    def work() -> None:
-        with _spectra(task):
-            found = match(_read(source, task.store), _read(target, task.store))
-        path = Path(task.out, file_name(source, target))
-        write_map(path.with_suffix(".csv"), found.source_to_target)
-        write_match(path, found)  # last: it says that the pair is done
-
-    return attempt(task.name, work)
+    with _spectra(task):
+        found = match(_read(source, task.store), _read(target, task.store))
+    path = Path(task.out, file_name(source, target))
+    write_map(path.with_suffix(".csv"), found.source_to_target)
+    write_match(path, found)  # last: it says that the pair is done
 
 
 def _spectra(task: Task) -> AbstractContextManager[None]:
