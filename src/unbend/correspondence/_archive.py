@@ -8,14 +8,15 @@ import os
 import re
 import zipfile
 from dataclasses import MISSING, fields, replace
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.correspondence._belonging import check_mesh, mesh_hashes
 from unbend.errors import FileError, InputError
 from unbend.io import (
     MeshLike,
@@ -29,6 +30,7 @@ from unbend.io import (
 )
 from unbend.io.formats.npy import read_array, read_header
 from unbend.matching import Hypothesis, Match
+from unbend.mesh import Mesh
 
 _Arrays = dict[str, npt.NDArray[Any]]
 
@@ -75,10 +77,6 @@ def write_match(
         If the file cannot be written.
     InputError
         If it is not a match.
-
-    See Also
-    --------
-    read_match : The reverse.
     """
     if not isinstance(match, Match):
         raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")
@@ -159,7 +157,7 @@ def read_match(
         sizes = len(match.source_to_target), len(match.target_to_source)
         for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
             if mesh is not None:
-                check_mesh(as_mesh(mesh), size, known)
+                _check_mesh(as_mesh(mesh), size, known)
         return replace(match, alternatives=tuple(alternatives))
 
 
@@ -299,4 +297,26 @@ def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], p
         raise FileError(
             f"its {largest} would grow from {wanted[largest].compress_size} bytes to "
             f"{wanted[largest].file_size}: no match does"
+        )
+
+
+def mesh_hashes(mesh: Mesh) -> list[int]:
+    """Hash positions and faces, apart: of one mesh either may change, by rounding or by a pose."""
+    arrays = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
+    return [
+        int.from_bytes(blake2b(array.tobytes(), digest_size=8).digest(), "little")
+        for array in arrays
+    ]
+
+
+def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:
+    """Raise FileError unless a mesh has so many vertices and, if they are known, these hashes."""
+    if mesh.n_vertices != n_vertices:
+        raise FileError(
+            f"belongs to a mesh of {plural(n_vertices, 'vertex')}, but {mesh.name} has "
+            f"{mesh.n_vertices}"
+        )
+    if hashes is not None and set(mesh_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
+        raise FileError(
+            f"belongs to another mesh than {mesh.name}, of as many vertices; match the shapes again"
         )

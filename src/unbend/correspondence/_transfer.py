@@ -195,7 +195,7 @@ def as_point_map(
             raise InputError(
                 f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}"
             )
-    return images if target is None else checked_map(images, target.n_vertices)
+    return images if target is None else checked_map(images, target.n_vertices, "the map")
 
 
 def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:

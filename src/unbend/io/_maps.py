@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,6 @@ from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
-# The number of a file's first vertex, by default.
-_BASES = {".npy": 0, ".txt": 0, ".csv": 0, ".vts": 1}
-_CSV_HEADER = "target_vertex"
 
 
 def read_map(
@@ -66,7 +62,6 @@ def read_map(
 
     See Also
     --------
-    write_map : The reverse.
     unbend.read_match : A whole match, from a .npz file.
 
     Examples
@@ -115,10 +110,6 @@ def write_map(
         If the map is empty or not a list of whole numbers of at least -1, or `base` is neither
         0 nor 1.
 
-    See Also
-    --------
-    read_map : The reverse.
-
     Examples
     --------
     >>> import tempfile
@@ -140,7 +131,7 @@ def write_map(
         if suffix == ".npy":
             np.save(file, rows)
         else:
-            lines = [_CSV_HEADER] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
+            lines = ["target_vertex"] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
             file.write(("\n".join(lines) + "\n").encode())
 
 
@@ -156,28 +147,25 @@ def read_landmarks(
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
     with prefixed(path.name):
-        return _landmarks(data, path.suffix.lower(), (n_source, n_target))
-
-
-def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> IntArray:
-    lines = data_lines(data, suffix[1:])
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
-    if rows and suffix == ".csv" and not any(are_numbers([word]) for word in rows[0]):
-        rows = rows[1:]
-    if not rows:
-        raise FileError("holds no landmarks")
-    for index, row in enumerate(rows):
-        if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
-            raise FileError(
-                f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, of "
-                "the source and of the target, counted from 0"
-            )
-        for word, n, which in zip(row, n_vertices, ("source", "target"), strict=True):
-            if n is not None and int(word) >= n:
+        lines = data_lines(data, path.suffix[1:])
+        rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+        is_csv = path.suffix.lower() == ".csv"
+        if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
+            rows = rows[1:]
+        if not rows:
+            raise FileError("holds no landmarks")
+        for index, row in enumerate(rows):
+            if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
                 raise FileError(
-                    f"row {index} names vertex {word}, but the {which} has {plural(n, 'vertex')}, "
-                    "counted from 0"
+                    f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, "
+                    "of the source and of the target, counted from 0"
                 )
+            for word, n, side in zip(row, (n_source, n_target), ("source", "target"), strict=True):
+                if n is not None and int(word) >= n:
+                    raise FileError(
+                        f"row {index} names vertex {word}, but the {side} has "
+                        f"{plural(n, 'vertex')}, counted from 0"
+                    )
     return np.array(rows, dtype=np.int64)
 
 
@@ -195,7 +183,7 @@ def checked_map(
         raise InputError(f"{what} must be a list of vertex numbers, from 0, or -1 for none")
     if n_target is not None and images.max(initial=-1) >= n_target:
         raise InputError(
-            f"the map names target vertex {images.max()}, but the target has "
+            f"{what} names target vertex {images.max()}, but the target has "
             f"{plural(n_target, 'vertex')}"
         )
     return images
@@ -252,7 +240,7 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
 def _base(base: int | None, suffix: str) -> int:
     if base is not None and (not is_whole(base) or base not in (0, 1)):
         raise InputError(f"base must be 0 or 1, not {base!r}")
-    return _BASES[suffix] if base is None else base
+    return int(suffix == ".vts") if base is None else base
 
 
 def _numbers(data: bytes, suffix: str) -> IntArray:

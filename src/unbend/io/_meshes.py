@@ -58,10 +58,6 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     MissingExtraError
         If trimesh or meshio is needed and not installed.
 
-    See Also
-    --------
-    write_mesh : The reverse.
-
     Examples
     --------
     >>> import tempfile

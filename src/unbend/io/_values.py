@@ -17,10 +17,9 @@ from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
 from unbend.io._objects import MeshLike
-from unbend.io._tables import write_table
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 from unbend.io.formats.contents import are_numbers, text_lines
 from unbend.io.formats.npy import read_array
