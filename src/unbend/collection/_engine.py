@@ -129,11 +129,12 @@ def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list
 def _there(
     client: Any, function: Callable[[Any], Any], items: Iterable[Any]
 ) -> Iterator[list[Outcome]]:
+    """Work on all items; at the end one at a time on those whose worker crashed."""
     suspects: list[Any] = []
-    yield from _stream(client, function, items, suspects, alone=False)
-    again: list[Any] = []
-    yield from _stream(client, function, suspects, again, alone=True)
-    yield [Outcome(item, None, _DEADLY) for item in again]
+    for alone in (False, True):
+        items, suspects = suspects if alone else items, []
+        yield from _stream(client, function, items, suspects, alone=alone)
+    yield [Outcome(item, None, _DEADLY) for item in suspects]
 
 
 def _stream(

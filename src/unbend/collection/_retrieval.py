@@ -131,7 +131,8 @@ def retrieval_measures(
     if not len(kept):
         raise InputError("no shape has another one of its class: there is nothing to find")
     means = kept.mean(axis=0)
-    return Retrieval(*means[:6].tolist(), _RECALL_LEVELS.copy(), means[6:], len(kept))
+    found: list[Any] = [*means[:6].tolist(), _RECALL_LEVELS.copy(), means[6:], len(kept)]
+    return Retrieval(*found)
 
 
 def _of_query(distances: FloatArray, alike: npt.NDArray[np.bool_]) -> FloatArray | None:
