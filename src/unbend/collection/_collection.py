@@ -104,23 +104,21 @@ class Collection:
     ) -> Added:
         """Describe shapes and keep what describes them; the files themselves stay where they are.
 
-        A file whose content is there already is skipped, so that an interrupted run goes on where
-        it was: what was finished is on disk seconds later, whatever happens then. A file that
-        cannot be used stops nothing.
-
-        Identical files are one shape with several paths. Adding brings the paths of a shape up to
-        date: the path of an identical file is added, and paths without a file are dropped. So a
-        folder that was moved is added again from where it is now.
+        A file whose content is there already is skipped, so that an interrupted run resumes where
+        it was. A file that cannot be used stops nothing. Identical files are one shape with several
+        paths: new ones are added, and those without a file are dropped, so a folder that was moved
+        is added again from where it is now.
 
         Parameters
         ----------
         paths : path or iterable of paths
             Files, folders (searched through for .off, .obj, .ply and .stl files), and patterns such
             as ``"scans/**/*.ply"``.
-        workers, scheduler
-            Local processes (by default as many as the machine has processors for; 0: none,
-            work in this one), or the address of a Dask scheduler, ``tcp://host:port``, whose
-            workers see the files under the same paths.
+        workers : int, optional
+            Local processes, by default as many as there are processors; 0: work in this one.
+        scheduler : str, optional
+            Address of a Dask scheduler, ``tcp://host:port``, whose workers see the files under the
+            same paths.
         progress : callable, optional
             Called with how far it is, in words, and the share that is done.
 
@@ -277,10 +275,8 @@ class Collection:
         out : path
             Folder, of all workers alike, for a .npz file a pair (see
             :func:`unbend.read_match`), its map as .csv, the table ``matches.csv``, and the spectra.
-        workers, scheduler
+        workers, scheduler, progress
             See :meth:`add`.
-        progress : callable, optional
-            Called with how far it is, in words, and the share that is done.
 
         Returns
         -------
@@ -330,7 +326,7 @@ class Collection:
             For names of shapes, vertices of the template and of the shape that correspond. A shape
             whose landmarks have changed is registered again.
         workers, scheduler, progress
-            See :meth:`match`.
+            See :meth:`add`.
 
         Returns
         -------

@@ -202,7 +202,7 @@ def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
     """All that is in a queue, after waiting a while for the first."""
     found = []
     try:
-        found.append(finished.get(timeout=patience) if patience else finished.get_nowait())
+        found.append(finished.get(timeout=patience))
         while True:
             found.append(finished.get_nowait())
     except queue.Empty:

@@ -105,9 +105,8 @@ def _register(
     failed: list[Failure] = []
     if left:
         with engine(workers=workers, scheduler=scheduler) as run:
-            total = len(left)
-            outcomes = attempt_all(run, register_shape, left, total, "shapes", progress)
-            failed += filter(None, outcomes)
+            done = attempt_all(run, register_shape, left, len(left), "shapes", progress)
+            failed += filter(None, done)
     bad = {one.path for one in failed}
     every = (*failures, *failed)
     rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
@@ -178,14 +177,9 @@ def _write_tables(
             found = _load(task.result, template, task.name)
             file.write(found.mesh.vertices.astype("<f8").tobytes())
             distances = found.distances[np.isfinite(found.distances)]
-            numbers = (
-                found.confidence,
-                found.coverage,
-                distances.mean(),
-                np.quantile(distances, 0.95),
-            )
-            files = task.result.stem, task.name, task.mesh.name
-            shapes.append(RegisteredShape(*files, *map(float, numbers)))
+            middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
+            numbers = float(found.confidence), float(found.coverage), middle, most
+            shapes.append(RegisteredShape(task.result.stem, task.name, task.mesh.name, *numbers))
     head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
     rows = [(*vars(one).values(), "doubtful" if one.doubtful else "registered") for one in shapes]
     bad = [(Path(one.path).stem, one.path, *[""] * 5, f"failed: {one.reason}") for one in failures]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._display import Brief, table
-from unbend._types import BoolArray, FloatArray, IntArray
+from unbend._types import FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._archive import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
@@ -207,12 +207,14 @@ def evaluate(
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
     areas = vertex_areas(target)
+    given, true = found >= 0, truth >= 0
+    hits = int((given & true).sum())
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
-        overlap=_overlap(found >= 0, truth >= 0),
+        overlap=Overlap(*(hits / int(some.sum()) for some in (given, true, given | true))),
     )
 
 
@@ -260,8 +262,3 @@ def _forget() -> None:
 
     while len(_kept) > 1 and size() > _KEPT_BYTES:
         _kept.pop(next(iter(_kept)), None)
-
-
-def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
-    both = int((given & true).sum())
-    return Overlap(*(both / int(one.sum()) for one in (given, true, given | true)))

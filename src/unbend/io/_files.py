@@ -46,15 +46,14 @@ def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> P
     return path
 
 
-def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> str:
-    """Return the suffix in lower case, or say which ones are known."""
+def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
+    """Raise FileError if the suffix is none of these; empty: any."""
     suffix = path.suffix.lower()
     if suffixes and suffix not in suffixes:
         *most, last = suffixes
         known = f"{', '.join(most)} or {last}" if most else last
         found = f'unknown suffix "{path.suffix}"' if suffix else "its name has no suffix"
         raise FileError(f"cannot {verb} {path}: {found}; use {known}")
-    return suffix
 
 
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
