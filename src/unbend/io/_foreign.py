@@ -26,21 +26,19 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     if find_spec(program) is None:
         raise MissingExtraError(program)
     try:
-        return _by_trimesh(suffix, data) if suffix in _TRIMESH else _by_meshio(path)
+        if suffix in _TRIMESH:
+            return _by_trimesh(suffix, data)
+        import meshio
+
+        given = meshio.read(path)
+        mesh = mesh_of(given)
+        assert mesh is not None
+        values = {name: np.asarray(array) for name, array in given.point_data.items()}
+        return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
         raise FileError(f"{program} cannot read it: {error}") from error
-
-
-def _by_meshio(path: Path) -> Contents:
-    import meshio
-
-    given = meshio.read(path)
-    mesh = mesh_of(given)
-    assert mesh is not None
-    values = {name: np.asarray(array) for name, array in given.point_data.items()}
-    return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
 
 
 def _by_trimesh(suffix: str, data: bytes) -> Contents:
