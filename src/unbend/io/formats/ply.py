@@ -158,16 +158,18 @@ def _words(element: _Element, rows: list[list[str]], names: Sequence[str]) -> li
     """Words of some properties of each row, perhaps with more after them; a list's length first."""
     if list(element.types)[: len(names)] == list(names):
         return rows
-    found = []
+    found, wanted = [], set(names)
     for index, row in enumerate(rows):
         at, words = 0, {}
         for name, (_, size_type) in element.types.items():
             if at >= len(row):
                 raise FileError(f"{element.name} {index} has fewer numbers than properties")
-            start, at = at, at + 1
+            end = at + 1
             if size_type:
-                at += count(row[start], f"entries in {element.name} {index}")
-            words[name] = row[start:at]
+                end += count(row[at], f"entries in {element.name} {index}")
+            if name in wanted:
+                words[name] = row[at:end]
+            at = end
         found.append([word for name in names for word in words[name]])
     return found
 
