@@ -118,7 +118,12 @@ def _header(data: bytes) -> tuple[str, dict[str, _Element], bytes]:
             case _:
                 raise FileError(f"has a header line that PLY does not know: {line[:60]!r}")
         if known:
-            raise FileError(f"names the {words[0]} {name} twice")
+            what = (
+                f"the element {name}"
+                if words[0] == "element"
+                else f"a property of {[*elements][-1]}"
+            )
+            raise FileError(f"names {what} twice")
     if not encoding:
         raise FileError("has no format line (ascii, binary_little_endian or binary_big_endian)")
     return _ORDERS[encoding], elements, data[end.end() :]
