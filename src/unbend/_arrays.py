@@ -49,15 +49,6 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     raise InputError(f"{what}: needs real numbers, not {array.dtype}")
 
 
-def point_map_of(values: npt.ArrayLike, what: str) -> IntArray | None:
-    """Turn vertex numbers of any whole type, -1 for none, into an array, or return None."""
-    array = array_of(values, what)
-    if array.ndim != 1 or array.dtype.kind not in "iu":
-        return None
-    images = array.astype(np.int64)  # of uint64, what is too large turns negative
-    return None if images.min(initial=-1) < -1 else images
-
-
 def unit_of(points: npt.NDArray[Any]) -> float:
     """Power of 2 about as large as points are across: dividing by it rounds nothing.
 
@@ -109,6 +100,11 @@ def snap(values: FloatArray) -> FloatArray:
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     cell = 2.0 ** max(int(np.frexp(largest)[1]) - _GRID_BITS, -1000)
     return np.asarray(np.round(values / cell) * cell)
+
+
+def sum_rows(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
+    """Sum the rows (m, d) of each of `count` owners, (count, d)."""
+    return np.column_stack([np.bincount(owners, column, count) for column in rows.T])
 
 
 def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:

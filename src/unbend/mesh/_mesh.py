@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import array_of
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -180,7 +181,7 @@ def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
 
     Raises InputError if they are something else.
     """
-    ids = np.atleast_1d(np.asarray(vertices))
+    ids = np.atleast_1d(array_of(vertices, f"{name}: vertex ids"))
     if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
         raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
     outside = (ids < 0) | (ids >= n)
