@@ -20,7 +20,6 @@ from unbend._cgroups import control_groups
 from unbend._types import FloatArray
 
 COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
-_ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
 _lock = threading.Lock()  # for what follows
 _pools: dict[int, ThreadPoolExecutor] = {}  # none or one, by its size
 _pins: list[Any] = []
@@ -75,8 +74,11 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
 
     def work() -> None:
         try:
-            while taken := _take(pending):
-                i, task = taken
+            while True:
+                try:
+                    i, task = pending.popleft()
+                except IndexError:
+                    return
                 results[i] = task()
         except BaseException:
             pending.clear()
@@ -91,13 +93,6 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     for helper in busy:
         helper.result()  # raises what went wrong there
     return results
-
-
-def _take(pending: deque[Any]) -> Any:
-    try:
-        return pending.popleft()
-    except IndexError:
-        return None
 
 
 def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
@@ -149,7 +144,7 @@ def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) 
         solve(chunk)
         solution[order, part] = chunk[:, :used]
 
-    run_all(functools.partial(work, part) for part in column_slices(count))
+    run_all(functools.partial(work, part) for part in slices(count, COLUMNS))
     return solution
 
 
@@ -166,13 +161,13 @@ def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> F
     def at(part: slice) -> None:
         result[:, part] = work(np.ascontiguousarray(block[:, part]))
 
-    run_all(functools.partial(at, part) for part in column_slices(block.shape[1]))
+    run_all(functools.partial(at, part) for part in slices(block.shape[1], COLUMNS))
     return result
 
 
-def column_slices(count: int) -> list[slice]:
-    """Cut columns into chunks for one task each."""
-    return [slice(start, min(start + COLUMNS, count)) for start in range(0, count, COLUMNS)]
+def slices(count: int, size: int) -> list[slice]:
+    """Cut rows or columns into pieces of a size, for one task each."""
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 
 
 @contextmanager
@@ -217,8 +212,3 @@ def _blas() -> Any:
     import scipy.linalg  # noqa: F401 - loads the second BLAS, which must be found too
 
     return threadpoolctl.ThreadpoolController()  # slow: it looks at every loaded library
-
-
-def row_slices(n: int) -> list[slice]:
-    """Cut n rows into pieces for one task each."""
-    return [slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS)]

@@ -21,11 +21,7 @@ _EQUAL, _NOTHING = 1e-9, 1e-14
 
 
 def exact_scaling(
-    gram: Callable[[FloatArray], FloatArray],
-    n: int,
-    n_components: int,
-    *,
-    random_state: int = 0,
+    gram: Callable[[FloatArray], FloatArray], n: int, n_components: int, *, random_state: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """Scale all n^2 distances with uniform weights to points (n, d) and eigenvalues (d,).
 
@@ -38,12 +34,9 @@ def exact_scaling(
         image -= image.mean(axis=0)
         return image
 
+    block_size = max(8, n_components + 2)  # eight columns cost little more than one
     values, vectors = largest_eigenpairs(
-        centred,
-        n,
-        n_components,
-        random_state=random_state,
-        block_size=max(8, n_components + 2),  # eight columns cost little more than one
+        centred, n, n_components, block_size=block_size, random_state=random_state
     )
     values = _without_rounding(values)
     return _points(vectors, values, np.ones(n)), values

@@ -47,16 +47,15 @@ class Steps:
 
     def __init__(self, progress: Progress | None) -> None:
         self.seconds: dict[str, float] = {}
-        self._progress = progress
+        self._report = progress or (lambda stage, share: None)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
-        report = self._progress or (lambda stage, share: None)
-        report(name, 0.0)
+        self._report(name, 0.0)
         start = clock.perf_counter()
         yield
         self.seconds[name] = clock.perf_counter() - start
-        report(name, 1.0)
+        self._report(name, 1.0)
 
 
 def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
@@ -111,11 +110,6 @@ def sampled(
             distances**2, indices, spectrum, mu=mu, interpolation=interpolation
         )
     with steps("scaling"), one_blas_thread():
-        scaled = sampled_scaling(
-            coefficients,
-            spectrum.eigenfunctions,
-            spectrum.areas,
-            options.n_components + 1,
-            options.weighting,
-        )
+        functions, areas, count = spectrum.eigenfunctions, spectrum.areas, options.n_components + 1
+        scaled = sampled_scaling(coefficients, functions, areas, count, options.weighting)
     return Scaled(*scaled, metric)

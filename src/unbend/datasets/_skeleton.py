@@ -13,7 +13,7 @@ from unbend.datasets._cones import Cones
 from unbend.errors import InputError
 
 Point = tuple[float, float, float]
-Pose = Mapping[str, Point]
+Pose = Mapping[str, Sequence[float]]
 
 _BLEND = 0.016  # how far two parts reach to flow into each other
 _SPREAD = 0.03  # the same for the motion of two bones
@@ -35,6 +35,18 @@ class Bone(NamedTuple):
     part: str
     flat: Point = (1.0, 0.0, 0.0)
     chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
+
+
+def chain_of(
+    name: str, parent: str, joints: Sequence[Point], radii: Sequence[float], part: str
+) -> list[Bone]:
+    """Make a chain of bones between joints: ``name_1``, ``name_2`` and so on."""
+    names = [parent, *(f"{name}_{i + 1}" for i in range(len(joints) - 1))]
+    ends = zip(joints, joints[1:], radii, radii[1:], strict=False)
+    return [
+        Bone(names[i + 1], names[i], head, tail, r, s, part, chain=name)
+        for i, (head, tail, r, s) in enumerate(ends)
+    ]
 
 
 def mirrored(bone: Bone) -> Bone:

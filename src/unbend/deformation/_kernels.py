@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._compiled import compiled
-from unbend._parallel import run_all
+from unbend._parallel import run_all, slices
 from unbend._types import FloatArray, IntArray, SparseMatrix
 
 _ROWS = 8192  # vertices that a task works on
@@ -27,10 +27,8 @@ def over_rows(n: int, width: int, kernel: Callable[..., None], *arguments: Any) 
     A row is so many vertices wide.
     """
     step = max(_ROWS // max(width, 1), 1)
-    run_all(
-        functools.partial(kernel, *arguments, first, min(first + step, n))
-        for first in range(0, n, step)
-    )
+    parts = slices(n, step)
+    run_all(functools.partial(kernel, *arguments, part.start, part.stop) for part in parts)
 
 
 def edge_covariances(edge_weights: SparseMatrix, rest: FloatArray, posed: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from unbend._parallel import column_slices, run_all
+from unbend._parallel import COLUMNS, run_all, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
@@ -26,13 +26,7 @@ _STALLED = 0.95  # a correction that leaves more has nothing left but rounding
 ROUNDING = 20 * float(np.finfo(np.float64).eps)  # relative, of a product with the matrix
 
 
-def inverse_lanczos(
-    matrix: SparseMatrix,
-    k: int,
-    tol: float,
-    random_state: int,
-    progress: Callable[[float], None] | None,
-) -> tuple[FloatArray, FloatArray]:
+def inverse_lanczos(matrix: SparseMatrix, k: int, tol: float) -> tuple[FloatArray, FloatArray]:
     """Compute the k smallest eigenpairs of a sparse positive semi-definite matrix.
 
     The matrix is in compressed columns, and scaled such that the mean distance of the first
@@ -46,15 +40,13 @@ def inverse_lanczos(
     diagonal = matrix.diagonal()
     wanted = max(k, below)
     usual = 1.6 * wanted + 75  # columns that surfaces need, measured
-    rng = np.random.default_rng(random_state)
+    rng = np.random.default_rng(0)
     basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.4 * usual))
     check = min(wanted + 40, n)
     # Above the shift pairs must be counted; where all lie below it, that is done.
     goal, counted, reached = tol / 2, below >= k, np.inf
     while basis.done < min(n, _LIMIT + 10 * wanted):
         basis.grow()
-        if progress is not None:
-            progress(min(basis.done / usual, 1.0) * 0.95)
         if basis.done < check and basis.done < basis.size:
             continue
         check = basis.done + 2 * block_size
@@ -262,4 +254,4 @@ def _correct(vectors: FloatArray, factor: Factorization, image: FloatArray) -> N
     def work(part: slice) -> None:
         vectors[:, part] -= factor.solve(np.ascontiguousarray(image[:, part]))
 
-    run_all(functools.partial(work, part) for part in column_slices(image.shape[1]))
+    run_all(functools.partial(work, part) for part in slices(image.shape[1], COLUMNS))

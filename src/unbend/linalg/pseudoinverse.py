@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._parallel import by_columns
+from unbend._parallel import by_columns, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.linalg.factorization import factorize
 
@@ -47,9 +47,8 @@ def green_and_diagonal(
     if n < _COMPILED_PAYS:
         green = green_operator(stiffness, areas)
         diagonal = np.empty(n)
-        for start in range(0, n, _AT_ONCE):
-            part = slice(start, min(start + _AT_ONCE, n))
-            columns = by_columns(green, np.eye(n, part.stop - start, -start))
+        for part in slices(n, _AT_ONCE):
+            columns = by_columns(green, np.eye(n, part.stop - part.start, -part.start))
             diagonal[part] = areas @ columns**2 if biharmonic else columns[part].diagonal()
         return green, diagonal
     factor = factorize(pinned(stiffness), diagonal=True)

@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from unbend._arrays import first_equal_row
+from unbend._parallel import slices
 from unbend._types import BoolArray, FloatArray, IntArray
 
 # A face is degenerate when its height over its longest edge is at most this fraction of that
@@ -206,8 +207,7 @@ def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, flo
     """
     degenerate = np.empty(len(faces), dtype=bool)
     area = 0.0
-    for start in range(0, len(faces), FACES_AT_ONCE):
-        part = slice(start, start + FACES_AT_ONCE)
+    for part in slices(len(faces), FACES_AT_ONCE):
         degenerate[part], part_area = _measure(vertices, faces[part])
         area += part_area
     return degenerate, area

@@ -70,8 +70,8 @@ class Diagnosis:
         Lengths of the edges; NaN without edges.
     robust_needed : bool
         Whether computations on the whole mesh take the robust Laplacian, because degenerate faces
-        or non-manifold edges or vertices remain in :func:`unbend.preparation.prepare`. False if
-        nothing can be computed.
+        or non-manifold edges or vertices remain once repeated faces are left out. False if nothing
+        can be computed.
     """
 
     n_vertices: int
@@ -120,14 +120,9 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     InputError, MeshError, FileError
         See :func:`unbend.as_mesh`.
 
-    See Also
-    --------
-    prepare : The part of the mesh that computations run on.
-
     Examples
     --------
-    >>> from unbend import Mesh
-    >>> from unbend import diagnose
+    >>> from unbend import Mesh, diagnose
     >>> tetrahedron = Mesh(
     ...     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
     ...     [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
