@@ -63,9 +63,8 @@ def _share(group: Path, version: int) -> float:
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
-    What the tasks return comes in their order. The caller works too, and in the end waits for
-    nothing but tasks that others have begun: so tasks may call this themselves. An error or Ctrl-C
-    drops the tasks that have not begun.
+    The caller works too, and waits only for tasks that others have begun: so tasks may call this
+    themselves. An error or Ctrl-C drops the tasks that have not begun.
     """
     pending = deque(enumerate(tasks))
     if len(pending) == 1:
@@ -96,11 +95,7 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
 
 
 def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
-    """Call a function in up to so many helper threads, fewer where that many are not ours.
-
-    They stay: starting a thread takes longer than many a task. All calls share them, so that
-    tasks with tasks of their own do not have more threads at work than there are.
-    """
+    """Call a function in up to so many helper threads, which stay and are shared by all calls."""
     count = n_threads() - 1
     if min(count, most) < 1:
         return []
@@ -151,8 +146,7 @@ def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
     """Apply a function, (n, r) to (n, r), to a block of columns a chunk at a time, in threads.
 
-    A chunk is what the triangular solves take at once; all else that is done to it then finds it
-    in the cache.
+    A chunk is what the triangular solves take at once, and stays in the cache.
     """
     if block.ndim == 1 or block.shape[1] <= COLUMNS:
         return work(block)

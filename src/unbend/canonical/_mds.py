@@ -45,11 +45,7 @@ def exact_scaling(
 def area_scaling(
     filtered: FloatArray, eigenfunctions: FloatArray, areas: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Scale all distances with area weights, in closed form: ``phi_i sqrt(h(lambda_i))``.
-
-    `filtered` (d + 1,) holds h(lambda). The first is the constant eigenfunction's, which is left
-    out.
-    """
+    """Scale all distances with area weights: ``phi_i sqrt(h_i)`` but for the constant phi_0."""
     return _points(eigenfunctions[:, 1:], filtered[1:], areas), filtered[1:]
 
 
@@ -64,8 +60,7 @@ def sampled_scaling(
 
     ``J Phi = Q R`` with orthonormal columns in Q, ``R (-1/2 alpha) R^T = W psi W^T``, and the
     points are ``Q W psi^(1/2)``. The paper takes a thin SVD instead, of which only the span
-    matters; where singular values are nearly equal, as by area, it need not converge.
-    `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
+    matters. `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
     """
     weights = areas if weighting == "area" else np.full(len(areas), 1.0)
     root = np.sqrt(weights)[:, None]

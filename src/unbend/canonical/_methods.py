@@ -6,7 +6,6 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
@@ -21,6 +20,9 @@ from unbend.spectral import Surface, eigenpairs
 # Vectors in memory for each dimension of an exact form, as measured for 3 to 100 dimensions.
 _FORM_COLUMNS = 16
 
+# Points and eigenvalues in n_components + 1 dimensions, if there are so many, and the metric.
+Scaled = tuple[FloatArray, FloatArray, Metric]
+
 
 @dataclass(frozen=True)
 class Options:
@@ -32,14 +34,6 @@ class Options:
     time: float
     keep_scale: bool
     random_state: int
-
-
-class Scaled(NamedTuple):
-    """Points, eigenvalues and metric: n_components + 1 of them, if there are so many."""
-
-    points: FloatArray
-    eigenvalues: FloatArray
-    metric: Metric
 
 
 class Steps:
@@ -76,7 +70,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
             spectrum = eigenpairs(surface, min(d + 2, n))
         filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
         scaled = area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
-    return Scaled(*scaled, metric)
+    return *scaled, metric
 
 
 def sampled(
@@ -112,4 +106,4 @@ def sampled(
     with steps("scaling"), one_blas_thread():
         functions, areas, count = spectrum.eigenfunctions, spectrum.areas, options.n_components + 1
         scaled = sampled_scaling(coefficients, functions, areas, count, options.weighting)
-    return Scaled(*scaled, metric)
+    return *scaled, metric

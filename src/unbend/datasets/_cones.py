@@ -110,8 +110,7 @@ class Cones:
     def _candidates(self, points: FloatArray, margin: float) -> tuple[IntArray, IntArray]:
         """Pairs of a cone and a point that may be within ``margin`` of the closest pair.
 
-        Sorted by point and, within a point, by chain: what reduceat needs. Balls around and
-        within the cones decide, which is far cheaper than distances to the cones.
+        They are sorted by point, then by chain. Balls around and within the cones decide.
         """
         middles = (self.heads + self.tails) / 2
         radii = np.maximum(self.head_radii, self.tail_radii)

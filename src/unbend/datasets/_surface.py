@@ -23,9 +23,8 @@ _COARSEST = 0.025  # grid spacing that no part of a body slips through
 def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Mesh the skin of a body with exactly so many vertices; also return its mirror map.
 
-    The body is symmetric about x = 0: one side is meshed and reflected. `meshing` is the seed of
-    the grid's orientation and offset. Raises InputError if no grid tried gives a surface without
-    handles.
+    `meshing` is the seed of the grid's orientation and offset. Raises InputError if no grid gives a
+    surface without handles.
     """
     rng = np.random.default_rng(meshing)
     # A turn about x keeps the left-right symmetry; so does any shift in y and z.
@@ -148,10 +147,8 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
     pieces, n_pieces = ndimage.label(inside)
     if n_pieces > 1:
         inside = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
-    return ndimage.binary_fill_holes(inside) if not symmetric else _fill(inside)
-
-
-def _fill(inside: BoolArray) -> BoolArray:
+    if not symmetric:
+        return np.asarray(ndimage.binary_fill_holes(inside))
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
     return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 

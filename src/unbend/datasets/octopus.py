@@ -20,10 +20,9 @@ _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees 
 
 
 def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Point) -> Pose:
-    """Make a pose from a rule for the arms.
+    """Make a pose from a rule for the arms, 1 (front) to 4 (back), on the side +1 (left) or -1.
 
-    ``bend(s, arm, side)`` gives the droop and the turn towards the back, in degrees, of the segment
-    at share ``s`` of the arm 1 (front) to 4 (back), on the side +1 (left) or -1.
+    ``bend(s, arm, side)`` gives droop and turn to the back, in degrees, at share s of an arm.
     """
     pose: dict[str, Sequence[float]] = dict(others)
     for side, word in ((1, "left"), (-1, "right")):

@@ -12,7 +12,7 @@ from unbend.datasets.shape import Maker, Shape, make_shape
 
 # Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
 _SPECIES: dict[str, dict[str, float]] = {
-    "dog": {"tail_lift": 35.0},
+    "dog": {},
     "cat": {
         "legs": 0.8, "neck": 0.6, "tail": 1.6, "ears": 0.6, "muzzle": 0.42, "girth": 0.88,
         "paws": 0.85, "tail_lift": 20.0, "ear_spread": 1.15, "head": 1.05, "body": 0.92,

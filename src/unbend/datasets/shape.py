@@ -13,8 +13,7 @@ from unbend._arrays import nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._reference import carry
-from unbend.datasets._rigidity import restore_lengths
-from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin
+from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin, restore_lengths
 from unbend.datasets._surface import skin
 from unbend.errors import InputError
 from unbend.mesh import Mesh

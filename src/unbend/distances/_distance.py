@@ -29,8 +29,7 @@ def make_metric(
 ) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
-    `time` is the diffusion time in units of the area; `sources` says that distances from sources
-    will be asked for, which spares a factorisation.
+    `sources` says that distances from sources will be asked for: one factorisation then serves all.
     """
     check_kind(kind)
     if not is_number(time) or not 0 < time < np.inf:

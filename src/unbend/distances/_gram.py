@@ -73,11 +73,7 @@ def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Met
 def gram_metric(
     kind: DistanceKind, surface: Surface, time: float, *, sources: bool = False
 ) -> Metric:
-    """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
-
-    `sources` says that distances from sources will be computed: one factorisation then serves the
-    whole metric.
-    """
+    """Set up the distance with nothing left out (Eq. 6 and 7); see :func:`make_metric`."""
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     stiffness, areas = surface.operator.stiffness, surface.operator.areas

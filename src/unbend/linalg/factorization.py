@@ -59,9 +59,8 @@ class Factorization:
     def inverse_diagonals(self, weights: FloatArray | None = None) -> FloatArray:
         """Compute the diagonal (1, n) of the inverse B, or (2, n) also of B A B, A diagonal.
 
-        This takes about as long as the factorisation, which must have been made with
-        ``diagonal=True``. Raises SolverError if the matrix is so close to singular that its solves
-        must be refined.
+        This takes about as long as the factorisation, made with ``diagonal=True``. Raises
+        SolverError if the matrix is so close to singular that its solves must be refined.
         """
         from unbend.linalg._selected_inverse import inverse_diagonals
 
@@ -77,17 +76,15 @@ def factorize(
 ) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix, definite or not.
 
-    Pivots are taken from the diagonal in an order that keeps the factor sparse, which for an
-    indefinite matrix may go wrong. So every factorisation is tried out: two solves with a known
-    solution measure which share of an error a step of iterative refinement leaves. A small share
-    proves that the matrix is far from singular and that the inertia is right (all matrices between
-    the given one and the one factorised are non-singular then); a larger one leads to a new try
-    with a slightly shifted diagonal, refined in every solve, and at last to a SolverError.
+    Without pivoting, an indefinite matrix may go wrong. So every factorisation is tried out: two
+    solves with a known solution measure which share of an error a step of iterative refinement
+    leaves. A small share proves that the matrix is far from singular and that the inertia is right
+    (all matrices between this one and the one factorised are non-singular then); a larger one
+    leads to a new try with a shifted diagonal, refined in every solve, and then to a SolverError.
 
     Without `refine`, a relative error of up to 1e-8 may stay in solves, which halves their time.
-    `many` says that so much will be solved for that compiled solves pay for a small matrix too;
-    `diagonal`, that :meth:`Factorization.inverse_diagonals` will be called, which needs the
-    multifrontal factor.
+    `many` says that compiled solves will pay for a small matrix too; `diagonal`, that
+    :meth:`Factorization.inverse_diagonals` will be called.
     """
     matrix = sp.csc_matrix(matrix, dtype=np.float64)
     n = matrix.shape[0]

@@ -20,8 +20,7 @@ def smallest_eigenpairs(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the k smallest eigenpairs of ``stiffness @ x = value * areas * x``.
 
-    Block Lanczos on the inverse, shifted into the spectrum (Grimes, Lewis and Simon, "A shifted
-    block Lanczos algorithm for solving sparse symmetric generalized eigenproblems", SIAM J. Matrix
+    Block Lanczos on the inverse, shifted into the spectrum (Grimes, Lewis and Simon, SIAM J. Matrix
     Anal. Appl. 15, 1994). The signs of the pivots of L D L^T count the eigenvalues below a shift:
     no pair is missed, however many are equal.
 
@@ -71,9 +70,8 @@ def measure_eigenpairs(
 ) -> tuple[float, float]:
     """Measure the errors of eigenpairs from one random combination of them.
 
-    Pairs that are off by some share make a combination that is off by about as much. Returns about
-    the size of ``vectors.T @ (areas[:, None] * vectors) - I``, and that of the relative residuals.
-    If the latter is above `tol`, what rounding makes unavoidable is subtracted.
+    Returns about the size of ``vectors.T @ (areas[:, None] * vectors) - I``, and that of the
+    relative residuals. If the latter is above `tol`, what rounding makes unavoidable is subtracted.
     """
     floor = least_that_counts(values, stiffness.diagonal() / areas)
     shares = np.random.default_rng(0).standard_normal((len(values), 2))

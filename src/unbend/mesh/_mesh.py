@@ -168,10 +168,7 @@ def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
 
 
 def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
-    """Check vertex numbers, one or a list, from 0 to ``n - 1``; return them as (s,) int64.
-
-    Raises InputError if they are something else.
-    """
+    """Check vertex numbers, one or a list, from 0 to ``n - 1``; return them as (s,) int64."""
     ids = np.atleast_1d(np.asarray(vertices))
     if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
         raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
@@ -193,10 +190,9 @@ def used_vertices(mesh: Mesh) -> FloatArray:
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
-    """Give each vertex, (n,), a third of the area of the faces around it.
+    """Give each vertex, (n,), a third of the area of the faces around it; 1 in a point cloud.
 
-    Repeated faces count once. The areas are 0 at vertices that no face uses, and 1 for a point
-    cloud.
+    Repeated faces count once.
     """
     if mesh.is_point_cloud:
         return np.ones(mesh.n_vertices)
@@ -206,10 +202,7 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Average the faces' normals, weighted by area, at each vertex: (n, 3).
-
-    They are of unit length; 0 where no face has an area.
-    """
+    """Average the faces' normals, by area, at each vertex: (n, 3) of unit length, or 0."""
     corners, n = faces.ravel(), len(vertices)
     columns = face_normals(vertices, faces).T
     total = np.stack([np.bincount(corners, np.repeat(x, 3), n) for x in columns], axis=1)

@@ -32,10 +32,7 @@ class Decimated(NamedTuple):
 
 
 def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
-    """Collapse edges until `count` vertices are left, or no collapse is allowed.
-
-    Every vertex must be in use.
-    """
+    """Collapse edges until `count` vertices, all in use, are left, or no collapse is allowed."""
     n = len(vertices)
     faces = np.array(faces, dtype=np.int64)
     edges = find_edges(faces, n)

@@ -110,11 +110,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
 
 
 def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
-    """Keep the faces of one component, and every vertex: what was left out is unreferenced.
-
-    The component is "largest", a number (0 is the largest), or None for all of the mesh. Raises
-    MeshError or InputError if there is no such component, or it cannot be used.
-    """
+    """Keep the faces of one component, as for :func:`prepare`, and every vertex."""
     if component is None:
         return mesh
     kept = np.zeros(mesh.n_vertices, dtype=bool)
@@ -151,10 +147,7 @@ def check_area(mesh: Mesh) -> None:
 
 
 def check_size(mesh: Mesh) -> None:
-    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the fourth power.
-
-    Raises MeshError if it is less than 1e-60 or more than 1e60 across.
-    """
+    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the 4th power."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
     if not _LEAST_SIZE <= size <= _MOST_SIZE:

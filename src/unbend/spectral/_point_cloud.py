@@ -47,11 +47,7 @@ class Triangulation(NamedTuple):
 
 
 def triangulate_points(mesh: Mesh) -> Triangulation:
-    """Find the Delaunay triangles around each point of a cloud.
-
-    Raises MeshError if a point is in no triangle, or the cloud is less than 1e-60 or more than 1e60
-    across.
-    """
+    """Find the Delaunay triangles around each point of a cloud; MeshError if there are none."""
     check_size(mesh)
     placed = (mesh.vertices - mesh.vertices.min(axis=0)) / unit_of(mesh.vertices)
     first = _first_at_place(placed)
@@ -77,9 +73,7 @@ def triangulate_points(mesh: Mesh) -> Triangulation:
 def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     """Stiffness matrix and areas of a point cloud, as this module describes them.
 
-    Points at one place share its area, and links between them keep functions equal there. Raises
-    the errors of :func:`triangulate_points` and :func:`check_energy`; warns if the triangles around
-    neighbouring points disagree on much of the surface.
+    Points at one place share its area, and links between them keep functions equal there.
     """
     faces, weights, first = triangulate_points(mesh)
     n, unit = mesh.n_vertices, unit_of(mesh.vertices)
