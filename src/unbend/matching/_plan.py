@@ -212,7 +212,7 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from the likeliest guesses which extremities correspond, a few if one is ahead."""
-    n_kept = BEAM // 2 if unambiguous(sides, found) else BEAM
+    n_kept = BEAM // 4 if unambiguous(sides, found) else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
     guesses = guess_limbs(mine, other, 12 * n_kept, len(medium[0].landmarks))
@@ -268,7 +268,7 @@ def _from_guesses(
     maps: list[tuple[IntArray, IntArray]],
     n_kept: int,
 ) -> list[Candidate]:
-    """Register the coarse proxies from the best of guesses' maps; tighten the better half."""
+    """Register the coarse proxies from the best of guesses' maps; tighten the best of these."""
     if not guesses:
         return []
     coarse = sides.at(COARSE)
@@ -276,7 +276,7 @@ def _from_guesses(
     costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
     starts = run_all(
         functools.partial(mapped_start, *coarse, forward[:, i], backward[:, i], guesses[i].size)
-        for i in np.argsort(costs, kind="stable")[: 2 * n_kept]
+        for i in np.argsort(costs, kind="stable")[: 4 * n_kept]
     )
     begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
     poses = [one.registered for one in begun[:n_kept]]
