@@ -92,6 +92,17 @@ def transfer(
         raise InputError("some of the values are masked; fill them first, for instance with NaN")
     if isinstance(match, Match):
         warn_of_disorder(match)
+    return carry(values, match, kind, source, target)
+
+
+def carry(
+    values: npt.ArrayLike,
+    match: Match | npt.ArrayLike,
+    kind: ValueKind = "scalar",
+    source: Mesh | None = None,
+    target: Mesh | None = None,
+) -> npt.NDArray[Any]:
+    """Transfer values as :func:`transfer` does; for pictures, which warn of nothing."""
     array = array_of(values, "values")
     images = as_point_map(match, source, target)
     if array.ndim == 0 or len(array) != len(images):
