@@ -122,11 +122,7 @@ def count_repeats(rows: npt.NDArray[Any]) -> int:
 
 
 def _hash_repeats(rows: npt.NDArray[Any]) -> IntArray:
-    """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others.
-
-    Sorting one integer per row is several times faster than sorting rows, and in most meshes
-    nothing is left to sort after it.
-    """
+    """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others."""
     bits = rows.view(np.uint64)
     mixed = np.zeros(len(rows), dtype=np.uint64)
     for column in bits.T:
