@@ -195,8 +195,9 @@ def _joined(
     """Join the tetrahedra inside through faces, without rings unless they are thick.
 
     First a tree joins them through the longest faces. A face then joins two tetrahedra if all
-    others around one of its edges do so, the longest ones first. The faces that are left cut each
-    ring of tetrahedra where it is narrowest. A face that is too long for the surface is not left.
+    others around one of its edges do so, the longest ones first, and at last if others around one
+    of its corners join them. The faces that are left cut each ring of tetrahedra where it is
+    narrowest. A face that is too long for the surface is not left.
 
     Parameters
     ----------
@@ -211,7 +212,7 @@ def _joined(
     (t, 4) ndarray of bool
         Which faces join a tetrahedron to the one beyond.
     """
-    beyond, n = tetrahedra.beyond, len(inside)
+    corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(inside)
     within = inside[:, None] & np.append(inside, False)[beyond]
     first, face = np.nonzero(within & (beyond > np.arange(n)[:, None]))
     order = np.argsort(-length[first, face], kind="stable")
@@ -241,6 +242,18 @@ def _joined(
             lists[1][edge] -= one
             if lists[0][edge] == 1:
                 heappush(queue, lists[1][edge])
+    # A ring around a corner is filled: fans of the surface there get vertices of their own.
+    here = corners[first[:, None], _FACES[face]]
+    place = (corners[second][:, None] == here[..., None]).argmax(axis=2)
+    ends = 4 * first[:, None] + _FACES[face], 4 * second[:, None] + place
+    while True:
+        links = ends[0][joins].ravel(), ends[1][joins].ravel()
+        graph = sp.coo_array((np.ones(len(links[0])), links), shape=(corners.size,) * 2)
+        around_corner = connected_components(graph, directed=False)[1]
+        ready = ~joins & (around_corner[ends[0]] == around_corner[ends[1]]).any(axis=1)
+        if not ready.any():
+            break
+        joins |= ready
     joined = np.zeros(beyond.shape, dtype=bool)
     joined[first[joins], face[joins]] = True
     joined[second[joins], (beyond[second] == first[:, None]).argmax(axis=1)[joins]] = True
