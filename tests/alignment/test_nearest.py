@@ -8,10 +8,9 @@ from unbend.alignment import _nearest, nearest_pairs
 pytestmark = pytest.mark.kernels
 
 
-@pytest.mark.parametrize("block_bytes", [1, 64_000_000])
-def test_pairs_are_the_nearest_of_all(monkeypatch, block_bytes: int) -> None:
-    monkeypatch.setattr(_nearest, "_BLOCK_BYTES", block_bytes)
-    monkeypatch.setattr(_nearest, "_TASK", block_bytes)
+@pytest.mark.parametrize("task", [1, 1000, 64_000_000])
+def test_pairs_are_the_nearest_of_all(monkeypatch, task: int) -> None:
+    monkeypatch.setattr(_nearest, "_TASK", task)
     rng = np.random.default_rng(0)
     source, target = rng.normal(size=(5, 30, 4)), rng.normal(size=(20, 4))
     squares = ((source[:, :, None] - target) ** 2).sum(axis=3)

@@ -9,13 +9,11 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import Shape as Body
 from unbend.datasets import make_biped, make_octopus, make_sphere
-from unbend.matching import _constants as constants
 from unbend.matching._extremities import (
     Extremities,
     _costs,
+    _of_lengths,
     _of_logarithms,
-    _of_trunks,
-    _whitening,
     find_extremities,
     guess_limbs,
     limb_maps,
@@ -123,34 +121,7 @@ def test_limbs_of_other_lengths_change_little() -> None:
     )[0].size == pytest.approx(0.5)
 
 
-def test_where_limbs_begin_tells_whatever_their_lengths() -> None:
-    # Ends on a trunk at these heights, in pairs but for one; limbs of any lengths.
-    heights = np.array([0, 0, 0.5, 1.2, 1.2])
-    trunk = np.abs(heights[:, None] - heights)
-
-    def extremities(limbs: list[float], order: np.ndarray, size: float) -> Extremities:
-        lengths = np.array(limbs)
-        distances = size * (trunk + lengths[:, None] + lengths) * (1 - np.eye(5))
-        return Extremities(np.arange(5), distances[np.ix_(order, order)], np.empty((0, 5)))
-
-    every, order = np.arange(5), np.random.default_rng(1).permutation(5)
-    one = extremities([0.2, 0.9, 0.3, 1.5, 0.6], every, 1.0)
-    other = extremities([1.4, 0.3, 1.0, 0.2, 0.9], order, 1.3)
-    rows, columns = np.triu_indices(5, 1)
-    deviations = {}
-    for image in itertools.permutations(range(5)):
-        taken = other.distances[np.ix_(image, image)][rows, columns]
-        deviation = _of_trunks(5, one.distances[rows, columns][None], taken[None])
-        deviations[tuple(heights[order[list(image)]])] = float(deviation[0])
-    best = min(deviations, key=lambda heights: deviations[heights])
-    assert best in {tuple(heights), tuple(1.2 - heights)}
-    assert any(
-        (order[found.target] == found.source).all() and len(found.source) == 5
-        for found in guess_limbs(one, other, 60)
-    )
-
-
-@pytest.mark.parametrize("deviation", [_of_logarithms, _of_trunks])
+@pytest.mark.parametrize("deviation", [_of_logarithms, _of_lengths])
 def test_no_assignment_deviates_less_than_the_first(deviation) -> None:
     rng = np.random.default_rng(2)
     ours, theirs = (distances + distances.T for distances in rng.random((2, 6, 6)) + 1)
@@ -351,21 +322,20 @@ def test_of_equally_good_guesses_the_first_in_order_comes_first() -> None:
 def test_three_ways_may_differ_too() -> None:
     one, other = _random_tips(3, 0).distances, _random_tips(3, 1).distances
     straight = np.array([[0, 1, 2]])
-    for deviation in (_of_logarithms, _of_trunks):
+    for deviation in (_of_logarithms, _of_lengths):
         assert _costs(one, 2 * one, straight, deviation)[0] == pytest.approx(0, abs=1e-9)
         assert _costs(one, other, straight, deviation)[0] > 0.001
 
 
-def test_trunks_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
+def test_lengths_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:
     rng = np.random.default_rng(3)
     rows = rng.random((8, 10)) + np.linspace(0.2, 3, 8)[:, None] * np.arange(10)
     distances, lengths = rows[:4], rows[4:]
-    whitening = _whitening(5, constants.LIMB_LENGTH)
     many, one = (part / np.sqrt((part**2).mean(axis=1))[:, None] for part in (distances, lengths))
     sizes = np.geomspace(0.01, 100, 20000)
-    apart = (sizes[:, None, None] * many - one) @ whitening
+    apart = sizes[:, None, None] * many - one
     least = np.sqrt((apart**2).mean(axis=2)).min(axis=0)
-    np.testing.assert_allclose(_of_trunks(5, lengths, distances), least, rtol=1e-4)
+    np.testing.assert_allclose(_of_lengths(5, lengths, distances), least, rtol=1e-4)
 
 
 def test_ways_place_a_body_on_itself(blob) -> None:
@@ -380,13 +350,3 @@ def test_ways_place_a_body_on_itself(blob) -> None:
     assert (np.abs(ends.fields[i] - ends.fields[j]) <= lengths[:, None] + 1e-12).all()
     smooth = find_extremities(prepare_shape(blob, 60)[1])
     assert len(guess_limbs(smooth, smooth, 60)) == 0 or len(smooth.vertices) >= 3
-
-
-@pytest.mark.parametrize("limb", [0.5, 1.0, 100.0])
-def test_whitened_ways_vary_alike(limb: float) -> None:
-    rows, columns = np.triu_indices(5, 1)
-    ends = (rows[:, None] == np.arange(5)) | (columns[:, None] == np.arange(5))
-    covariance = np.eye(10) + limb * (ends @ ends.T.astype(float))
-    root = _whitening(5, limb)
-    np.testing.assert_allclose(root @ covariance @ root, np.eye(10), atol=1e-10)
-    np.testing.assert_allclose(root, root.T, atol=1e-12)

@@ -82,11 +82,6 @@ def test_parts_that_explain_less_on_the_shapes_than_on_proxies_stay_as_they_were
     assert set(fine) == set(found)  # nothing is registered twice
 
 
-def test_what_is_far_ahead_is_not_looked_at_again() -> None:
-    ranks = [candidate(0.1), candidate(0.2)]
-    assert reranked(SimpleNamespace(partial=False), ranks) == (ranks, {})
-
-
 def test_small_eyes_tell_which_arm_is_which() -> None:
     """Arms are alike; what their places differ by is small, and best seen on the shapes."""
     source = make_octopus("floating", n_vertices=2000)

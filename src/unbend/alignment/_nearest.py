@@ -11,9 +11,7 @@ from unbend._compiled import compiled
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray
 
-# Bytes of inner products held at once.
-_BLOCK_BYTES = 64_000_000
-_TASK = 500_000  # inner products that a thread searches at a time
+_TASK = 500_000  # inner products that a thread computes and searches at a time
 
 
 class Pairs(NamedTuple):
@@ -36,42 +34,43 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
     n = len(right)
     forward, ahead = np.empty((h, m), np.int64), np.empty((h, m), np.float32)
     backward, back = np.zeros((h, n), np.int64), np.full((h, n), np.inf, np.float32)
-    block_size, task_size = (max(1, most // (m * n)) for most in (_BLOCK_BYTES // 4, _TASK))
-    for start in range(0, h, block_size):
-        block = slice(start, start + block_size)
-        placed = left[block]
-        products = (placed.reshape(-1, d) @ right.T).reshape(-1, m, n)
-        found = forward[block], ahead[block], backward[block], back[block]
-        arrays = products, (placed**2).sum(axis=2), right_squares, *found
-        run_all(
-            functools.partial(_find_nearest, *arrays, i, min(i + task_size, len(placed)))
-            for i in range(0, len(placed), task_size)
-        )
+
+    def search(some: slice) -> None:
+        products = (left[some].reshape(-1, d) @ right.T).reshape(-1, m, n)
+        found = forward[some], ahead[some], backward[some], back[some]
+        _find_nearest(products, (left[some] ** 2).sum(axis=2), right_squares, *found)
+
+    step = max(1, _TASK // (m * n))
+    run_all(functools.partial(search, slice(i, i + step)) for i in range(0, h, step))
     squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
     return Pairs(forward, backward, np.sqrt(squares / 2).astype(np.float64))
 
 
 @compiled
-def _find_nearest(  # type: ignore[no-untyped-def]
-    products, left, right, forward, ahead, backward, back, first, last
-):
-    """Search placements from first to last; their inner products are overwritten by distances."""
-    _, m, n = products.shape
-    for h in range(first, last):
+def _find_nearest(products, left, right, forward, ahead, backward, back):  # type: ignore[no-untyped-def]
+    """Search all placements; their inner products are overwritten by distances."""
+    n_placements, m, n = products.shape
+    least = np.empty(n, np.float32)
+    for h in range(n_placements):
         for i in range(m):
             line = products[h, i]
             offset = left[h, i]
-            best = np.float32(np.inf)
             for j in range(n):
                 line[j] = offset + right[j] - np.float32(2) * line[j]
+                least[j] = line[j]
+            # Halves are compared side by side, in vector registers, which one minimum is not.
+            count = n
+            while count > 1:
+                half = (count + 1) // 2
+                for j in range(count - half):
+                    least[j] = min(least[j], least[half + j])
+                count = half
             for j in range(n):
-                best = min(best, line[j])
-            for j in range(n):
-                if line[j] == best:
+                if line[j] == least[0]:
                     forward[h, i] = j
                     break
             for j in range(n):
                 if line[j] < back[h, j]:
                     back[h, j] = line[j]
                     backward[h, j] = i
-            ahead[h, i] = best
+            ahead[h, i] = least[0]

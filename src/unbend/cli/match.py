@@ -54,7 +54,7 @@ def match(
             help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
         ),
     ] = 1,
-    n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 150,
+    n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 80,
     allow_mirror: Annotated[
         bool,
         typer.Option(

@@ -12,7 +12,7 @@ from __future__ import annotations
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
 # Radius of the patches that maps are scored by; rough maps are smoothed over twice it.
 PATCH = 0.08
-THIN = 0.05  # No limb is shorter than this, and along a shorter boundary nothing was cut off.
+THIN = LIMB / 4  # No limb is shorter, and along a shorter boundary nothing was cut off.
 
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
@@ -21,7 +21,6 @@ BEAM = 8  # Hypotheses that are kept; half as many are relaxed, four times as ma
 SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.
 LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.
-LIMB_LENGTH = 64.0  # Variance of a limb's length, of its trunk's, where only trunks are compared.
 
 # How shapes are registered.
 # Data weights, in steps of sqrt(10). Stiffness and a data weight balance over a length that is the

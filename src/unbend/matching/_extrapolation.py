@@ -58,15 +58,7 @@ def extrapolate(
     found: Registered,
     held: tuple[BoolArray, BoolArray],
 ) -> Registered:
-    """Place what is not held where it is carried to, and map it to what is nearest there.
-
-    Parameters
-    ----------
-    source, target : Shape
-    found : Registered
-    held : two ndarrays of bool
-        See :func:`patches_to_hold`.
-    """
+    """Place what is not held where it is carried to, and map it to what is nearest there."""
     ours, forward = _carried(source, target, found.source, found.forward, held[0])
     theirs, backward = _carried(target, source, found.target, found.backward, held[1])
     return Registered(forward, backward, ours, theirs)

@@ -2,12 +2,13 @@
 
 An extremity is a local maximum of the mean biharmonic distance to the rest of the surface. Which
 extremity corresponds to which is guessed from the geodesic distances between them, under two
-assumptions: every limb and every distance is longer or shorter by a factor of its own; or limbs
-may have any length, and only the distances between their roots count.
+assumptions: every limb and every distance is longer or shorter by a factor of its own; or every
+distance by about the same length.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
+from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
@@ -146,44 +148,43 @@ def guess_limbs(
     with none, because one of them may be wrong.
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
-    guesses = (
-        Guess(mine, other, size)
+    found = run_all(
+        functools.partial(_assignments, source.distances, target.distances, count, fixed, deviation)
         for fixed in known[0 if n_landmarks > 1 else 1 :]
-        for mine, other, size in _assignments(source.distances, target.distances, count, fixed)
+        for deviation in (_of_logarithms, _of_lengths)
     )
+    guesses = [Guess(*one) for some in found for one in some]
     return list({(*one.source, *one.target): one for one in guesses}.values())
 
 
 def _assignments(
-    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int]
+    ours: FloatArray, theirs: FloatArray, count: int, fixed: set[int], deviation: Deviation
 ) -> list[tuple[IntArray, IntArray, float]]:
-    """Tips of both shapes that may correspond, and the size; of the fixed ones, i to i."""
+    """Extremities that may correspond, and the size; of the fixed ones, i to i."""
     if len(ours) > len(theirs):
-        swapped = _assignments(theirs, ours, count, fixed)
+        swapped = _assignments(theirs, ours, count, fixed, deviation)
         return [(mine, other, 1 / size) for other, mine, size in swapped]
     n = len(ours)
     few, many = (np.maximum(distances, _NEAR) for distances in (ours, theirs))
     if n < _FEWEST:
         return []
+    # A beam search: each extremity in turn is given a partner, or none, -1.
+    partners = np.empty((1, 0), dtype=np.int64)
+    for extremity in range(n):
+        others = [extremity] if extremity in fixed else [*range(len(many)), -1]
+        partners = _with_another(partners, others)
+        partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
+        costs = _costs(few, many, partners, deviation)
+        best = np.argsort(snap(costs), kind="stable")[: _WIDTH if extremity < n - 1 else count]
+        partners = partners[best]
     guesses = []
-    for deviation in (_of_logarithms, _of_trunks):
-        # A beam search: each extremity in turn is given a partner, or none, -1.
-        partners = np.empty((1, 0), dtype=np.int64)
-        for extremity in range(n):
-            partners = _with_another(
-                partners, [extremity] if extremity in fixed else [*range(len(many)), -1]
-            )
-            partners = partners[(partners < 0).sum(axis=1) <= n - _FEWEST]
-            costs = _costs(few, many, partners, deviation)
-            best = np.argsort(snap(costs), kind="stable")[: _WIDTH if extremity < n - 1 else count]
-            partners = partners[best]
-        for row in partners:
-            mine = np.flatnonzero(row >= 0)
-            one, other = (
-                distances[np.ix_(extremities, extremities)][np.triu_indices(len(mine), 1)]
-                for distances, extremities in ((few, mine), (many, row[mine]))
-            )
-            guesses.append((mine, row[mine], float(np.exp(np.median(np.log(other / one))))))
+    for row in partners:
+        mine = np.flatnonzero(row >= 0)
+        one, other = (
+            distances[np.ix_(extremities, extremities)][np.triu_indices(len(mine), 1)]
+            for distances, extremities in ((few, mine), (many, row[mine]))
+        )
+        guesses.append((mine, row[mine], float(np.exp(np.median(np.log(other / one))))))
     return guesses
 
 
@@ -216,29 +217,21 @@ def _costs(
 
 def _of_logarithms(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
     """Every distance varies by a factor of its own, and by one for the limb at either end."""
-    whitening = _whitening(n, 1.0)
+    rows, columns = np.triu_indices(n, 1)
+    limbs = np.zeros((len(rows), n))
+    limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
+    values, vectors = np.linalg.eigh(np.eye(len(rows)) + limbs @ limbs.T)
+    whitening = vectors / np.sqrt(values) @ vectors.T  # root of the inverse covariance
     whitening -= whitening.mean(axis=0)  # and all by one in common
     return _root_mean_square(np.log(distances / lengths) @ whitening)
 
 
-def _of_trunks(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
-    """Limbs may have any length: only the distances between their roots count."""
-    whitening = _whitening(n, constants.LIMB_LENGTH)
-    one, many = (
-        rows / _root_mean_square(rows)[:, None] @ whitening for rows in (lengths, distances)
-    )
+def _of_lengths(n: int, lengths: FloatArray, distances: FloatArray) -> FloatArray:
+    """Every distance varies by the same length, so that long ones must agree best."""
+    one, many = (rows / _root_mean_square(rows)[:, None] for rows in (lengths, distances))
     size = (many * one).sum(axis=1) / np.maximum((many**2).sum(axis=1), _NEAR)
     return _root_mean_square(size[:, None] * many - one)
 
 
 def _root_mean_square(rows: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((rows**2).mean(axis=-1)))
-
-
-def _whitening(n: int, limb: float) -> FloatArray:
-    """Square root of the inverse covariance of distances: 1, and `limb` for limbs in common."""
-    rows, columns = np.triu_indices(n, 1)
-    limbs = np.zeros((len(rows), n))
-    limbs[np.arange(len(rows)), rows] = limbs[np.arange(len(rows)), columns] = 1
-    values, vectors = np.linalg.eigh(np.eye(len(rows)) + limb * limbs @ limbs.T)
-    return np.asarray(vectors / np.sqrt(values) @ vectors.T)

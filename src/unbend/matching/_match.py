@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of, first_largest, is_whole, snap
-from unbend._parallel import one_blas_thread
+from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray, Progress
 from unbend.choices import Partial
 from unbend.deformation import closest_faces
@@ -41,7 +42,7 @@ from unbend.matching._score import (
 )
 from unbend.matching._shape import Shape
 
-_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 150, 4
+_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 80, 4
 _MOST_HINTS = 3  # places where a landmark would help
 
 
@@ -87,7 +88,7 @@ def match(
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
-    n_eigenpairs : int, default=150
+    n_eigenpairs : int, default=80
         Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
     refine : bool, default=True
         Whether to refine the map on the full meshes; else it is as exact as their coarse copies.
@@ -156,8 +157,12 @@ def match(
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:
         found = ranked([*found, *turned])
-    found, fine = reranked(sides, found) if refine else (found, {})
-    other_hand = [] if allow_mirror else onto_mirror_image(sides, found[0])
+    (found, fine), other_hand = run_all(
+        [
+            functools.partial(reranked, sides, found) if refine else lambda: (found, {}),
+            functools.partial(onto_mirror_image, sides, found[0]) if not allow_mirror else list,
+        ]
+    )
     if other_hand:
         warn(
             "the mirror image of the target fits far better, as if one were a left hand and the "

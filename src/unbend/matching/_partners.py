@@ -32,21 +32,9 @@ def keep_matched(
 ) -> BoolArray:
     """Leave without partner only what the goal's boundary may have cut off.
 
-    Parameters
-    ----------
-    shape, goal : Shape
-    overlap : (n, p) ndarray of bool
-        Whether vertices of the shape have a partner, by so many maps.
-    size : (p,) ndarray of float64
-        How much longer the shape is where the goal is.
-    point_maps : (n, p) ndarray of int64
-        Vertices of the goal.
-    near : float
-        Largest distance of an outline's image from the boundary, in sqrt(area).
-
-    Returns
-    -------
-    (n, p) ndarray of bool
+    ``overlap`` (n, p) tells which vertices have a partner by each of p point maps, in whose poses
+    the shape is ``size`` (p,) times as long. The image of an outline may be ``near``, a distance,
+    to the boundary.
     """
     kept = overlap.copy()
     graph = shape.edge_weights.indptr, shape.edge_weights.indices

@@ -141,7 +141,7 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     Of shapes with few features, which cost little, it must cost less still. That happens if one
     shape is a left hand, and the other a right one; for symmetric bodies the two are about as good.
     """
-    reflected = sides.reflected()
+    reflected = sides.reflected()._replace(maps=sides.maps[: BEAM // 2])
     found = best(reflected, COARSE, from_spectra(reflected, []))
     found = moved(reflected, found[:1], MEDIUM)
     return [one for one in found if (1 + lead_needed(first.cost)) * one.cost < first.cost]
@@ -212,29 +212,32 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from the likeliest guesses which extremities correspond, a few if one is ahead."""
-    n_begun = BEAM if unambiguous(sides, found) else 4 * BEAM
+    n_kept = BEAM // 4 if unambiguous(sides, found) else BEAM
     medium = sides.at(MEDIUM)
-    mine, other = (find_extremities(one) for one in medium)
-    guesses = guess_limbs(mine, other, 6 * n_begun, len(medium[0].landmarks))
+    mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
+    guesses = guess_limbs(mine, other, 12 * n_kept, len(medium[0].landmarks))
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
-    maps = [
-        limb_maps(mine.taken(one.source, kept[0]), other.taken(one.target, kept[1]))
+    maps = run_all(
+        functools.partial(
+            limb_maps, mine.taken(one.source, kept[0]), other.taken(one.target, kept[1])
+        )
         for one in guesses
-    ]
-    return _from_guesses(sides, guesses, maps, n_begun, n_begun // 4)
+    )
+    return _from_guesses(sides, guesses, maps, n_kept)
 
 
 def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from guesses which points, all over the shapes, correspond."""
     medium = sides.at(MEDIUM)
-    mine, other = (
-        find_points(one, count) for one, count in zip(medium, (5 * BEAM, 8 * BEAM), strict=True)
+    mine, other = run_all(
+        functools.partial(find_points, one, count)
+        for one, count in zip(medium, (5 * BEAM, 8 * BEAM), strict=True)
     )
     guesses = guess_points(mine, other, sizes_to_try(*medium), 3 * BEAM)
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     ours, theirs = mine.fields[kept[0]], other.fields[kept[1]]
     maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
-    return _from_guesses(sides, guesses, maps, 3 * BEAM, BEAM)
+    return _from_guesses(sides, guesses, maps, BEAM)
 
 
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -263,7 +266,6 @@ def _from_guesses(
     sides: Sides,
     guesses: list[Guess],
     maps: list[tuple[IntArray, IntArray]],
-    n_begun: int,
     n_kept: int,
 ) -> list[Candidate]:
     """Register the coarse proxies from the best of guesses' maps; tighten the best of these."""
@@ -272,10 +274,10 @@ def _from_guesses(
     coarse = sides.at(COARSE)
     forward, backward = (np.stack(some, axis=1) for some in zip(*maps, strict=True))
     costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
-    starts = [
-        mapped_start(*coarse, forward[:, i], backward[:, i], guesses[i].size)
-        for i in np.argsort(costs, kind="stable")[:n_begun]
-    ]
+    starts = run_all(
+        functools.partial(mapped_start, *coarse, forward[:, i], backward[:, i], guesses[i].size)
+        for i in np.argsort(costs, kind="stable")[: 4 * n_kept]
+    )
     begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
     poses = [one.registered for one in begun[:n_kept]]
     return registered(sides, COARSE, poses, COARSE_WEIGHTS[1:], resize=False)

@@ -9,12 +9,15 @@ pairwise constraints", ICCV 2005), while pairs of one point compete.
 
 from __future__ import annotations
 
+import functools
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import snap
+from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
@@ -84,15 +87,7 @@ def find_points(shape: Shape, count: int) -> Points:
 
 
 def point_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntArray, IntArray]:
-    """Map vertices both ways by their distances from points that correspond.
-
-    Parameters
-    ----------
-    ours, theirs : (n, p) and (m, p) ndarrays of float64
-        Geodesic distances to the points.
-    size : float
-        Ratio of distances on the target to those on the source.
-    """
+    """Map vertices both ways by their distances (n, p) and (m, p) from points that correspond."""
     left, right = (
         np.exp(-(size**0.5) * ours / constants.LIMB),
         np.exp(-(size**-0.5) * theirs / constants.LIMB),
@@ -131,7 +126,8 @@ def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray,
 
 def guess_points(ours: Points, theirs: Points, sizes: range, count: int) -> list[Guess]:
     """Guess which points of two shapes correspond, at most so many times, for sizes to be tried."""
-    found = [one for size in sizes for one in _consistent(ours, theirs, size)]
+    some = run_all(functools.partial(_consistent, ours, theirs, size) for size in sizes)
+    found = list(itertools.chain.from_iterable(some))
     found.sort(key=lambda one: -round(one[0], constants.DIGITS))
     kept: list[tuple[set[int], Guess]] = []
     for _, guess in found:

@@ -25,7 +25,7 @@ from unbend.matching._score import Candidate, ranked, scored
 from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
-_GROWTH = 1.25  # of the number of functions in a step
+_GROWTH = 1.5  # of the number of functions in a step
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
@@ -47,9 +47,8 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     first = scored(ours, theirs, found, candidate.reflected)
     if sides.partial:
         return first
-    (found,) = register(
-        ours, theirs, [zoomout_start(ours, theirs, found)], data_weights, constants.STEPS
-    )
+    start = zoomout_start(ours, theirs, found)
+    (found,) = register(ours, theirs, [start], data_weights[1:], 3 * constants.STEPS // 4)
     return ranked([first, scored(ours, theirs, found, candidate.reflected)])[0]
 
 
@@ -77,23 +76,14 @@ def reranked(
     """Re-rank candidates of nearly the same cost on the full meshes.
 
     The ranking stays if either shape is partial and the bodies differ so much that registration on
-    the full meshes explains less than on the proxies.
-
-    Returns
-    -------
-    list of Candidate
-        All candidates, the best first. The energies of those that were re-ranked are scaled so that
-        the former best keeps its energy on the proxies.
-    dict
-        Of those, what :func:`refined` makes of them.
+    the full meshes explains less than on the proxies. Energies of those that are re-ranked are
+    scaled so that the former best keeps its own. What :func:`refined` makes of them comes second.
     """
     nearly = [
         one for one in ranks[: constants.BEAM // 2] if one.cost <= constants.NEARLY * ranks[0].cost
     ]
-    if len(nearly) == 1:
-        return ranks, {}
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
-    if sides.partial and min(one.energy for one in fine) > ranks[0].energy:
+    if len(nearly) == 1 or (sides.partial and min(one.energy for one in fine) > ranks[0].energy):
         return ranks, dict(zip(nearly, fine, strict=True))
     unit = ranks[0].energy / fine[0].energy
     known = {

@@ -9,11 +9,13 @@ the meshes from where the map stands, so a leg is never caught by the leg beside
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.deformation import normals_into, scatter, walk
@@ -64,13 +66,9 @@ class Registered(NamedTuple):
 
 
 def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Registered:
-    """Poses and maps as a functional map knows them, which may be of few functions.
+    """Poses and maps as a functional map (k, k) knows them, which may be of few functions.
 
-    Parameters
-    ----------
-    source, target : Shape
-    functional_map : (k, k) ndarray of float64
-        ``source.basis[:, :k] @ functional_map`` corresponds to ``target.basis[:, :k]``.
+    ``source.basis[:, :k] @ functional_map`` corresponds to ``target.basis[:, :k]``.
     """
     k = len(functional_map)
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
@@ -164,16 +162,9 @@ def register(
 ) -> list[Registered]:
     """Deform two shapes onto each other: so many steps for each data weight, then closest points.
 
-    Parameters
-    ----------
-    source, target : Shape
-    starts : sequence of Registered
-        Each is gone on with by itself, side by side, and is not changed.
-    data_weights : sequence of float
-        In units of 1 / area, rising; see :func:`limited`.
-    steps : int
-    resize : bool, default=True
-        Whether a part's size, next to the other shape's, is found anew in every step.
+    Each start is gone on with by itself, side by side, and is not changed. Data weights rise, and
+    are :func:`limited`. ``resize`` says whether a part's size, next to the other shape's, is found
+    anew in every step.
     """
     if not starts:
         return []
@@ -183,8 +174,12 @@ def register(
     theirs = _Moving(target, source, [one.target for one in starts])
     for data_weight in limited(source, target, data_weights):
         for _ in range(steps):
-            ours.step(data_weight, forward, backward, theirs.overlap)
-            theirs.step(data_weight, backward, forward, ours.overlap)
+            run_all(
+                [
+                    functools.partial(ours.step, data_weight, forward, backward, theirs.overlap),
+                    functools.partial(theirs.step, data_weight, backward, forward, ours.overlap),
+                ]
+            )
             if resize and (source.partial or target.partial):
                 ours.size = np.sqrt(ours.stretch() / theirs.stretch())
                 theirs.size = 1 / ours.size
@@ -207,10 +202,7 @@ def register(
 def landing_places(
     source: Shape, target: Shape, found: Registered
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions of either shape's vertices, (n, 6) and (m, 6), that correspond where close.
-
-    Those of the target's pose and of the source's side by side.
-    """
+    """Positions of either shape's vertices, (n, 6) and (m, 6), at rest and posed, to compare."""
     ours = np.hstack([found.source.places, source.vertices])
     return ours, np.hstack([target.vertices, found.target.places])
 
@@ -295,10 +287,14 @@ def _closest(
     ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Points of either shape that are close to the other's in both poses."""
-    left, right = ours.rows(0, 6), theirs.rows(6, 0)
+    left, right = run_all([lambda: ours.rows(0, 6), lambda: theirs.rows(6, 0)])
     mine, other = ours.shape.edge_weights, theirs.shape.edge_weights
-    forward = walk(left, right, forward, mine, other)
-    backward = walk(right, left, backward, other, mine)
+    forward, backward = run_all(
+        [
+            functools.partial(walk, left, right, forward, mine, other),
+            functools.partial(walk, right, left, backward, other, mine),
+        ]
+    )
     # By position alone: where a surface ends, normals lead to what is not at its end.
     if ours.shape.partial or theirs.shape.partial:
         left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))

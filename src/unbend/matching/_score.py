@@ -113,15 +113,8 @@ def distinct(
 ) -> list[Candidate]:
     """Leave out of ranked candidates those that lead where a better one does.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-    areas : (n,) ndarray of float64
-        Of the source's vertices.
-    distances : (k, k) ndarray of float64
-        Geodesic distances between some vertices of the target.
-    places : (m,) ndarray of int64
-        Which of those stands for each of the target's vertices.
+    ``areas`` (n,) are those of the source's vertices, ``distances`` (k, k) those between some
+    vertices of the target, and ``places`` (m,) tell which of these stands for each vertex.
     """
     found: list[Candidate] = []
 

@@ -26,11 +26,8 @@ _DIGITS = 6  # of squared residuals, that are not rounding: they come of single 
 def search(source: Shape, target: Shape) -> FloatArray:
     """Find the functional maps that bring two shapes' spectral forms close to each other.
 
-    Returns
-    -------
-    (h, k, k) ndarray of float64
-        Up to `BEAM` orthogonal maps between the first k (at most 20) non-constant
-        eigenfunctions, closest first.
+    They are up to `BEAM` orthogonal maps (h, k, k) between the first k (at most 20) non-constant
+    eigenfunctions, closest first.
     """
     available, beam = min(source.k, target.k), constants.BEAM
     count = constants.SAMPLES // 6  # many maps are tried
@@ -62,12 +59,7 @@ def search(source: Shape, target: Shape) -> FloatArray:
 def spectral_weights(source: FloatArray, target: FloatArray, k: int) -> FloatArray:
     """Weights ``lambda^(-1/2)`` of the first k eigenfunctions, of unit total square.
 
-    Parameters
-    ----------
-    source, target : (>= k,) ndarray of float64
-        Eigenvalues of the non-constant eigenfunctions; their geometric mean is used, so that
-        both directions weigh alike.
-    k : int
+    Eigenvalues of both shapes count alike, by their geometric mean.
     """
     weights = (source[:k] * target[:k]) ** -0.25
     return np.asarray(weights / np.linalg.norm(weights))
@@ -76,18 +68,8 @@ def spectral_weights(source: FloatArray, target: FloatArray, k: int) -> FloatArr
 def orthogonal_maps(source: FloatArray, target: FloatArray, pairs: Pairs) -> FloatArray:
     """Orthogonal matrices C that bring ``source @ C`` nearest to ``target`` over given pairs.
 
-    The orthogonal Procrustes problem (Schönemann 1966) on the pairs of both directions.
-
-    Parameters
-    ----------
-    source : (m, k) ndarray of float64
-    target : (n, k) ndarray of float64
-    pairs : Pairs
-        Of h maps.
-
-    Returns
-    -------
-    (h, k, k) ndarray of float64
+    The orthogonal Procrustes problem (Schönemann 1966) on the pairs of both directions. Of h maps
+    in ``pairs``, the matrices are (h, k, k).
     """
     cross = np.matmul(source.T, target[pairs.forward])
     cross += np.matmul(source[pairs.backward].transpose(0, 2, 1), target)
@@ -141,23 +123,9 @@ def zoomout(
 ) -> FloatArray:
     """Grow one orthogonal functional map through a sequence of sizes.
 
-    Parameters
-    ----------
-    source, target : pair of ndarrays
-        Non-constant eigenvalues (K,) at unit area, and eigenfunctions (m, K) at sampled points.
-    functional_map : (k, k) ndarray of float64
-        Orthogonal; ``source @ functional_map`` corresponds to ``target``.
-    sizes : sequence of int
-        Growing, the last one at most K.
-
-    Returns
-    -------
-    (sizes[-1], sizes[-1]) ndarray of float64
-
-    References
-    ----------
-    Melzi, Ren, Rodolà, Sharma, Wonka, Ovsjanikov, "ZoomOut: spectral upsampling for efficient
-    shape correspondence", ACM TOG 38(6), 2019.
+    ``source`` and ``target`` are non-constant eigenvalues (K,) at unit area, and eigenfunctions
+    (m, K) at sampled points (Melzi, Ren, Rodolà, Sharma, Wonka, Ovsjanikov, "ZoomOut: spectral
+    upsampling for efficient shape correspondence", ACM TOG 38(6), 2019).
     """
     (source_values, left), (target_values, right) = source, target
 

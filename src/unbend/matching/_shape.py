@@ -199,20 +199,9 @@ def make_shape(
     """Normalise to unit area and outward winding.
 
     A closed surface that is wound inside out is replaced by its mirror image, which is wound
-    outside out: a map that keeps the winding then also keeps the shape's handedness in space.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-    areas : (n,) ndarray of float64
-        Vertex areas that sum to the total area, or any multiple of it.
-    eigenvalues : (k + 1,) ndarray of float64
-        At unit area, the constant's 0 first.
-    eigenfunctions : (n, k + 1) ndarray of float64
-        Area-orthonormal at unit area.
-    partial : bool, default=False
-        Whether it may be a part, if its boundary is long enough.
+    outside out: a map that keeps the winding then also keeps the shape's handedness in space. The
+    eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if its
+    boundary is long enough.
     """
     corners = vertices[faces]
     twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
