@@ -231,17 +231,17 @@ def _joined(
     ready = (length[first, face] > LONGEST) | (missing[around] == 1).any(axis=1)
     queue = np.flatnonzero(~joins & ready).tolist()
     heapify(queue)
-    lists = missing.tolist(), total.astype(np.int64).tolist(), around.tolist()
+    lacking, last = missing.tolist(), total.astype(np.int64).tolist()
     while queue:
         one = heappop(queue)
         if joins[one]:
             continue
         joins[one] = True
-        for edge in lists[2][one]:
-            lists[0][edge] -= 1
-            lists[1][edge] -= one
-            if lists[0][edge] == 1:
-                heappush(queue, lists[1][edge])
+        for edge in around[one].tolist():
+            lacking[edge] -= 1
+            last[edge] -= one
+            if lacking[edge] == 1:
+                heappush(queue, last[edge])
     # A ring around a corner is filled: fans of the surface there get vertices of their own.
     here = corners[first[:, None], _FACES[face]]
     place = (corners[second][:, None] == here[..., None]).argmax(axis=2)
