@@ -11,6 +11,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from unbend import alignment as alignment
+    from unbend import canonical as canonical
+    from unbend import collection as collection
+    from unbend import correspondence as correspondence
+    from unbend import datasets as datasets
+    from unbend import distances as distances
+    from unbend import errors as errors
+    from unbend import io as io
+    from unbend import matching as matching
+    from unbend import mesh as mesh
+    from unbend import preparation as preparation
+    from unbend import report as report
+    from unbend import spectral as spectral
     from unbend.alignment import align as align
     from unbend.canonical import canonical_form as canonical_form
     from unbend.canonical import farthest_point_sampling as farthest_point_sampling
@@ -40,26 +53,22 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
-_FOLDERS: dict[str, tuple[str, ...]] = {
-    "alignment": ("align",),
-    "canonical": (
-        *("canonical_form", "farthest_point_sampling", "lay_into_pose", "sampled_canonical_form"),
-    ),
-    "collection": (),
-    "correspondence": (
-        *("evaluate", "morph", "read_match", "register", "similarity", "transfer", "write_match"),
-    ),
-    "datasets": (),
-    "distances": ("distance",),
-    "errors": (),
-    "io": ("as_mesh", "read_map", "read_mesh", "write_map", "write_mesh"),
-    "matching": ("Match", "match", "symmetry"),
-    "mesh": ("Mesh",),
-    "preparation": ("diagnose",),
-    "report": ("plot",),
-    "spectral": ("laplacian", "spectrum"),
+_FOLDERS = {
+    "alignment": "align",
+    "canonical": "canonical_form farthest_point_sampling lay_into_pose sampled_canonical_form",
+    "collection": "",
+    "correspondence": "evaluate morph read_match register similarity transfer write_match",
+    "datasets": "",
+    "distances": "distance",
+    "errors": "",
+    "io": "as_mesh read_map read_mesh write_map write_mesh",
+    "matching": "Match match symmetry",
+    "mesh": "Mesh",
+    "preparation": "diagnose",
+    "report": "plot",
+    "spectral": "laplacian spectrum",
 }
-_HOME = {name: folder for folder, names in _FOLDERS.items() for name in names}
+_HOME = {name: folder for folder, names in _FOLDERS.items() for name in names.split()}
 
 __all__ = sorted(_HOME)
 

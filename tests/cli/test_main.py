@@ -22,7 +22,7 @@ import unbend
 from unbend import Mesh, write_mesh
 from unbend._memory import LIMIT_VARIABLE
 from unbend._text import quoted
-from unbend.cli import _input, _output, app, main
+from unbend.cli import _options, _output, app, main
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 
@@ -186,11 +186,11 @@ def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_components_are_largest_or_numbers() -> None:
-    assert _input.parse_component(None) is None
-    assert _input.parse_component("largest") == "largest"
-    assert _input.parse_component("12") == 12
+    assert _options.parse_component(None) is None
+    assert _options.parse_component("largest") == "largest"
+    assert _options.parse_component("12") == 12
     with pytest.raises(InputError, match="largest or a number"):
-        _input.parse_component("-1")
+        _options.parse_component("-1")
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from testshapes.damage import keep
 from unbend import morph, read_mesh, write_mesh
-from unbend.cli import app
+from unbend.cli import _output, app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
@@ -421,15 +421,19 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert sorted(folder.iterdir()) == before
 
 
-def test_symmetry_writes_the_mirror_partners(folder: Path) -> None:
+def test_symmetry_writes_the_mirror_partners(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told = json.loads(right("symmetry", folder / "a.ply", "-o", folder / "p.csv", "--json").stdout)
     assert told["confidence"] > 0.5 > 0 > told["orientation"]
     off = SOURCE.mesh.vertices[read_map(folder / "p.csv")] - SOURCE.mesh.vertices[SOURCE.mirror]
     assert np.median(np.linalg.norm(off, axis=1)) < 0.02 * np.ptp(SOURCE.mesh.vertices)
-    unsure = ["--min-confidence", 1, "--no-refine", "-o", folder / "none.csv"]
+    monkeypatch.setattr(_output, "is_doubtful", lambda confidence: True)
+    page = folder / "none.html"
+    unsure = ["--min-confidence", 1, "--no-refine", "-o", folder / "none.csv", "--report", page]
     done = run("symmetry", folder / "a.ply", *unsure)
     assert done.exit_code == 3
     assert not (folder / "none.csv").exists()
+    assert not page.exists()
+    assert "look at it with unbend match --report" in done.stderr  # not with a page that is not
 
 
 def test_morph_writes_the_shapes_between(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Heat maps have their names in the order of the dendrogram."""
+"""Heat maps have their names in the order of the dendrogram, which is that of average linkage."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import pytest
 
 from unbend.errors import InputError
 from unbend.report import collection_figures, draw_distances, draw_similarities
+from unbend.report.collection_figures import apart, join_alike
 
 
 @pytest.mark.parametrize("n", [5, 25])
@@ -37,3 +38,24 @@ def test_what_does_not_fit_is_refused(draw) -> None:
     for names, table in ((["a", "b"], [[1]]), (["a"], [[1]])):
         with pytest.raises(InputError, match=f"{len(names)} names need a table of shape"):
             draw(names, table, "a.png")
+
+
+def test_joins_are_as_high_as_the_mean_distance_between_their_branches() -> None:
+    points = np.random.default_rng(3).random((9, 2))
+    distances = np.linalg.norm(points[:, None] - points, axis=2)
+    order, heights, places = join_alike(distances)
+    assert sorted(order) == list(range(9))
+    # A bracket's ends are at the middles of its branches, which are leaves or brackets before it.
+    members = {float(i): {int(order[i])} for i in range(9)}
+    rows = sorted(zip(heights, places, strict=True), key=lambda row: row[0][1])
+    for height, ends in rows:
+        first, second = members.pop(ends[0]), members.pop(ends[3])
+        mean = distances[np.ix_(list(first), list(second))].mean()
+        assert height[1] == height[2] == pytest.approx(mean)
+        members[(ends[0] + ends[3]) / 2] = first | second
+    assert len(members) == 1
+
+
+def test_what_is_unknown_is_far_apart() -> None:
+    table = np.array([[1.0, 0.9, np.nan], [0.9, 1.0, 0.2], [np.nan, 0.2, 1.0]])
+    np.testing.assert_allclose(apart(table), [[0, 0.1, 1], [0.1, 0, 0.8], [1, 0.8, 0]])

@@ -11,7 +11,6 @@ from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 from unbend.mesh import Mesh
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
-    VIEWS,
     as_written,
     draw_canonical_forms,
     draw_mesh,
@@ -19,7 +18,7 @@ from unbend.report.figures import (
     new_figure,
     save_figure,
 )
-from unbend.report.raster import rasterize, view_rotation
+from unbend.report.raster import VIEWS, rasterize, view_rotation
 
 RED, BLUE = [1.0, 0, 0], [0, 0, 1.0]
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)

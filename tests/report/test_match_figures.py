@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from unbend import Mesh
+from unbend import Mesh, transfer
 from unbend.correspondence import evaluate
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
+from unbend.matching import Match
 from unbend.report import match_figures
 from unbend.report.figures import new_figure
 from unbend.report.match_figures import (
@@ -20,7 +21,7 @@ from unbend.report.match_figures import (
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list:
     """Keep the figures, small ones, instead of writing them."""
     figures: list = []
-    monkeypatch.setattr(match_figures, "new_figure", lambda w, h: new_figure(w, h, dpi=30))
+    monkeypatch.setitem(new_figure.__kwdefaults__, "dpi", 30)
     monkeypatch.setattr(match_figures, "save_figure", lambda figure, path: figures.append(figure))
     return figures
 
@@ -40,7 +41,7 @@ def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: li
     every = np.arange(blob.n_vertices)
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     draw_match(blob, Mesh(blob.vertices @ turn.T, blob.faces), every, "any.png")
-    above, below, above_target, below_target = drawn[0].get_axes()
+    above, above_target, below, below_target = drawn[0].get_axes()
     for left, right in ((above, above_target), (below, below_target)):
         pictures = [np.asarray(ax.get_images()[0].get_array()) for ax in (left, right)]
         assert np.abs(pictures[0] - pictures[1]).mean() < 0.02
@@ -48,7 +49,7 @@ def test_a_match_is_drawn_from_two_sides_and_turned_to_fit(blob: Mesh, drawn: li
 
 def test_vertices_without_a_partner_are_grey(blob: Mesh, drawn: list) -> None:
     draw_match(blob, blob, np.full(blob.n_vertices, -1), "any.png", up="z")
-    picture = np.asarray(drawn[0].get_axes()[2].get_images()[0].get_array())
+    picture = np.asarray(drawn[0].get_axes()[1].get_images()[0].get_array())
     opaque = picture[picture[..., 3] == 1][:, :3]
     assert np.ptp(opaque, axis=1).max() < 1e-6
 
@@ -88,3 +89,14 @@ def test_partners_have_one_colour_and_others_are_grey(blob: Mesh) -> None:
     there = forward >= 0
     np.testing.assert_array_equal(ours[there], theirs[forward[there]])
     assert (ours[~there] == 153).all()
+
+
+def test_drawing_does_not_warn_of_a_map_in_disorder(blob: Mesh, tmp_path) -> None:
+    every = np.arange(642)
+    wrong = Match(every, every, np.eye(3), 1.0, 0.0, 0.2, confidence_bound=0.3)
+    with pytest.warns(UnbendWarning, match="part of the map is wrong"):
+        transfer(every, wrong)
+    ours, theirs = match_colors(blob, blob, wrong)  # warnings are errors
+    np.testing.assert_array_equal(ours, theirs)
+    draw_match(blob, blob, wrong, tmp_path / "match.png")
+    assert (tmp_path / "match.png").exists()

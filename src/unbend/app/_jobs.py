@@ -3,26 +3,72 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from unbend._text import plural
 from unbend._types import Progress
 from unbend.app import _matching, _uses
-from unbend.app._health import health
-from unbend.app._work import Result, Work, begin
+from unbend.app._work import Result, Work
 from unbend.datasets import make_quadruped
-from unbend.io import write_mesh
+from unbend.errors import InputError
+from unbend.io import read_mesh, write_mesh
+from unbend.mesh import Mesh
+from unbend.preparation import diagnose, prepare
+
+_MANY = 200_000
 
 
 def look(work: Work) -> Result:
     """Draw a shape, and say what should be known of it."""
     (mesh,) = work.meshes
     work.progress("checking", 0.3)
-    usable, told = health(mesh)
+    usable, told = _health(mesh)
     work.progress("drawing", 0.6)
     work.draw(mesh.name, mesh)
     kind = f"{mesh.n_faces:,} faces" if mesh.n_faces else "points only"
     size = f"{mesh.n_vertices:,} vertices, {kind}"
     return {"size": size, "usable": usable, "told": told, "pictures": work.pictures}
+
+
+def _health(mesh: Mesh) -> tuple[bool, list[str]]:
+    """Tell whether a shape can be used, and what should be known of it, a sentence each."""
+    found = diagnose(mesh)
+    told = list(mesh.notes)
+    if mesh.is_point_cloud:
+        told.append("These are points without faces. A surface between them is used.")
+    try:
+        prepare(mesh)
+    except InputError as refusal:
+        try:
+            prepare(mesh, component="largest")
+        except InputError:
+            return False, [f"unbend cannot work with this shape: {refusal}"]
+        told.append(
+            f"It has {found.n_components:,} separate pieces; the largest is used. If that is "
+            "wrong, delete the small pieces in a program such as MeshLab or Blender."
+        )
+    if found.one_sided:
+        told.append("It has one side only, like a Möbius strip, and cannot be matched.")
+    elif found.inconsistent_edges:
+        told.append("Some faces point inward. They are turned; pictures may show spots.")
+    if found.boundary_edges:
+        told.append(
+            f"It is open, with {plural(found.boundary_loops, 'hole')} or rims. That is fine."
+        )
+    if found.non_manifold_edges or found.non_manifold_vertices or found.degenerate_faces:
+        told.append("Some faces are damaged. unbend works around them.")
+    if found.unreferenced_vertices:
+        told.append(f"{plural(found.unreferenced_vertices, 'vertex')} in no face: left out.")
+    if found.duplicate_vertices and found.n_components > 1:
+        told.append(
+            "Some points lie exactly on others. If the surface is cut there, merge them first "
+            "(in Blender: Merge by Distance)."
+        )
+    if mesh.n_vertices > _MANY:
+        told.append("It is large: expect minutes. A reduced copy gives nearly the same map.")
+    return True, told
 
 
 def sample(work: Work) -> Result:
@@ -46,6 +92,17 @@ JOBS: dict[str, Callable[..., Result]] = {
 
 
 def run(job: dict[str, Any], progress: Progress) -> Result:
-    """Run a job of JSON: what to do, the shapes, the folder for files, and options."""
-    given = {key: job.pop(key) for key in ("folder", "shapes", "up")}
-    return JOBS[job.pop("do")](begin(progress=progress, **given), **job)
+    """Run a job of JSON.
+
+    It says what to do, where the files go, the shapes (each a path, and the name that the user
+    knows it by), perhaps their map, and options.
+    """
+    folder, paths, meshes = Path(job.pop("folder")), [], []
+    folder.mkdir()
+    for path, name in job.pop("shapes"):
+        progress(f"reading {name}", 0.0)
+        meshes.append(replace(read_mesh(path), name=name))
+        paths.append(path)
+    known = {key: job.pop(key) for key in ("map_file", "map_name") if key in job}
+    work = Work(folder, progress, job.pop("up"), paths, meshes, **known)
+    return JOBS[job.pop("do")](work, **job)

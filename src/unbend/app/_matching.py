@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,9 +10,8 @@ import numpy as np
 
 from unbend._display import is_doubtful
 from unbend._text import plural, quoted
-from unbend.app._work import Result, Work, reading
-from unbend.correspondence import read_match, write_match
-from unbend.errors import UnbendWarning
+from unbend.app._work import Result, Work
+from unbend.correspondence import write_match
 from unbend.io import write_map
 from unbend.matching import Match
 from unbend.matching import match as find_match
@@ -26,7 +24,6 @@ _N_MATCHES, _LARGE = 3, 60_000  # vertices beyond which other maps would take to
 
 
 def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result:
-    """Match two shapes."""
     count = _N_MATCHES if max(mesh.n_vertices for mesh in work.meshes) <= _LARGE else 1
     found = find_match(
         *work.meshes,
@@ -36,7 +33,6 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
         barycentric=True,
         progress=work.progress,
     )
-    source, target = work.meshes
     stem = "-".join(work.stems)
     out = f"{stem}.npz"
     command = ["match", *work.names, "-n", str(count), "-o", out, *work.report]
@@ -47,18 +43,17 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
     if mirror:
         command.append("--allow-mirror")
         more += ", allow_mirror=True"
-    python = [
-        *reading(work, "match, read_mesh, write_match"),
+    python = work.python(
+        "match, read_mesh, write_match",
         f"found = match(source, target, n_matches={count}{more}, barycentric=True)",
         f"write_match({out!r}, found, source=source, target=target)",
-    ]
+    )
     result = _matched(work, found, out, landmarks, command, python)
+    source, target = work.meshes
     for i, other in enumerate(found.alternatives):
         path = work.folder / f"alternative-{i}.npz"
         write_match(path, other, source=source, target=target)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnbendWarning)  # it is no map that was chosen yet
-            work.draw("", target, match_colors(source, target, other)[1])
+        work.draw("", target, match_colors(source, target, other)[1])
         result["alternatives"].append(
             {
                 "path": str(path),
@@ -73,17 +68,10 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
 
 
 def choose(
-    work: Work,
-    map_file: str,
-    map_name: str,
-    command: Sequence[str],
-    python: Sequence[str],
-    landmarks: Landmarks = (),
+    work: Work, command: Sequence[str], python: Sequence[str], landmarks: Landmarks = ()
 ) -> Result:
     """Take an alternative of a match."""
-    source, target = work.meshes
-    found = read_match(map_file, source=source, target=target)
-    result = _matched(work, found, map_name, landmarks, command, python)
+    result = _matched(work, work.read_map(), work.map_name, landmarks, command, python)
     return result | {"title": f"{result['title']}, another map"}
 
 
@@ -94,7 +82,6 @@ def symmetry(work: Work) -> Result:
     command = ["symmetry", name, "-o", "partners.csv", *work.report]
     python = [
         "from unbend import symmetry, write_map",
-        "",
         f"found = symmetry({name!r})",
         'write_map("partners.csv", found.source_to_target)',
     ]
@@ -107,14 +94,10 @@ def landmarks(work: Work, landmarks: Landmarks = ()) -> Result:
     work.progress("drawing", 0.0)
     a, b = work.meshes[0], work.meshes[1] if len(work.meshes) > 1 else None
     given = np.array(landmarks).ravel() if b is None else np.array(landmarks)
-    view(a, b, given if len(given) else None, work.page, up=work.up)
-    python = [
-        "from unbend import report",
-        "",
-        f"report.view({', '.join(map(repr, work.names))}).open()",
-    ]
+    view(a, b, given, work.page, up=work.up)
+    call = f"report.view({', '.join(map(repr, work.names))}).open()"
     title = f"Landmarks on {' and '.join(work.names)}"
-    return work.result(title, {}, ["view", *work.names], python)
+    return work.result(title, ["view", *work.names], ["from unbend import report", call])
 
 
 def _matched(
@@ -157,13 +140,13 @@ def _matched(
         title = f"Left and right of {source.name}"
     elif landmarks:
         title += f", with {plural(len(landmarks), 'landmark')}"
-    matched, n = int((found.source_to_target >= 0).sum()), source.n_vertices
-    one, other = found.overlap_source, found.overlap_target
+    matched = int((found.source_to_target >= 0).sum())
     facts = {
-        "matched": f"{matched:,} of {n:,} vertices",
-        "overlap": f"{one:.0%} of the first surface, {other:.0%} of the second",
+        "matched": f"{matched:,} of {source.n_vertices:,} vertices",
+        "overlap": f"{found.overlap_source:.0%} of the first surface, "
+        f"{found.overlap_target:.0%} of the second",
     }
-    return work.result(title, facts, command, python) | {
+    return work.result(title, command, python, facts) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),
         "doubtful": is_doubtful(found.confidence),

@@ -84,17 +84,14 @@ def check_request(
 
 def check_landmarks(given: list[Any], width: int) -> list[dict[str, Any]]:
     """Check landmarks as the page has them: a name, and a vertex or -1 on each shape."""
-    good = all(
-        isinstance(one, dict)
-        and isinstance(one.get("name"), str)
-        and isinstance(one.get("at"), list)
-        and len(one["at"]) == width
-        and all(isinstance(vertex, int) for vertex in one["at"])
-        for one in given
-    )
-    if not good:
-        raise InputError("landmarks have a name and a vertex of each shape")
-    return [{"name": one["name"], "at": one["at"]} for one in given]
+    found = []
+    for one in given:
+        at: Any = one.get("at") if isinstance(one, dict) else None
+        good = isinstance(at, list) and all(isinstance(vertex, int) for vertex in at)
+        if not good or len(at) != width or not isinstance(one.get("name"), str):
+            raise InputError("landmarks have a name and a vertex of each shape")
+        found.append({"name": one["name"], "at": at})
+    return found
 
 
 def _whole(value: Any) -> int:

@@ -55,15 +55,13 @@ def make_app(
     async def asset(request: Request) -> Response:
         package, name, kind = _ASSETS[request.path_params.get("name", "")]
         text = files(package).joinpath(name).read_text("utf-8")
-        return PlainTextResponse(
-            text, media_type=kind, headers={"Content-Security-Policy": _POLICY}
-        )
+        headers = {"Content-Security-Policy": _POLICY}
+        return PlainTextResponse(text, media_type=kind, headers=headers)
 
     async def state(request: Request) -> Response:
         if tab := request.query_params.get("tab", "")[:40]:
             tabs[tab] = time.monotonic()
-        found = session.state(_number(request.query_params.get("seen", "")))
-        return JSONResponse(found)
+        return JSONResponse(session.state(_number(request.query_params.get("seen", ""))))
 
     async def bye(request: Request) -> Response:
         if (tab := request.query_params.get("tab", "")) in tabs:
@@ -71,11 +69,9 @@ def make_app(
         return JSONResponse(None)
 
     async def upload(request: Request) -> Response:
-        values = request.query_params.get("as") == "values"
+        asked, values = request.query_params, request.query_params.get("as") == "values"
         size = _number(request.headers.get("content-length", ""))
-        path, label, room = session.new_upload(
-            request.query_params.get("name", ""), size, values=values
-        )
+        path, label, room = session.new_upload(asked.get("name", ""), size, values=values)
         try:
             with path.open("wb") as file:
                 async for chunk in request.stream():
@@ -100,8 +96,7 @@ def make_app(
         return JSONResponse(None)
 
     async def open_found(request: Request) -> Response:
-        given = request.path_params
-        return JSONResponse({"id": session.open_found(given["i"], given["n"])})
+        return JSONResponse({"id": session.open_found(**request.path_params)})
 
     async def remove(request: Request) -> Response:
         what = {
@@ -116,22 +111,19 @@ def make_app(
     async def shape(request: Request) -> Response:
         i = request.path_params["i"]
         if request.path_params["what"] == "picture":
-            return FileResponse(session.shape_picture(i), media_type="image/png")
+            return FileResponse(session.shape_picture(i))
         path, name = session.shape_file(i)
         return FileResponse(path, filename=name)
 
     async def page(request: Request) -> Response:
-        path, name = session.result_file(request.path_params["i"], "page")
+        path, name = session.result_page(request.path_params["i"])
         saved = name if "save" in request.query_params else None
         headers = {"Content-Security-Policy": _PAGE_POLICY}
-        return FileResponse(path, media_type="text/html", filename=saved, headers=headers)
+        return FileResponse(path, filename=saved, headers=headers)
 
     async def part(request: Request) -> Response:
-        kind = request.path_params["kind"]
-        given = session.result_file(request.path_params["i"], kind, request.path_params["n"])
-        if kind == "pictures":
-            return FileResponse(given[0], media_type="image/png")
-        return FileResponse(given[0], filename=given[1])
+        path, name = session.result_file(**request.path_params)
+        return FileResponse(path, filename=name)
 
     async def refused(request: Request, error: Exception) -> Response:
         return JSONResponse({"error": str(error)}, status_code=400)

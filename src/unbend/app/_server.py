@@ -32,23 +32,10 @@ def serve(
 ) -> None:
     """Run the app until Ctrl-C, or until its last page has been closed.
 
-    Parameters
-    ----------
-    paths : sequence of str
-        Files of shapes to begin with.
-    port : int, default=0
-        Of 127.0.0.1; 0 takes any that is free.
-    collection : str, optional
-        The folder of a collection to search.
-    ready : callable
-        Called with the address once the server listens.
-
-    Raises
-    ------
-    InputError
-        If the port is taken.
-    MissingExtraError
-        If Starlette or uvicorn is not installed.
+    It begins with the shapes in some files, and searches the collection in a folder. The port is
+    one of 127.0.0.1; 0 takes any that is free. Once the server listens, `ready` is called with its
+    address. Raises InputError if the port is taken, and MissingExtraError if Starlette or uvicorn
+    is not installed.
     """
     try:
         import uvicorn

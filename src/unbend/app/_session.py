@@ -10,6 +10,7 @@ import shutil
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
@@ -32,14 +33,9 @@ _SHOWN = ("name", "state", "size", "told", "picture", "sample")  # of a shape
 
 
 class Session:
-    """Shapes, results and jobs. Every method may be called from any thread.
+    """Shapes, results and jobs, each of which may take so many bytes of memory.
 
-    Parameters
-    ----------
-    memory : int
-        Bytes that a job may take.
-    collection : str or None
-        The folder of a collection that shapes are searched in.
+    Every method may be called from any thread.
     """
 
     def __init__(self, memory: int, collection: str | None = None) -> None:
@@ -80,29 +76,25 @@ class Session:
         with self._changed:
             if seen == self._version:
                 return None
-            shapes = [
-                {key: one[key] for key in _SHOWN if key in one} | {"id": i}
-                for i, one in self._shapes.items()
-            ]
-            results = [_told(i, one) for i, one in self._results.items()]
-            jobs = [
-                {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
-                for i, one in self._jobs.items()
-            ]
-            troubles = [{"id": i, "text": text} for i, text in self._troubles.items()]
             return {
                 "version": self._version,
-                "shapes": shapes,
-                "results": results,
-                "jobs": jobs,
-                "troubles": troubles,
+                "shapes": [
+                    {key: one[key] for key in _SHOWN if key in one} | {"id": i}
+                    for i, one in self._shapes.items()
+                ],
+                "results": [_told(i, one) for i, one in self._results.items()],
+                "jobs": [
+                    {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
+                    for i, one in self._jobs.items()
+                ],
+                "troubles": [{"id": i, "text": text} for i, text in self._troubles.items()],
                 "collection": self._collection or "",
                 "up": self._up,
             }
 
     # Files
 
-    def new_upload(self, name: str, size: int | None, *, values: bool) -> tuple[Path, str, int]:
+    def new_upload(self, name: str, size: int, *, values: bool) -> tuple[Path, str, int]:
         """Give the path for a file of the user, the name to show, and the bytes that it may have.
 
         Nothing of the user's name but its suffix is used for the path.
@@ -116,7 +108,7 @@ class Session:
             if len(self._shapes) + len(self._values) >= _MOST_SHAPES:
                 raise InputError(f"{_MOST_SHAPES} files are open; remove some first")
             room = min(_MOST_BYTES, _MOST_BYTES_IN_ALL - self._bytes)
-            if size is not None and size > room:
+            if size > room:
                 raise InputError(f"{label} is too large: {room // 2**20} MiB can be taken")
             kept = label.lower().endswith(".mrk.json")
             path = self.folder / f"upload-{next(self._ids)}{'.mrk.json' if kept else suffix}"
@@ -155,80 +147,68 @@ class Session:
 
     def remove_shape(self, i: int) -> None:
         """Forget a shape, and remove its file if it is ours."""
-        with self._changed:
+        with self._change():
             path = Path(self._shapes.pop(i)["path"])
             if path.parent == self.folder:
                 self._bytes -= path.stat().st_size
                 with contextlib.suppress(OSError):  # Windows keeps what is being read
                     path.unlink()
-            self._note()
 
     # Results
 
-    def result_file(self, i: int, kind: str, number: int = 0) -> tuple[str, str]:
-        """Path and name of a result's page, or of one of its files or pictures."""
-        result = self._results[i]
-        if kind == "page":
-            return result["page"], f"{result['title']}.html"
-        one = result[kind][number]
-        return one["path"], one.get("name", "picture.png")
+    def result_page(self, i: int) -> tuple[str, str]:
+        """Path and name of a result's page."""
+        return self._results[i]["page"], f"{self._results[i]['title']}.html"
 
-    def open_found(self, i: int, number: int) -> int:
+    def result_file(self, i: int, kind: str, n: int) -> tuple[str, str | None]:
+        """Path of one of a result's files or pictures; files have a name."""
+        one = self._results[i][kind][n]
+        return one["path"], one.get("name")
+
+    def open_found(self, i: int, n: int) -> int:
         """Add a shape of the collection that a search has found."""
         with self._changed:
-            one = self._results[i]["found"][number]
+            one = self._results[i]["found"][n]
             return self.add(Path(one["path"]), one["name"])
 
     def keep_landmarks(self, i: int, given: list[Any]) -> None:
         """Keep the landmarks that were placed on the page of a result."""
-        with self._changed:
+        with self._change():
             result = self._results[i]
             result["placed"] = check_landmarks(given, len(result["shapes"]))
-            self._note()
 
     def remove_result(self, i: int) -> None:
-        """Forget a result and remove its files."""
-        with self._changed:
+        with self._change():
             shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True)
-            self._note()
 
     def remove_trouble(self, i: int) -> None:
-        """Forget what went wrong."""
-        with self._changed:
+        with self._change():
             self._troubles.pop(i, None)
-            self._note()
 
     # Jobs
 
     def submit(self, asked: dict[str, Any]) -> int:
         """Put into the queue what a page asked for, after checking every word of it."""
         with self._changed:
-            return self._submit(
-                check_request(asked, self._shapes, self._results, self._values, self._collection)
-            )
+            open_now = self._shapes, self._results, self._values
+            return self._submit(check_request(asked, *open_now, self._collection))
 
     def cancel(self, i: int) -> None:
         """Take a job out of the queue, and end it if it runs."""
-        with self._changed:
+        with self._change():
             entry = self._jobs.pop(i, None)
-            if entry is None:
-                return
-            if entry["job"]["do"] == "look":
+            if entry is not None and entry["job"]["do"] == "look":
                 self._failed(i, entry, "cancelled")
-            if entry["running"]:
+            if entry is not None and entry["running"]:
                 self._worker.cancel()
-            self._note()
 
     def _submit(self, job: dict[str, Any]) -> int:
         if len(self._jobs) >= _MOST_JOBS:
             raise InputError("too many jobs wait; cancel some first")
         i = next(self._ids)
-        title = TITLES[job["do"]].format(
-            " and ".join(self._shapes[one]["name"] for one in job["shapes"])
-        )
-        entry = {"title": title, "stage": "waiting", "share": 0.0, "running": False}
-        entry["job"] = job | {"up": self._up}
-        self._jobs[i] = entry
+        names = " and ".join(self._shapes[one]["name"] for one in job["shapes"])
+        entry = {"title": TITLES[job["do"]].format(names), "job": job | {"up": self._up}}
+        self._jobs[i] = entry | {"stage": "waiting", "share": 0.0, "running": False}
         self._note()
         return i
 
@@ -251,7 +231,7 @@ class Session:
                 self._note()
             given = job | {"shapes": shapes, "folder": str(folder)}
             found = self._worker.run(given, functools.partial(self._step, entry))
-            with self._changed:
+            with self._change():
                 there = self._jobs.pop(i, None) is not None
                 if there and "error" in found:
                     self._failed(i, entry, found["error"])
@@ -259,12 +239,10 @@ class Session:
                     self._finished(i, job, found | {"folder": str(folder)})
                 else:
                     shutil.rmtree(folder, ignore_errors=True)
-                self._note()
 
     def _step(self, entry: dict[str, Any], stage: str, share: float) -> None:
-        with self._changed:
+        with self._change():
             entry |= {"stage": stage, "share": share}
-            self._note()
 
     def _failed(self, i: int, entry: dict[str, Any], error: str) -> None:
         """Show a sentence, with the names that the user knows in place of paths."""
@@ -295,6 +273,12 @@ class Session:
     def _note(self) -> None:
         self._version += 1
         self._changed.notify_all()
+
+    @contextlib.contextmanager
+    def _change(self) -> Iterator[None]:
+        with self._changed:
+            yield
+            self._note()
 
 
 def remove_dead(is_alive: Any) -> None:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from unbend.app._work import Result, Work, reading
+from unbend.app._work import Result, Work
 from unbend.canonical import canonical_form
 from unbend.correspondence import morph as shape_between
-from unbend.correspondence import read_match, value_kind, write_registration
 from unbend.correspondence import register as fit_template
 from unbend.correspondence import transfer as carry
+from unbend.correspondence import value_kind, write_registration
 from unbend.distances import distance as measure
 from unbend.io import (
     MARKUP_SUFFIXES,
@@ -25,6 +26,7 @@ from unbend.io import (
 )
 from unbend.mesh import Mesh
 from unbend.report import (
+    check_count,
     form_page,
     match_colors,
     position_colors,
@@ -32,13 +34,12 @@ from unbend.report import (
     similarity_page,
     view,
 )
-from unbend.report.pages import check_count
 
 _N_FOUND = 20  # shapes of a collection
+_LARGEST = ("--component", "largest")
 
 
 def distance(work: Work, vertices: Sequence[int]) -> Result:
-    """Measure distances on the surface from some vertices."""
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
     nearest = measure(mesh, vertices, component="largest").min(axis=0)
@@ -49,39 +50,29 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     at = int(np.nanargmax(nearest))
     facts = {"farthest": f"vertex {at}, at {nearest[at]:.5g} in the unit of the file"}
     starts = [word for one in vertices for word in ("--from", str(one))]
-    command = [
-        "distance",
-        mesh.name,
-        *starts,
-        "--component",
-        "largest",
-        "-o",
-        f"{stem}-distance.ply",
-    ]
+    command = ["distance", mesh.name, *starts, *_LARGEST, "-o", f"{stem}-distance.ply"]
     options = f'{list(vertices)}, component="largest"'
     call = f"distances = distance({mesh.name!r}, {options}).min(axis=0)"
-    python = ["from unbend import distance", "", call]
-    return work.result(f"Distances on {mesh.name}", facts, command, python)
+    python = ["from unbend import distance", call]
+    return work.result(f"Distances on {mesh.name}", command, python, facts)
 
 
 def form(work: Work) -> Result:
-    """Compute the canonical form of a shape."""
     (mesh,), (stem,) = work.meshes, work.stems
     found = canonical_form(mesh, component="largest", progress=work.progress)
     there = np.asarray(np.isfinite(found.points).all(axis=1))
     faces = mesh.faces[there[mesh.faces].all(axis=1)]
     colors = np.rint(255 * position_colors(mesh.vertices)).astype(np.uint8)
     bare = Mesh(np.where(there[:, None], found.points, 0.0), faces, name=stem)
-    work.keep_mesh(
-        f"{stem}-canonical", "the canonical form in the colours of the shape", bare, colors
-    )
+    about = "the canonical form in the colours of the shape"
+    work.keep_mesh(f"{stem}-canonical", about, bare, colors)
     write_values(work.new_file(f"{stem}-canonical.csv", "its coordinates"), found.points, mesh)
     form_page(mesh, found, work.page, up=work.up, progress=work.progress)
-    command = ["canonical", mesh.name, "--component", "largest", "-o", f"{stem}-canonical.ply"]
+    command = ["canonical", mesh.name, *_LARGEST, "-o", f"{stem}-canonical.ply"]
     call = f'form = canonical_form({mesh.name!r}, component="largest")'
-    python = ["from unbend import canonical_form", "", call]
+    python = ["from unbend import canonical_form", call]
     facts = {"stress, 0 if perfect": f"{found.stress:.3f}"}
-    return work.result(f"Canonical form of {mesh.name}", facts, command, python)
+    return work.result(f"Canonical form of {mesh.name}", command, python, facts)
 
 
 def search(work: Work, store: str) -> Result:
@@ -94,9 +85,9 @@ def search(work: Work, store: str) -> Result:
     search_page(mesh, found, [hit.distance for hit in hits], work.page, up=work.up)
     command = ["collection", "search", store, mesh.name, "-n", str(_N_FOUND)]
     call = f"hits = Collection({store!r}).search({mesh.name!r}, {_N_FOUND})"
-    python = ["from unbend.collection import Collection", "", call]
+    python = ["from unbend.collection import Collection", call]
     lost = {failure.path for failure in failures}
-    return work.result(f"Most like {mesh.name}", {}, command, python) | {
+    return work.result(f"Most like {mesh.name}", command, python) | {
         "found": [
             {"path": find_file(hit, store), "name": one.name}
             for hit, one in zip(hits, found, strict=True)
@@ -113,53 +104,34 @@ def groups(work: Work, store: str) -> Result:
     entries, distances = Collection(store).distances()
     check_count(len(entries))  # before they are read
     numbers = find_groups(distances).tolist()
-    table = work.new_file("groups.csv", "the group of each shape")
-    pairs = sorted(
+    pairs = [
         (path, number)
         for one, number in zip(entries, numbers, strict=True)
         for path in (one.path, *one.also)
-    )
-    write_table(table, [("path", "group"), *pairs])
+    ]
+    table = work.new_file("groups.csv", "the group of each shape")
+    write_table(table, [("path", "group"), *sorted(pairs)])
     meshes, _ = read_found(entries, store)
-    similarity_page(
-        meshes,
-        distances,
-        work.page,
-        measure="distance",
-        groups=numbers,
-        up=work.up,
-        progress=work.progress,
-    )
+    looks: Any = {"groups": numbers, "up": work.up, "progress": work.progress}
+    similarity_page(meshes, distances, work.page, measure="distance", **looks)
     python = [
         "from unbend.collection import Collection, find_groups",
-        "",
         f"entries, distances = Collection({store!r}).distances()",
         "groups = find_groups(distances)",
     ]
     command = ["collection", "groups", store, "--csv", "groups.csv", *work.report]
-    return work.result("Groups of the collection", {}, command, python)
+    return work.result("Groups of the collection", command, python)
 
 
-def transfer(
-    work: Work,
-    map_file: str,
-    map_name: str,
-    values: Sequence[str] | None = None,
-    column: str | None = None,
-) -> Result:
+def transfer(work: Work, values: Sequence[str] | None = None, column: str | None = None) -> Result:
     """Carry values to the second shape: those of a file, or of the first shape's file."""
     work.progress("carrying", 0.0)
-    source, target = work.meshes
-    found = read_match(map_file, source=source, target=target)
+    (source, target), found = work.meshes, work.read_map()
     path, name = values or (work.paths[0], source.name)
     stem = f"{work.stems[1]}-{Path(name).stem.removesuffix('.mrk')}"
     markups = path.lower().endswith(MARKUP_SUFFIXES)
     out = f"{stem}.mrk.json" if markups else f"{stem}.csv"
-    command = ["transfer", *work.names, "--map", map_name, "--values", name, "-o", out]
-    python = [
-        *reading(work, "read_match, read_mesh, transfer"),
-        f"found = read_match({map_name!r}, source=source, target=target)",
-    ]
+    command = ["transfer", *work.names, "--map", work.map_name, "--values", name, "-o", out]
     if markups:
         labels, rows = read_markups(path, source)
         carried = found.source_to_target[rows]
@@ -168,40 +140,38 @@ def transfer(
         write_markups(work.new_file(out, about), target, list(kept.values()), list(kept))
         view(target, landmarks=kept, path=work.page, up=work.up)
         facts = {"carried": f"{len(kept)} of {len(labels)} landmarks"}
-        python += [
+        python = work.python(
+            "io, read_match, read_mesh",
             f"labels, vertices = io.read_markups({name!r}, source)",
             "carried = found.source_to_target[vertices]  # -1 where there is no partner",
-        ]
-        python[0] = "from unbend import io, read_match, read_mesh"
-    else:
-        array = read_values(path, n_vertices=source.n_vertices, name=column)
-        kind = value_kind(array)
-        carried = carry(array, found, kind=kind, source=source, target=target)
-        drawable = kind == "color" or array.ndim == 1
-        suffixes = [".csv", ".npy"]
-        suffixes += [".obj", ".glb"] if kind == "uv" else [".ply"] * (array.dtype.kind != "U")
-        for suffix in [*suffixes, *([".glb"] if drawable else [])]:
-            write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
-        for mesh, own in zip(work.meshes, (array, carried), strict=True):
-            if drawable:
-                colors = own[:, :3] if kind == "color" else value_colors(own, kind=kind)
-                work.draw(mesh.name, mesh, colors)
-        facts = {"carried": f"{len(carried):,} values, as {kind}"}
-        named = f", name={column!r}" if column else ""
-        command += ["--property", column] if column else []
-        python += [
-            f"values = io.read_values({name!r}{named})",
-            "carried = transfer(values, found, source=source, target=target)",
-        ]
-        python[0] = "from unbend import io, read_match, read_mesh, transfer"
-    return work.result(f"{name} on {target.name}", facts, command, python)
+        )
+        return work.result(f"{name} on {target.name}", command, python, facts)
+    array = read_values(path, n_vertices=source.n_vertices, name=column)
+    kind = value_kind(array)
+    carried = carry(array, found, kind=kind, source=source, target=target)
+    drawable = kind == "color" or array.ndim == 1
+    suffixes = [".csv", ".npy"]
+    suffixes += [".obj", ".glb"] if kind == "uv" else [".ply"] * (array.dtype.kind != "U")
+    for suffix in [*suffixes, *([".glb"] if drawable else [])]:
+        write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
+    for mesh, own in zip(work.meshes, (array, carried), strict=True):
+        if drawable:
+            colors = own[:, :3] if kind == "color" else value_colors(own, kind=kind)
+            work.draw(mesh.name, mesh, colors)
+    facts = {"carried": f"{len(carried):,} values, as {kind}"}
+    named = f", name={column!r}" if column else ""
+    command += ["--property", column] if column else []
+    python = work.python(
+        "io, read_match, read_mesh, transfer",
+        f"values = io.read_values({name!r}{named})",
+        "carried = transfer(values, found, source=source, target=target)",
+    )
+    return work.result(f"{name} on {target.name}", command, python, facts)
 
 
-def register(work: Work, map_file: str, map_name: str) -> Result:
-    """Fit the first shape to the second one."""
+def register(work: Work) -> Result:
     source, target = work.meshes
-    known = read_match(map_file, source=source, target=target)
-    found = fit_template(source, target, known, progress=work.progress)
+    found = fit_template(source, target, work.read_map(), progress=work.progress)
     stem = "-on-".join(work.stems)
     for suffix in (".ply", ".obj", ".glb"):
         keeps = suffix == ".obj" == Path(work.paths[0]).suffix.lower()
@@ -213,19 +183,15 @@ def register(work: Work, map_file: str, map_name: str) -> Result:
         "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
         "mean distance": f"{np.nanmean(found.distances):.3g} in the unit of the file",
     }
-    command = ["register", *work.names, "--map", map_name, "-o", f"{stem}.ply"]
-    python = [
-        *reading(work, "read_match, read_mesh, register"),
-        f"found = read_match({map_name!r}, source=source, target=target)",
-        "fitted = register(source, target, found)",
-    ]
-    return work.result(" fitted to ".join(work.names), facts, command, python)
+    command = ["register", *work.names, "--map", work.map_name, "-o", f"{stem}.ply"]
+    call = "fitted = register(source, target, found)"
+    python = work.python("read_match, read_mesh, register", call)
+    return work.result(" fitted to ".join(work.names), command, python, facts)
 
 
-def morph(work: Work, map_file: str, map_name: str, steps: int) -> Result:
+def morph(work: Work, steps: int) -> Result:
     """Make shapes between two others."""
-    source, target = work.meshes
-    found = read_match(map_file, source=source, target=target)
+    (source, target), found = work.meshes, work.read_map()
     stem, colors = "-to-".join(work.stems), match_colors(source, target, found)
     work.draw(source.name, source, colors[0])
     for i in range(1, steps + 1):
@@ -235,10 +201,10 @@ def morph(work: Work, map_file: str, map_name: str, steps: int) -> Result:
         work.keep_mesh(stem if steps == 1 else f"{stem}-{i}", share, between, colors[0])
         work.draw(share, between, colors[0])
     work.draw(target.name, target, colors[1])
-    command = ["morph", *work.names, "--map", map_name, "--steps", str(steps), "-o", f"{stem}.ply"]
-    python = [
-        *reading(work, "morph, read_match, read_mesh"),
-        f"found = read_match({map_name!r}, source=source, target=target)",
-        f"between = [morph(source, target, found, i / {steps + 1}) for i in range(1, {steps + 1})]",
-    ]
-    return work.result(f"Between {' and '.join(work.names)}", {}, command, python)
+    out = ["--steps", str(steps), "-o", f"{stem}.ply"]
+    call = f"[morph(source, target, found, i / {steps + 1}) for i in range(1, {steps + 1})]"
+    return work.result(
+        f"Between {' and '.join(work.names)}",
+        ["morph", *work.names, "--map", work.map_name, *out],
+        work.python("morph, read_match, read_mesh", f"between = {call}"),
+    )

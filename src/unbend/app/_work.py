@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ import numpy as np
 from unbend._text import quoted
 from unbend._types import Progress
 from unbend.choices import Axis
+from unbend.correspondence import read_match
 from unbend.errors import MeshError
-from unbend.io import read_mesh, write_mesh
+from unbend.io import write_mesh
+from unbend.matching import Match
 from unbend.mesh import Mesh
-from unbend.report.figures import UPRIGHT, drawable
+from unbend.report.figures import drawable, upright
 from unbend.report.raster import thumbnail
 
 Result = dict[str, Any]
@@ -25,27 +27,27 @@ _PICTURE = 240  # pixels across
 
 @dataclass
 class Work:
-    """Shapes, the folder for the files of the result, and where progress is told.
+    """Shapes, perhaps their map, the folder for files of the result, and how progress is told.
 
     Files in the folder are numbered: a name that the user sees is never a path.
     """
 
     folder: Path
     progress: Progress
-    up: Axis = "y"
-    paths: list[str] = field(default_factory=list)
-    meshes: list[Mesh] = field(default_factory=list)
+    up: Axis
+    paths: list[str]
+    meshes: list[Mesh]
+    map_file: str = ""
+    map_name: str = ""
     files: list[dict[str, str]] = field(default_factory=list)
     pictures: list[dict[str, str]] = field(default_factory=list)
 
     @property
     def names(self) -> list[str]:
-        """Names of the shapes."""
         return [mesh.name for mesh in self.meshes]
 
     @property
     def stems(self) -> list[str]:
-        """Names of the shapes without the suffix."""
         return [Path(name).stem for name in self.names]
 
     @property
@@ -57,6 +59,10 @@ class Work:
     def page(self) -> Path:
         """Where the page of the result is written."""
         return self.folder / "page.html"
+
+    def read_map(self) -> Match:
+        source, target = self.meshes
+        return read_match(self.map_file, source=source, target=target)
 
     def new_file(self, name: str, about: str) -> Path:
         """Give the path of a new file for the user."""
@@ -75,45 +81,34 @@ class Work:
             faces = drawable(mesh).faces
         except MeshError:
             return
-        upright = Mesh(mesh.vertices @ UPRIGHT[self.up].T, faces)
+        turned = Mesh(mesh.vertices @ upright(self.up).T, faces)
         path = self.folder / f"picture-{len(self.pictures)}.png"
         shares = None if colors is None else np.asarray(colors) / 255
-        path.write_bytes(thumbnail(upright, _PICTURE, shares))
+        path.write_bytes(thumbnail(turned, _PICTURE, shares))
         self.pictures.append({"caption": caption, "path": str(path)})
 
+    def python(self, names: str, *lines: str) -> list[str]:
+        """Lines of Python that import names of unbend, read both shapes, and perhaps their map."""
+        (a, b), found = self.names, [f"from unbend import {names}"]
+        found.append(f"source, target = read_mesh({a!r}), read_mesh({b!r})")
+        if self.map_name:
+            found.append(f"found = read_match({self.map_name!r}, source=source, target=target)")
+        return [*found, *lines]
+
     def result(
-        self, title: str, facts: dict[str, str], command: Sequence[str], python: Sequence[str]
+        self,
+        title: str,
+        command: Sequence[str],
+        python: Sequence[str],
+        facts: Mapping[str, str] | None = None,
     ) -> Result:
-        """Put a result together, with the words and lines that do the same."""
+        """Put a result together, with the words and lines that do the same, imports first."""
         return {
             "title": title,
-            "facts": list(facts.items()),
+            "facts": list((facts or {}).items()),
             "files": self.files,
             "pictures": self.pictures,
             "page": str(self.page) if self.page.exists() else "",
             "command": quoted("unbend", *command),
-            "python": "\n".join(python),
+            "python": "\n".join([python[0], "", *python[1:]]),
         }
-
-
-def begin(
-    folder: str, progress: Progress, shapes: Sequence[Sequence[str]] = (), up: Axis = "y"
-) -> Work:
-    """Make the folder and read the shapes, each a path and the name that the user knows it by."""
-    work = Work(Path(folder), progress, up)
-    work.folder.mkdir()
-    for path, name in shapes:
-        progress(f"reading {name}", 0.0)
-        work.meshes.append(replace(read_mesh(path), name=name))
-        work.paths.append(path)
-    return work
-
-
-def reading(work: Work, names: str) -> list[str]:
-    """Lines of Python that import names of unbend and read both shapes."""
-    a, b = work.names
-    return [
-        f"from unbend import {names}",
-        "",
-        f"source, target = read_mesh({a!r}), read_mesh({b!r})",
-    ]

@@ -24,13 +24,9 @@ _SECONDS_BETWEEN_REPORTS = 0.1
 class Worker:
     """Run jobs in another process, which is replaced as soon as it ends.
 
-    Jobs and answers are JSON: nothing that a job has read is unpickled here.
-
-    Parameters
-    ----------
-    memory : int
-        Bytes that a job may take. A job that will need more is refused, and one that takes more is
-        ended, where the system tells what a process takes.
+    Jobs and answers are JSON: nothing that a job has read is unpickled here. A job that will need
+    more than so many bytes of memory is refused, and one that takes more is ended, where the system
+    tells what a process takes.
     """
 
     def __init__(self, memory: int) -> None:
@@ -40,7 +36,6 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """Number of the process."""
         return self._process.pid
 
     def run(self, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
@@ -86,8 +81,7 @@ class Worker:
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        arguments = (theirs, self._memory)
-        self._process = context.Process(target=_work, args=arguments, daemon=True)
+        self._process = context.Process(target=_work, args=(theirs, self._memory), daemon=True)
         self._process.start()
         theirs.close()
 

@@ -1,8 +1,9 @@
 """The command line: one file per command, no numerics.
 
-To add a command, write a function that takes typer parameters, and add it to `app` below. Import
-numerical modules inside that function: ``unbend --help`` must not wait for them. End its docstring
-with examples as in ``check.py``, and its code with ``tell(...)``, which prints text or JSON. Raise
+To add a command, write a function, and add it to `app` below. Its parameters are the arguments and
+options, as in ``distance.py``; its docstring has their help, and ends with examples. Call what is
+numerical by its full name, as `unbend.match` or `unbend.io.read_map`: it is loaded on first use,
+for ``unbend --help`` must not wait for it. End with ``tell(...)``, which prints text or JSON. Raise
 :class:`unbend.errors.UnbendError` for anything the user can put right; it is turned into one
 sentence and exit code 2 here, in one place.
 """
@@ -129,7 +130,7 @@ def _print_version(wanted: bool) -> None:
 
 
 @app.callback()
-def _options(
+def _global_options(
     version: Annotated[
         bool,
         typer.Option(

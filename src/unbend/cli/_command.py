@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import functools
+import copy
 import inspect
+import re
 from collections.abc import Callable
-from typing import Annotated, Any, get_type_hints
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
 from unbend.cli._output import begin
-
-Function = Callable[..., None]
 
 _JsonOption = Annotated[
     bool,
@@ -29,7 +29,7 @@ _QuietOption = Annotated[
 ]
 
 
-def make_group(help: str, *functions: Function, **options: Any) -> typer.Typer:
+def make_group(help: str, *functions: Callable[..., None], **options: Any) -> typer.Typer:
     """Make a command of each function, named like it."""
     app = typer.Typer(
         help=help,
@@ -43,23 +43,53 @@ def make_group(help: str, *functions: Function, **options: Any) -> typer.Typer:
     return app
 
 
-def _command(function: Function) -> Function:
-    """Add --json and --quiet to a function, and keep the lines of its examples apart."""
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """Add --json and --quiet to a function; its docstring has the help of its options.
 
-    @functools.wraps(function)
+    A parameter that is a dataclass stands for the options that are its fields. The lines of the
+    examples are kept apart.
+    """
+    defaults: dict[str, Any] = {}
+    hints: dict[str, Any] = {}
+    groups: dict[str, Any] = {}
+    own = get_type_hints(function, include_extras=True)
+    for name, one in inspect.signature(function).parameters.items():
+        if is_dataclass(own[name]):
+            groups[name] = own[name]
+            defaults |= {each.name: each.default for each in fields(own[name])}
+            hints |= get_type_hints(own[name], include_extras=True)
+        else:
+            defaults[name], hints[name] = one.default, own[name]
+    text, _, examples = (function.__doc__ or "").partition("    Examples\n    --------\n")
+    text, _, options = text.partition("    Options\n    -------\n")
+    for name, words in re.findall(r"^ {6}(\w+): (.*(?:\n {10}.*)*)", options, re.MULTILINE):
+        hints[name] = _with_help(hints[name], " ".join(words.split()))
+    defaults |= {"as_json": False, "quiet": False}
+    hints |= {"as_json": _JsonOption, "quiet": _QuietOption}
+
     def run(*, as_json: bool, quiet: bool, **given: Any) -> None:
         begin(as_json, quiet)
+        for name, group in groups.items():
+            given[name] = group(**{each.name: given.pop(each.name) for each in fields(group)})
         function(**given)
 
-    options = {"as_json": _JsonOption, "quiet": _QuietOption}
-    hints = get_type_hints(function, include_extras=True)
-    own = inspect.signature(function).parameters.values()
-    parameters = [one.replace(annotation=hints[one.name]) for one in own]
+    run.__name__, run.__annotations__ = function.__name__, hints
+    run.__doc__ = f"{text}    \b\n    Examples:\n{examples}"
     kind = inspect.Parameter.KEYWORD_ONLY
-    for name, hint in options.items():
-        parameters.append(inspect.Parameter(name, kind, default=False, annotation=hint))
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = hints | options
-    text = (function.__doc__ or "").replace("    --------\n", "")
-    run.__doc__ = text.replace("    Examples\n", "    \b\n    Examples:\n")
+    run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(name, kind, default=default, annotation=hints[name])
+            for name, default in defaults.items()
+        ]
+    )
     return run
+
+
+def _with_help(hint: Any, text: str) -> Any:
+    """Give an option its help: a type, or one that is annotated with an option."""
+    kind, about = hint, typer.Option()
+    if get_origin(hint) is Annotated:
+        kind, about = get_args(hint)
+    about = copy.copy(about)
+    about.help = text
+    return Annotated[kind, about]

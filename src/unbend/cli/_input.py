@@ -2,73 +2,114 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+import unbend
 from unbend._text import plural
-from unbend.choices import DistanceKind, Partial
-from unbend.cli._output import EXIT_UNSURE, say, warn_if_doubtful
-from unbend.errors import InputError
+from unbend.choices import DistanceKind
+from unbend.cli._options import MatchOptions
+from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
+from unbend.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from unbend._types import IntArray, Progress
-    from unbend.canonical import CanonicalForm
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
 
 
-def parse_component(text: str | None) -> str | int | None:
-    """Turn the value of ``--component`` into what the library takes."""
-    if text is None or text == "largest":
-        return text
-    if text.isdecimal():
-        return int(text)
-    raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
-
-
-def read_shapes(paths: Iterable[str], component: str | None = None) -> list[Mesh]:
+def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbend.Mesh]:
     """Read meshes, or one component of each."""
-    from unbend.io import read_mesh
-    from unbend.preparation import only_component
-
-    chosen = parse_component(component)
-    return [only_component(read_mesh(path), chosen) for path in paths]
+    return [unbend.preparation.only_component(unbend.read_mesh(path), component) for path in paths]
 
 
 def make_form(
-    mesh: Mesh, distance: DistanceKind, sampling: Mapping[str, Any] | None = None, **options: Any
-) -> CanonicalForm:
+    mesh: unbend.Mesh,
+    distance: DistanceKind,
+    sampling: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> unbend.canonical.CanonicalForm:
     """Compute the exact form; the paper's if it is sampled, or the distance has no exact one."""
-    from unbend.canonical import canonical_form, sampled_canonical_form
-    from unbend.distances import SPECTRAL
-
-    if distance in SPECTRAL and not sampling:
-        return canonical_form(mesh, distance=distance, **options)
-    return sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
+    if distance in unbend.distances.SPECTRAL and not sampling:
+        return unbend.canonical_form(mesh, distance=distance, **options)
+    return unbend.sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
 
 
-def read_any_map(path: str, base: int | None, target: Mesh) -> IntArray:
+# Commands on many files: folders stand for their meshes, and results go to a folder.
+
+
+def expand_folders(paths: Iterable[str]) -> list[str]:
+    """Replace folders by the meshes in and below them, in order."""
+    found: list[str] = []
+    for path in paths:
+        if not os.path.isdir(path):
+            found.append(path)
+            continue
+        meshes = [
+            os.path.join(path, os.path.relpath(one, path))
+            for one in unbend.collection.find_files([path])
+        ]
+        if not meshes:
+            raise FileError(
+                f"cannot read {path}: it is a folder without .off, .obj, .ply or .stl files"
+            )
+        found += meshes
+    return found
+
+
+def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]) -> bool:
+    """Whether results go to a folder: there are several meshes, or `out` is a folder.
+
+    Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
+    """
+    is_file = out is not None and Path(out).suffix.lower() in (
+        *unbend.io.WRITE_SUFFIXES,
+        *unbend.io.VALUE_SUFFIXES,
+    )
+    if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
+        return False
+    if is_file:
+        raise InputError(f"{len(paths)} meshes need a folder to write to, and {out} is a file")
+    for name, value in of_one.items():
+        if value is not None:
+            raise InputError(f"{name} is for a single mesh; leave it out, or -o FOLDER")
+    return True
+
+
+def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) -> list[str]:
+    """Make the folder; name a file in it after each mesh, and never one of the meshes."""
+    meshes = {os.path.realpath(path) for path in paths}
+    found: dict[str, str] = {}
+    for path in paths:
+        file = os.path.join(folder, Path(path).stem + suffix(path))
+        if file in found:
+            raise InputError(f"{found[file]} and {path} would both be written to {file}")
+        if os.path.realpath(file) in meshes:
+            raise InputError(f"{file} is one of the meshes; give another folder to write to")
+        found[file] = path
+    unbend.collection.make_folder(folder)
+    return list(found)
+
+
+# Maps, landmarks and matches.
+
+
+def read_any_map(path: str, base: int | None, target: unbend.Mesh) -> IntArray:
     """Read the point map of a .npz match, or of any other map file."""
-    from unbend.correspondence import read_match
-    from unbend.io import read_map
-
-    if path.lower().endswith(".npz"):
-        return read_match(path, target=target).source_to_target
-    return read_map(path, base=base, n_target=target.n_vertices)
+    if keeps_all(path):
+        return unbend.read_match(path, target=target).source_to_target
+    return unbend.read_map(path, base=base, n_target=target.n_vertices)
 
 
 def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:
     """Read source vertices whose images are known, and those images, in one or more files."""
-    from unbend.io import read_map
-
-    sources = read_map(paths[0], n_target=n_source)
+    sources = unbend.read_map(paths[0], n_target=n_source)
     if (sources < 0).any():
         row = int((sources < 0).argmax())
         raise InputError(f"{paths[0]}: row {row} is -1, but each must be a source vertex")
-    truths = [read_map(path, n_target=n_target) for path in paths[1:]]
+    truths = [unbend.read_map(path, n_target=n_target) for path in paths[1:]]
     for path, images in zip(paths[1:], truths, strict=True):
         if len(images) != len(sources):
             raise InputError(
@@ -78,40 +119,52 @@ def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntAr
     return [sources, *truths]
 
 
-def keeps_all(path: str | None) -> bool:
-    """Whether a file will hold all of a match, not its point map alone."""
-    return path is not None and Path(path).suffix.lower() == ".npz"
-
-
-def write_result(path: str, found: Match, shapes: Sequence[Mesh]) -> None:
-    """Write all of a match to a .npz file, or its point map to any other."""
-    from unbend.correspondence import write_match
-    from unbend.io import write_map
-
-    if keeps_all(path):
-        write_match(path, found, source=shapes[0], target=shapes[1])
-    else:
-        write_map(path, found.source_to_target)
-
-
-def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[Mesh]) -> IntArray | None:
+def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> IntArray | None:
     """Read the hints for matching two shapes, if there are any: a table, or points on each."""
-    from unbend.io import MARKUP_SUFFIXES, read_landmarks, read_markup_pairs
-
     source, target = shapes
     if not paths:
         return None
     if len(paths) == 2:
-        return read_markup_pairs(paths, source, target)
-    if len(paths) > 2 or paths[0].lower().endswith(MARKUP_SUFFIXES):
+        return unbend.io.read_markup_pairs(paths, source, target)
+    if len(paths) > 2 or paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
         raise InputError(
             "--landmarks takes one .csv file of vertex pairs, or is given twice: a .mrk.json or "
             ".fcsv file for the source, then one for the target"
         )
-    return read_landmarks(paths[0], source.n_vertices, target.n_vertices)
+    return unbend.io.read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 
 
-def is_unsure(found: Match, least: float | None) -> bool:
+def keeps_all(path: str | None) -> bool:
+    """Whether a file will hold all of a match, not its point map alone."""
+    return path is not None and path.lower().endswith(".npz")
+
+
+def write_result(path: str, found: unbend.Match, shapes: Sequence[unbend.Mesh]) -> None:
+    """Write all of a match to a .npz file, or its point map to any other."""
+    if keeps_all(path):
+        unbend.write_match(path, found, source=shapes[0], target=shapes[1])
+    else:
+        unbend.write_map(path, found.source_to_target)
+
+
+def show_match(
+    shapes: Sequence[unbend.Mesh],
+    found: unbend.Match,
+    figure: str | None,
+    report: str | None,
+    **options: Any,
+) -> None:
+    """Write the figure and the page of a match, if they are asked for."""
+    if figure is not None:
+        options["progress"]("drawing", 0)
+        unbend.report.draw_match(shapes[0], shapes[1], found, figure, up=options["up"])
+    if report is not None:
+        unbend.report.match_page(
+            shapes[0], shapes[1], found, report, command=command_line(), **options
+        )
+
+
+def is_unsure(found: unbend.Match, least: float | None) -> bool:
     """Say whether a match's confidence is below --min-confidence."""
     if least is None or found.confidence >= least:
         return False
@@ -123,44 +176,33 @@ def is_unsure(found: Match, least: float | None) -> bool:
 
 
 def read_or_match(
-    shapes: Sequence[Mesh],
-    map_file: str | None,
-    base: int | None,
-    partial: Partial,
-    landmarks: Sequence[str] | None,
-    save_match: str | None,
-    min_confidence: float | None,
-    progress: Progress,
-) -> Match | IntArray:
+    shapes: Sequence[unbend.Mesh], given: MatchOptions, progress: Progress
+) -> unbend.Match | IntArray:
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
-    from unbend.correspondence import read_match
-    from unbend.io import read_map
-    from unbend.matching import match
-
     source, target = shapes
-    if map_file is None:
-        found = match(
+    if given.map is None:
+        found = unbend.match(
             source,
             target,
-            partial=partial,
-            landmarks=landmarks_of(landmarks, shapes),
+            partial=given.partial,
+            landmarks=landmarks_of(given.landmarks, shapes),
             barycentric=True,
             progress=progress,
         )
     else:
-        if landmarks or save_match is not None or partial != "auto":
+        if given.landmarks or given.save_match is not None or given.partial != "auto":
             raise InputError(
                 "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
             )
-        if not keeps_all(map_file):
-            if min_confidence is not None:
-                raise InputError(f"--min-confidence needs a .npz match, and {map_file} is none")
+        if not keeps_all(given.map):
+            if given.min_confidence is not None:
+                raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
             sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
-            return read_map(map_file, base=base, **sizes)
-        found = read_match(map_file, source=source, target=target)
+            return unbend.read_map(given.map, base=given.base, **sizes)
+        found = unbend.read_match(given.map, source=source, target=target)
     warn_if_doubtful(found)
-    if is_unsure(found, min_confidence):
+    if is_unsure(found, given.min_confidence):
         raise typer.Exit(EXIT_UNSURE)
-    if save_match is not None:
-        write_result(save_match, found, shapes)
+    if given.save_match is not None:
+        write_result(given.save_match, found, shapes)
     return found

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend import choices
+from unbend.errors import InputError
 
 
 def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
@@ -15,9 +18,7 @@ def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
 
     def check(path: str | None) -> str | None:
         if path is not None:
-            from unbend.io import check_writable
-
-            check_writable(path, suffixes)
+            unbend.io.check_writable(path, suffixes)
         return path
 
     return check
@@ -27,37 +28,53 @@ html_file = _writable(".html")
 
 
 def _map_file(path: str | None) -> str | None:
-    from unbend.io import MAP_SUFFIXES
+    return _writable(".npz", *unbend.io.MAP_SUFFIXES)(path)
 
-    return _writable(".npz", *MAP_SUFFIXES)(path)
+
+def parse_component(text: str | None) -> Any:
+    """Turn the value of ``--component`` into what the library takes."""
+    if text is None or text == "largest":
+        return text
+    if text.isdecimal():
+        return int(text)
+    raise InputError(f"--component must be largest or a number counted from 0, not {text!r}")
 
 
 def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
     if not keep:
-        from unbend.spectral import use_cache
-
-        ctx.with_resource(use_cache(gib=0))
+        ctx.with_resource(unbend.spectral.use_cache(gib=0))
     return keep
 
 
-def out(help: str, metavar: str = "OUT", callback: Any = None) -> Any:
+def out(metavar: str = "OUT", callback: Any = None) -> Any:
     """Make the option that names the file to write."""
-    return typer.Option("-o", "--out", metavar=metavar, callback=callback, help=help)
+    return typer.Option("-o", "--out", metavar=metavar, callback=callback)
 
 
-def figure(help: str) -> Any:
-    """Make the option that draws a figure."""
-    check = _writable(".png", ".pdf", ".svg")
-    return typer.Option(
-        "--figure", metavar="PNG", callback=check, help=f"{help} (.png, .pdf, .svg)."
-    )
+def count(name: str, least: int | None = 1) -> Any:
+    """Make the option -n, how many there are of something."""
+    return typer.Option("-n", name, metavar="N", min=least)
 
 
-def report(help: str) -> Any:
-    """Make the option that writes a page for a browser."""
-    return typer.Option("--report", metavar="HTML", callback=html_file, help=help)
-
-
+Figure = Annotated[
+    str | None,
+    typer.Option("--figure", metavar="PNG", callback=_writable(".png", ".pdf", ".svg")),
+]
+Report = Annotated[
+    str | None,
+    typer.Option(
+        "--report",
+        metavar="HTML",
+        callback=html_file,
+        help="Write an interactive page of pictures, for a browser.",
+    ),
+]
+Meshes = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
+    ),
+]
 Mesh = Annotated[
     str,
     typer.Argument(
@@ -80,10 +97,11 @@ Up = Annotated[
     ),
 ]
 Component = Annotated[
-    str | None,
+    str | None,  # a number where it is one
     typer.Option(
         "--component",
         metavar="largest|NUMBER",
+        callback=parse_component,
         help="Which connected component to keep; numbers count from 0, largest first.",
     ),
 ]
@@ -103,34 +121,18 @@ Cache = Annotated[
 # Of commands that read a map or make a match.
 MapOut = Annotated[
     str | None,
-    out(
-        "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of each "
-        "source vertex, from 0) or .vts (from 1).",
-        "MAP",
-        _map_file,
+    typer.Option(
+        "-o",
+        "--out",
+        metavar="MAP",
+        callback=_map_file,
+        help="Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
+        "each source vertex, from 0) or .vts (from 1).",
     ),
 ]
 Base = Annotated[
     int | None,
     typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
-]
-Map = Annotated[
-    str | None,
-    typer.Option(
-        "--map",
-        metavar="MAP",
-        help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
-        "first.",
-    ),
-]
-SaveMatch = Annotated[
-    str | None,
-    typer.Option(
-        "--save-match",
-        metavar="MAP",
-        callback=_map_file,
-        help="Keep the match that was made, as unbend match -o does.",
-    ),
 ]
 Partial = Annotated[
     choices.Partial,
@@ -160,6 +162,42 @@ MinConfidence = Annotated[
     ),
 ]
 
+
+@dataclass(frozen=True)
+class MatchOptions:
+    """Options of commands that read a map, or make one."""
+
+    map: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
+            "first.",
+        ),
+    ] = None
+    base: Base = None
+    partial: Partial = "auto"
+    landmarks: Landmarks = None
+    save_match: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            callback=_map_file,
+            help="Keep the match that was made, as unbend match -o does.",
+        ),
+    ] = None
+    min_confidence: MinConfidence = None
+
+    def given(self) -> dict[str, Any]:
+        """Values of the options that were given."""
+        defaults = vars(MatchOptions())
+        return {
+            f"--{name.replace('_', '-')}": value
+            for name, value in vars(self).items()
+            if value != defaults[name] and value != []
+        }
+
+
 # Of collections.
 Store = Annotated[
     str, typer.Argument(metavar="STORE", help="The collection: a folder, or s3://bucket/name.")
@@ -182,4 +220,3 @@ Scheduler = Annotated[
         help="A Dask scheduler whose workers to use; they must see the files under these paths.",
     ),
 ]
-Report = Annotated[str | None, report("Write an interactive page of pictures, for a browser.")]

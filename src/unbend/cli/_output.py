@@ -9,20 +9,18 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+import unbend
 from unbend._display import is_doubtful, where_landmarks_help
 from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray, Progress
-    from unbend.collection import Failure
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
 
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
@@ -67,9 +65,7 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
 
     `whole` says that `out` gets all faces of the original.
     """
-    from unbend.io import file_extras
-
-    held = file_extras(original)
+    held = unbend.io.file_extras(original)
     if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
         kept = "; its normals are recomputed" if "normals" in held else ""
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
@@ -95,24 +91,22 @@ def warning_printer() -> Callable[..., None]:
     return print_warning
 
 
-def warn_if_doubtful(match: Match, *, seen: bool = False) -> None:
+def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     """Warn of a match that may well be wrong; `seen` tells that a page of it was written."""
-    if is_doubtful(match.confidence):
-        look = "the page" if seen else "unbend match --report"
-        say(
-            "warning",
-            f"the match is doubtful (confidence {match.confidence:.2f}): {_reason(match)}; look at "
-            f"it with {look}, and give --landmarks where it goes wrong"
-            f"{where_landmarks_help(match.landmark_hints)}",
-        )
-
-
-def _reason(match: Match) -> str:
+    if not is_doubtful(match.confidence):
+        return
+    reason = "the shapes may differ too much, or be symmetric"
     if match.landmark_hints:
-        return "another map is nearly as good, as of symmetric shapes or small parts"
-    if match.confidence_bound < 1:
-        return "the final map is in disorder"
-    return "the shapes may differ too much, or be symmetric"
+        reason = "another map is nearly as good, as of symmetric shapes or small parts"
+    elif match.confidence_bound < 1:
+        reason = "the final map is in disorder"
+    look = "the page" if seen else "unbend match --report"
+    say(
+        "warning",
+        f"the match is doubtful (confidence {match.confidence:.2f}): {reason}; look at it with "
+        f"{look}, and give --landmarks where it goes wrong"
+        f"{where_landmarks_help(match.landmark_hints)}",
+    )
 
 
 @contextmanager
@@ -147,7 +141,7 @@ def shown(path: str) -> str:
     return path.removeprefix(os.path.join(os.getcwd(), ""))
 
 
-def list_failures(failures: Iterable[Failure]) -> None:
+def list_failures(failures: Iterable[unbend.collection.Failure]) -> None:
     """Name on stderr what could not be done, each with its reason."""
     for failure in failures:
         name = " -> ".join(shown(path) for path in failure.path.split(" -> "))
@@ -158,24 +152,29 @@ def tell(
     result: Mapping[str, Any],
     lines: Iterable[str],
     *,
-    shapes: Iterable[Mesh] = (),
+    shapes: Iterable[unbend.Mesh] = (),
     written: Iterable[str | None] = (),
+    report: str | None = None,
     next_step: str | None = None,
-    failures: Sequence[Failure] | None = None,
+    failures: Sequence[unbend.collection.Failure] | None = None,
+    unsure: bool = False,
 ) -> None:
     """Tell what a command found: as JSON if that was asked for, else in lines.
 
-    Notes of the readers of `shapes` go to stderr. `written` are the files of options, None for
-    those that were not given. What failed of many things is listed, with exit code 1. Every JSON
-    object ends with the keys that are added here.
+    Notes of the readers of `shapes` go to stderr. `written` and `report`, a page, are the files of
+    options, None for those that were not given. What failed of many things is listed, with exit
+    code 1; a match that is too `unsure` was not written, and the exit code is 3. Every JSON object
+    ends with the keys that are added here.
     """
     if failures is not None:
         list_failures(failures)
-        result = {**result, "failed": [vars(one) for one in failures]}
+        result = {**result, "failed": failures}
     for shape in shapes:
         for note in shape.notes:
             say("note", note)
-    paths = [path for path in written if path is not None]
+    paths = [path for path in (*written, report) if path is not None and not unsure]
+    if report is not None:
+        next_step = f"open {report} in a browser"
     if _run.as_json:
         common = {"written": paths, "warnings": _run.warnings, "seconds": elapsed()}
         typer.echo(json.dumps(_plain({**result, **common}), indent=2, allow_nan=False))
@@ -184,14 +183,16 @@ def tell(
             typer.echo(printable(line))
         if paths:
             typer.echo(f"written: {', '.join(map(printable, paths))}")
-        if next_step is not None and not _run.quiet:
+        if next_step is not None and not (unsure or _run.quiet):
             typer.echo(f"next: {printable(next_step)}")
-    if failures:
-        raise typer.Exit(EXIT_SOME_FAILED)
+    if failures or unsure:
+        raise typer.Exit(EXIT_UNSURE if unsure else EXIT_SOME_FAILED)
 
 
 def _plain(value: Any) -> Any:
     """Turn a value into what JSON has; NaN and infinity, which it lacks, become None."""
+    if is_dataclass(value):
+        value = vars(value)
     if isinstance(value, dict):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | Iterator):
@@ -230,11 +231,6 @@ def matrix(names: Sequence[str], values: Iterable[Sequence[float]]) -> list[str]
     return table("<" + ">" * len(names) + "<", heads, *body)
 
 
-def look_at(report: str | None) -> str | None:
-    """Give the next step after a page was written."""
-    return None if report is None else f"open {report} in a browser"
-
-
 def command_line() -> str:
     """Give the command that is running, as it could be typed again."""
     return quoted("unbend", *sys.argv[1:])
@@ -244,9 +240,7 @@ def write_columns(path: str, values: FloatArray, names: Sequence[str]) -> None:
     """Write an array to a .npy file, or with names of its columns to a .csv file."""
     import numpy as np
 
-    from unbend.io import atomic_write
-
-    with atomic_write(path) as file:
+    with unbend.io.atomic_write(path) as file:
         if path.lower().endswith(".npy"):
             np.save(file, values)
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unbend
 from unbend.cli._command import make_group
 from unbend.cli._output import rows, tell
 
@@ -14,15 +15,13 @@ def info() -> None:
       unbend cache info
       unbend cache info --json
     """
-    from unbend.spectral import cache_info
-
-    found = cache_info()
+    found = unbend.spectral.cache_info()
     lines = {
         "folder": str(found.folder),
         "spectra": f"{found.n_files:,}",
         "size": f"{found.n_bytes / 2**20:,.1f} of {found.most_bytes / 2**20:,.0f} MiB",
     }
-    tell(vars(found) | {"folder": str(found.folder)}, rows(lines))
+    tell(vars(found) | {"folder": lines["folder"]}, rows(lines))
 
 
 def clear() -> None:
@@ -32,9 +31,7 @@ def clear() -> None:
     --------
       unbend cache clear
     """
-    from unbend.spectral import clear_cache
-
-    removed = clear_cache()
+    removed = unbend.spectral.clear_cache()
     tell({"n_removed": removed}, [f"removed {removed:,} spectra"])
 
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import Detail, DistanceKind, Weighting
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, files_in, is_batch
-from unbend.cli._input import make_form, parse_component
+from unbend.cli._input import expand_folders, files_in, is_batch, make_form
 from unbend.cli._output import (
     command_line,
     lines_to_keep,
-    look_at,
     progress_on_stderr,
     rows,
     say,
@@ -25,71 +23,30 @@ from unbend.cli._output import (
     tell,
     write_columns,
 )
+from unbend.errors import InputError, UnbendError
 
 if TYPE_CHECKING:
-    from unbend._types import FloatArray, Progress
-    from unbend.canonical import CanonicalForm
-    from unbend.collection import Failure
-    from unbend.mesh import Mesh
+    from unbend._types import FloatArray
 
 _MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
 _TABLE_SUFFIXES = (".npy", ".csv")
 
 
 def canonical(
-    meshes: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
-        ),
-    ],
-    out: Annotated[
-        str | None,
-        options.out(
-            "Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces "
-            "(dimension 3; from .obj to .obj texture, materials, groups and polygons stay), .npy "
-            "or .csv (any dimension). For several meshes, a folder."
-        ),
-    ] = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the shape beside its form, in the same colours")
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report("Write a page to look at the form in a browser, beside the shape."),
-    ] = None,
+    meshes: options.Meshes,
+    out: Annotated[str | None, options.out()] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
-    n_components: Annotated[int, typer.Option(help="Dimension of the form.")] = 3,
-    distance: Annotated[
-        DistanceKind, typer.Option(help="The distance that the form approximates.")
-    ] = "biharmonic",
-    weighting: Annotated[
-        Weighting, typer.Option(help="Weight vertices equally, or by their area.")
-    ] = "uniform",
-    n_samples: Annotated[
-        int | None,
-        typer.Option(
-            help="Compute the paper's form, from so many vertices, instead of the exact one. "
-            "Geodesic distances have no exact form; for them it is 200 by default."
-        ),
-    ] = None,
-    n_eigenpairs: Annotated[
-        int | None,
-        typer.Option(help="Eigenfunctions of the paper's form, likewise; 100 by default."),
-    ] = None,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
+    weighting: Weighting = "uniform",
+    n_samples: int | None = None,
+    n_eigenpairs: int | None = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
-    keep_scale: Annotated[
-        bool,
-        typer.Option("--keep-scale", help="Keep the mesh's unit; otherwise its area becomes 1."),
-    ] = False,
-    detail: Annotated[
-        Detail | None,
-        typer.Option(
-            help="preserved: write the surface itself instead of the form, deformed as rigidly as "
-            "possible into the form's pose."
-        ),
-    ] = None,
+    keep_scale: Annotated[bool, typer.Option("--keep-scale")] = False,
+    detail: Detail | None = None,
     cache: options.Cache = True,
 ) -> None:
     """Compute the canonical form of meshes: a pose-invariant version of each shape.
@@ -97,6 +54,23 @@ def canonical(
     The form has the vertices of the mesh, in the same order. It has unit area unless --keep-scale
     is given. Several meshes get one table, and a file each in the format of the mesh if that holds
     the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
+
+    Options
+    -------
+      out: Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces (dimension
+          3; from .obj to .obj texture, materials, groups and polygons stay), .npy or .csv (any
+          dimension). For several meshes, a folder.
+      figure: Draw the shape beside its form, in the same colours (.png, .pdf, .svg).
+      report: Write a page to look at the form in a browser, beside the shape.
+      n_components: Dimension of the form.
+      distance: The distance that the form approximates.
+      weighting: Weight vertices equally, or by their area.
+      n_samples: Compute the paper's form, from so many vertices, instead of the exact one. Geodesic
+          distances have no exact form; for them it is 200 by default.
+      n_eigenpairs: Eigenfunctions of the paper's form, likewise; 100 by default.
+      keep_scale: Keep the mesh's unit; otherwise its area becomes 1.
+      detail: preserved: write the surface itself instead of the form, deformed as rigidly as
+          possible into the form's pose.
 
     Examples
     --------
@@ -108,11 +82,6 @@ def canonical(
       unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
       unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """
-    from unbend.canonical import lay_into_pose
-    from unbend.collection import Failure
-    from unbend.errors import InputError, UnbendError
-    from unbend.io import check_writable, read_mesh
-
     if detail is not None and n_components < 3:
         raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     paths = expand_folders(meshes)
@@ -126,67 +95,69 @@ def canonical(
 
     files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
     for file in files:
-        suffix = check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
+        suffix = unbend.io.check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
             raise InputError(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
     given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
+    sampling = {name: number for name, number in given.items() if number is not None}
 
-    def compute(i: int, progress: Progress) -> dict[str, Any]:
-        progress("reading", 0)
-        shape = read_mesh(paths[i])
+    def compute(i: int, path: str) -> dict[str, Any]:
+        def step(stage: str, share: float) -> None:
+            of_many = f"{i + 1} of {len(paths)}, {path}: " if batch else ""
+            progress(of_many + stage, (i + share) / len(paths))
+
+        step("reading", 0)
+        shape = unbend.read_mesh(path)
         form = make_form(
             shape,
             distance,
-            {name: number for name, number in given.items() if number is not None},
+            sampling,
             n_components=n_components,
             weighting=weighting,
             laplacian=laplacian,
-            component=parse_component(component),
+            component=component,
             keep_scale=keep_scale,
-            progress=progress,
+            progress=step,
         )
-        posed = None
+        posed, seconds = None, form.seconds
         if detail is not None:
             start = perf_counter()
-            posed = lay_into_pose(shape, form, progress=progress)
-            form = replace(form, seconds=form.seconds | {"detail": perf_counter() - start})
+            posed = unbend.lay_into_pose(shape, form, progress=step)
             posed = posed if keep_scale else posed / form.area**0.5
+            seconds = seconds | {"detail": perf_counter() - start}
         if files:
-            progress("writing", 0)
-            _write(files[i], paths[i], shape, form.points if posed is None else posed)
+            step("writing", 0)
+            _write(files[i], path, shape, form.points if posed is None else posed)
         if figure is not None:
-            from unbend.report.shape_figures import draw_form
-
-            progress("drawing", 0)
-            draw_form(shape, form, figure, posed=posed, up=up)
+            step("drawing", 0)
+            unbend.report.draw_form(shape, form, figure, posed=posed, up=up)
         if report is not None:
-            from unbend.report.pages import form_page
-
-            form_page(
-                shape,
-                form,
-                report,
-                posed=posed,
-                up=up,
-                keep_scale=keep_scale,
-                command=command_line(),
-                progress=progress,
-            )
-        return _numbers(paths[i], shape, form)
+            looks: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
+            looks |= {"command": command_line(), "progress": step}
+            unbend.report.form_page(shape, form, report, **looks)
+        names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
+        return {
+            "file": path,
+            "n_vertices": shape.n_vertices,
+            "n_faces": shape.n_faces,
+            "notes": shape.notes,
+            **{name: getattr(form, name) for name in names},
+            "steps": seconds,
+        }
 
     done: list[dict[str, Any]] = []
-    failures: list[Failure] = []
+    failures: list[unbend.collection.Failure] = []
     with progress_on_stderr() as progress:
         for i, path in enumerate(paths):
             try:
-                done.append(compute(i, progress if not batch else _part(progress, i, paths)))
+                done.append(compute(i, path))
             except (UnbendError, MemoryError) as error:
                 if not batch:
                     raise
-                failures.append(Failure.of(path, error))
+                failures.append(unbend.collection.Failure.of(path, error))
     for one in done:
         for note in one["notes"]:
             say("note", f"{one['file']}: {note}" if batch else note)
@@ -194,25 +165,16 @@ def canonical(
     tell(
         {"files": done},
         _overview(done, failures) if batch else rows(_summary(done[0])),
-        written=[out, figure, report],
-        next_step=look_at(report) or (None if out or figure or batch else hint),
+        written=[out, figure],
+        report=report,
+        next_step=None if out or figure or batch else hint,
         failures=failures,
     )
 
 
-def _part(progress: Progress, i: int, paths: list[str]) -> Progress:
-    """Progress of one mesh among many."""
-    return lambda stage, share: progress(
-        f"{i + 1} of {len(paths)}, {paths[i]}: {stage}", (i + share) / len(paths)
-    )
-
-
-def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
+def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
     """Write points, one for each vertex of the shape, in the format that the suffix names."""
     import numpy as np
-
-    from unbend.io import write_mesh
-    from unbend.mesh import Mesh
 
     if not out.lower().endswith(_MESH_SUFFIXES):
         write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
@@ -221,19 +183,7 @@ def _write(out: str, path: str, shape: Mesh, points: FloatArray) -> None:
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
     like = lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
-    write_mesh(out, Mesh(points, faces), like=like)
-
-
-def _numbers(path: str, shape: Mesh, form: CanonicalForm) -> dict[str, Any]:
-    names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
-    return {
-        "file": path,
-        "n_vertices": shape.n_vertices,
-        "n_faces": shape.n_faces,
-        "notes": shape.notes,
-        **{name: getattr(form, name) for name in names},
-        "steps": form.seconds,
-    }
+    unbend.write_mesh(out, unbend.Mesh(points, faces), like=like)
 
 
 def _summary(one: dict[str, Any]) -> dict[str, str]:
@@ -249,7 +199,7 @@ def _summary(one: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _overview(done: list[dict[str, Any]], failures: list[Failure]) -> list[str]:
+def _overview(done: list[dict[str, Any]], failures: list[unbend.collection.Failure]) -> list[str]:
     lines = [("mesh", "vertices", "faces", "stress", "time", "")]
     for one in done:
         counts = f"{one['n_vertices']:,}", f"{one['n_faces']:,}"

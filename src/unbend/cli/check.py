@@ -2,47 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
-from unbend.cli._batch import expand_folders
+from unbend.cli import _options as options
+from unbend.cli._input import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, say, table, tell
-from unbend.errors import UnbendError
-
-if TYPE_CHECKING:
-    from unbend.mesh import Mesh
-    from unbend.preparation import Diagnosis
+from unbend.errors import InputError, UnbendError
 
 
-class Verdict(NamedTuple):
-    """Whether unbend can work with a mesh, in a sentence, and what to do next."""
-
-    usable: bool
-    sentence: str
-    next_step: str | None = None
-
-
-class Checked(NamedTuple):
-    """What was found in a file; no health where it could not be read."""
-
-    file: str
-    verdict: Verdict
-    health: Diagnosis | None = None
-    name: str = ""
-    notes: tuple[str, ...] = ()
-
-
-def check(
-    meshes: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
-        ),
-    ],
-) -> None:
+def check(meshes: options.Meshes) -> None:
     """Report problems of meshes, and how unbend will handle them.
 
     Several meshes get one table, a line each; a file that cannot be read does not end the check.
@@ -56,93 +28,72 @@ def check(
       unbend check scan.ply --json
     """
     paths = expand_folders(meshes)
+    found = []
+    lines: list[str] = []
     with progress_on_stderr() as progress:
-        found = []
         for i, path in enumerate(paths):
             progress(f"{i + 1} of {len(paths)}, {path}", i / len(paths))
-            found.append(_checked(path))
-    several = len(found) > 1
-    tell(
-        {"files": [_as_dict(one) for one in found]},
-        _overview(found) if several else _details(found[0]),
-        next_step="unbend check MESH shows the details of one"
-        if several
-        else found[0].verdict.next_step,
-    )
-    if not all(one.verdict.usable for one in found):
+            one, lines = _checked(path)
+            found.append(one)
+    next_step = found[0]["next_step"]
+    if len(found) > 1:
+        lines, next_step = _overview(found), "unbend check MESH shows the details of one"
+    tell({"files": found}, lines, next_step=next_step)
+    if not all(one["usable"] for one in found):
         raise typer.Exit(EXIT_REFUSED)
 
 
-def _checked(path: str) -> Checked:
-    from unbend.io import read_mesh
-    from unbend.preparation import diagnose
-
+def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
+    """Give what was found in a file, and all lines about it."""
+    one = {"file": path, "usable": False, "verdict": "", "next_step": None, "notes": ()}
     try:
-        shape = read_mesh(path)
-        health = diagnose(shape)
+        shape = unbend.read_mesh(path)
+        health = unbend.diagnose(shape)
     except UnbendError as error:
         say("error", str(error))
-        return Checked(path, Verdict(False, str(error)))
-    return Checked(path, _judge(shape, health, path), health, shape.name, shape.notes)
+        return one | {"verdict": str(error), "health": None}, []
+    usable, verdict, next_step = _judge(shape, health, path)
+    one |= {"usable": usable, "verdict": verdict, "next_step": next_step}
+    lines = [*_details(shape, health), "", verdict]
+    return one | {"notes": shape.notes, "health": health}, lines
 
 
-def _judge(shape: Mesh, health: Diagnosis, path: str) -> Verdict:
-    """Try what computations will try."""
-    from unbend.errors import InputError
-    from unbend.preparation import prepare
-
+def _judge(
+    shape: unbend.Mesh, health: unbend.preparation.Diagnosis, path: str
+) -> tuple[bool, str, str | None]:
+    """Try what computations will try: whether they can, in a sentence, and what to do next."""
     command = f"unbend canonical {quoted(path)} -o OUT.ply"
     try:
-        prepared = prepare(shape)
+        prepared = unbend.preparation.prepare(shape)
     except InputError as refusal:
         try:
-            prepare(shape, component="largest")
+            unbend.preparation.prepare(shape, component="largest")
         except InputError:
-            return Verdict(False, f"unbend cannot work with this mesh: {refusal}")
+            return False, f"unbend cannot work with this mesh: {refusal}", None
         sentence = "unbend can work with one component of this mesh."
-        return Verdict(True, sentence, f"{command} --component largest")
+        return True, sentence, f"{command} --component largest"
     if health.one_sided:
-        return Verdict(True, "unbend can work with this mesh, but cannot match it.", command)
+        return True, "unbend can work with this mesh, but cannot match it.", command
     as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
     healthy = as_it_is and not health.inconsistent_edges
     sentence = "This mesh is healthy." if healthy else "unbend can work with this mesh."
-    return Verdict(True, sentence, command)
+    return True, sentence, command
 
 
-def _as_dict(one: Checked) -> dict[str, Any]:
-    return {
-        "file": one.file,
-        "usable": one.verdict.usable,
-        "verdict": one.verdict.sentence,
-        "next_step": one.verdict.next_step,
-        "notes": one.notes,
-        "health": None if one.health is None else dataclasses.asdict(one.health),
-    }
-
-
-def _overview(found: list[Checked]) -> list[str]:
+def _overview(found: list[dict[str, Any]]) -> list[str]:
     lines = [["mesh", "vertices", "faces", "components", "boundary edges", "verdict"]]
     for one in found:
-        health = one.health
-        counts = ["-"] * 4
+        counts, health = ["-"] * 4, one["health"]
         if health is not None:
-            numbers = (
-                health.n_vertices,
-                health.n_faces,
-                health.n_components,
-                health.boundary_edges,
-            )
-            counts = [f"{number:,}" for number in numbers]
-        lines.append([one.file, *counts, one.verdict.sentence])
+            names = ("n_vertices", "n_faces", "n_components", "boundary_edges")
+            counts = [f"{getattr(health, name):,}" for name in names]
+        lines.append([one["file"], *counts, one["verdict"]])
     return table("<>>>><", *lines)
 
 
-def _details(one: Checked) -> list[str]:
-    """All lines about a mesh: facts first, then whatever is out of order, and the verdict."""
-    health = one.health
-    if health is None:
-        return []
-    lines = [(one.name, "found", "what unbend does"), ("vertices", f"{health.n_vertices:,}", "")]
+def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[str]:
+    """Facts about a mesh, then whatever is out of order."""
+    lines = [(shape.name, "found", "what unbend does"), ("vertices", f"{shape.n_vertices:,}", "")]
     if not health.n_faces:
         lines.append(("faces", "0", "treated as a point cloud"))
     else:
@@ -172,11 +123,11 @@ def _details(one: Checked) -> list[str]:
         (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
     lines += [(what, f"{count:,}", action) for count, what, action in problems if count]
-    lines += [("reading", "", note) for note in one.notes]
-    return [*table("<><", *lines), "", one.verdict.sentence]
+    lines += [("reading", "", note) for note in shape.notes]
+    return table("<><", *lines)
 
 
-def _component_action(health: Diagnosis) -> str:
+def _component_action(health: unbend.preparation.Diagnosis) -> str:
     if health.n_components == 1:
         return ""
     sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
@@ -184,7 +135,7 @@ def _component_action(health: Diagnosis) -> str:
     return f"matches the largest; else needs --component largest (vertices: {sizes}{more})"
 
 
-def _boundary_action(health: Diagnosis) -> str:
+def _boundary_action(health: unbend.preparation.Diagnosis) -> str:
     if health.closed:
         return "closed"
     loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"

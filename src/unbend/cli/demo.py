@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._output import progress_on_stderr, table, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
-    from unbend.report.figures import CanonicalColumn
 
-
-class Pair(NamedTuple):
-    """How far apart two shapes are, as they stand and unbent."""
-
-    first: str
-    second: str
-    same_species: bool
-    before: float
-    after: float
-
+    Column = tuple[str, unbend.Mesh, FloatArray, FloatArray, FloatArray]
 
 _POSES = {
     "dog": ("standing", "galloping", "sitting"),
@@ -32,88 +23,88 @@ _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 
 
 def demo(
-    out: Annotated[str, options.out("Where to write the picture.", "PNG")] = "unbend-demo.png",
+    out: Annotated[str, options.out("PNG")] = "unbend-demo.png",
 ) -> None:
     """Draw a dog and a person in three poses with their canonical forms, and compare them.
+
+    Options
+    -------
+      out: Where to write the picture.
 
     Examples
     --------
       unbend demo
       unbend demo -o picture.png
     """
-    from unbend.alignment import procrustes
-    from unbend.canonical import canonical_form, lay_into_pose
-    from unbend.datasets import make_biped, make_quadruped
-    from unbend.io import check_writable
-    from unbend.report.colors import position_colors
-    from unbend.report.figures import CanonicalColumn, draw_canonical_forms
-
-    check_writable(out, (".png", ".pdf", ".svg"))
-    columns: list[CanonicalColumn] = []
+    unbend.io.check_writable(out, (".png", ".pdf", ".svg"))
+    columns: list[Column] = []
     with progress_on_stderr() as progress:
-        for species, make in (("dog", make_quadruped), ("human", make_biped)):
+        for species, make in (
+            ("dog", unbend.datasets.make_quadruped),
+            ("human", unbend.datasets.make_biped),
+        ):
             first = upright = None
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
                 mesh = make(pose, n_vertices=_N_VERTICES).mesh
-                form = canonical_form(mesh)
-                points, surface = form.points, lay_into_pose(mesh, form)
+                form = unbend.canonical_form(mesh)
+                points, surface = form.points, unbend.lay_into_pose(mesh, form)
                 if first is None:
                     first, upright = points, mesh.vertices
-                    colors = position_colors(mesh.vertices)
+                    colors = unbend.report.position_colors(mesh.vertices)
                 # A form is unique up to a rotation or reflection: draw them all one way round.
-                rotation, translation = procrustes(points, first)
+                rotation, translation = unbend.alignment.procrustes(points, first)
                 points = points @ rotation.T + translation
-                turn, shift = procrustes(surface, upright, reflect=False)
+                turn, shift = unbend.alignment.procrustes(surface, upright, reflect=False)
                 upright = surface = surface @ turn.T + shift
-                columns.append(CanonicalColumn(f"{species}, {pose}", mesh, points, colors, surface))
+                columns.append((f"{species}, {pose}", mesh, points, colors, surface))
         progress("comparing", 0)
         pairs = _compare(columns)
         progress("drawing", 0)
-        draw_canonical_forms(columns, out, canonical_view=(30, 20))
+        unbend.report.draw_canonical_forms(columns, out, canonical_view=(30, 20))
     tell(
-        {"pairs": [pair._asdict() for pair in pairs]},
+        {"pairs": pairs},
         _lines(pairs),
         written=[out],
         next_step="unbend canonical YOUR_MESH -o canonical.ply",
     )
 
 
-def _compare(columns: list[CanonicalColumn]) -> list[Pair]:
+def _compare(columns: list[Column]) -> list[dict[str, Any]]:
+    """Measure how far apart each two shapes are, as they stand and unbent."""
     import numpy as np
-
-    from unbend.alignment import align
 
     def scaled(points: FloatArray) -> FloatArray:
         some = points[:: len(points) // _COMPARED]
         some = some - some.mean(axis=0)
         return np.asarray(some / np.sqrt((some**2).sum(axis=1).mean()))
 
-    shapes = [scaled(column.original.vertices) for column in columns]
-    forms = [scaled(column.canonical) for column in columns]
     return [
-        Pair(
-            first=columns[i].caption.replace(",", ""),
-            second=columns[j].caption.replace(",", ""),
-            same_species=columns[i].caption.split(",")[0] == columns[j].caption.split(",")[0],
-            before=align(shapes[i], shapes[j]).residual,
-            after=align(forms[i], forms[j]).residual,
+        {
+            "first": first.replace(",", ""),
+            "second": second.replace(",", ""),
+            "same_species": first.split(",")[0] == second.split(",")[0],
+            "before": unbend.align(scaled(mesh.vertices), scaled(other.vertices)).residual,
+            "after": unbend.align(scaled(form), scaled(other_form)).residual,
+        }
+        for (first, mesh, form, *_), (second, other, other_form, *_) in itertools.combinations(
+            columns, 2
         )
-        for i, j in itertools.combinations(range(len(columns)), 2)
     ]
 
 
-def _lines(pairs: list[Pair]) -> list[str]:
+def _lines(pairs: list[dict[str, Any]]) -> list[str]:
     cells = [["", "before", "after"]]
-    for pair in sorted(pairs, key=lambda pair: not pair.same_species):
-        cells.append([f"{pair.first} - {pair.second}", f"{pair.before:.1%}", f"{pair.after:.1%}"])
-    same = [pair.after for pair in pairs if pair.same_species]
-    different = [pair.after for pair in pairs if not pair.same_species]
+    after: dict[bool, list[float]] = {True: [], False: []}
+    for pair in sorted(pairs, key=lambda pair: not pair["same_species"]):
+        names = f"{pair['first']} - {pair['second']}"
+        cells.append([names, f"{pair['before']:.1%}", f"{pair['after']:.1%}"])
+        after[pair["same_species"]].append(pair["after"])
     return [
         "How far apart two shapes are after the best rigid alignment, in % of their size:",
         "",
         *table("<>>", *cells),
         "",
-        f"Unbent, one species differs by {max(same):.1%} at most between poses, "
-        f"two species by {min(different):.1%} at least.",
+        f"Unbent, one species differs by {max(after[True]):.1%} at most between poses, "
+        f"two species by {min(after[False]):.1%} at least.",
     ]

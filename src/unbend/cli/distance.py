@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
-from unbend.cli._input import parse_component
-from unbend.cli._output import lines_to_keep, look_at, progress_on_stderr, rows, tell, write_columns
-
-if TYPE_CHECKING:
-    from unbend._types import FloatArray
-    from unbend.mesh import Mesh
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
 
 
 def _vertex(text: str) -> int:
@@ -24,47 +20,32 @@ def _vertex(text: str) -> int:
 
 def distance(
     mesh: options.Mesh,
-    sources: Annotated[
-        list[int],
-        typer.Option(
-            "--from", metavar="VERTEX", parser=_vertex, help="A vertex id, from 0; may be repeated."
-        ),
-    ],
-    out: Annotated[
-        str | None,
-        options.out(
-            ".npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one "
-            "value per vertex and source, distance_VERTEX."
-        ),
-    ] = None,
-    kind: Annotated[
-        DistanceKind,
-        typer.Option(
-            "--distance",
-            help="geodesic: the length of the shortest path on the surface, by the heat method; "
-            "geodesic-exact: without its error, slower. The others are spectral: they measure how "
-            "far apart points are in the shape as a whole, and are no lengths of paths.",
-        ),
-    ] = "geodesic",
-    n_eigenpairs: Annotated[
-        int | None, typer.Option(help="Number of eigenpairs; by default no truncation.")
-    ] = None,
-    time: Annotated[
-        float | None,
-        typer.Option(help="Diffusion time, in units of the mesh's area; by default 0.1."),
-    ] = None,
+    sources: Annotated[list[int], typer.Option("--from", metavar="VERTEX", parser=_vertex)],
+    out: Annotated[str | None, options.out()] = None,
+    kind: Annotated[DistanceKind, typer.Option("--distance")] = "geodesic",
+    n_eigenpairs: int | None = None,
+    time: float | None = None,
     laplacian: options.Laplacian = "auto",
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the mesh, coloured by the distance to the nearest VERTEX")
-    ] = None,
-    report: Annotated[
-        str | None, options.report("Write a page to look at these distances in a browser.")
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure distances on the surface from vertices to all others, in the mesh's unit.
+
+    Options
+    -------
+      sources: A vertex id, from 0; may be repeated.
+      out: .npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one value
+          per vertex and source, distance_VERTEX.
+      kind: geodesic: the length of the shortest path on the surface, by the heat method;
+          geodesic-exact: without its error, slower. The others are spectral: they measure how far
+          apart points are in the shape as a whole, and are no lengths of paths.
+      n_eigenpairs: Number of eigenpairs; by default no truncation.
+      time: Diffusion time, in units of the mesh's area; by default 0.1.
+      figure: Draw the mesh, coloured by the distance to the nearest VERTEX (.png, .pdf, .svg).
+      report: Write a page to look at these distances in a browser.
 
     Examples
     --------
@@ -75,62 +56,44 @@ def distance(
     import numpy as np
 
     from unbend._arrays import first_largest
-    from unbend.distances import distance as measure
-    from unbend.io import check_writable, read_mesh
 
     if out is not None:
-        check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
+        unbend.io.check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shape = read_mesh(mesh)
+        shape = unbend.read_mesh(mesh)
         progress(f"{kind} distance", 0)
-        field = measure(
+        field = unbend.distance(
             shape,
             sources,
             distance=kind,
             n_eigenpairs=n_eigenpairs,
             time=time,
             laplacian=laplacian,
-            component=parse_component(component),
+            component=component,
         )
-    if out is not None:
-        _write(out, mesh, shape, sources, field)
+    names = [f"distance_{source}" for source in sources]
+    if out is not None and out.lower().endswith(unbend.io.SCALAR_SUFFIXES):
+        lines_to_keep(out, mesh)
+        unbend.write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
+    elif out is not None:
+        write_columns(out, field.T, names)
     nearest = field.min(axis=0)
     if figure is not None:
-        from unbend.report.shape_figures import draw_values
-
-        draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
+        unbend.report.draw_values(shape, nearest, figure, label=f"{kind} distance", up=up)
     if report is not None:
-        from unbend.report import view
-
-        view(shape, values=nearest, path=report, up=up)
+        unbend.report.view(shape, values=nearest, path=report, up=up)
     farthest = first_largest(np.nan_to_num(field, nan=-1.0).T)
-    largest = field[np.arange(len(sources)), farthest]
-    reached = list(zip(sources, farthest.tolist(), largest.tolist(), strict=True))
-    keys = ("vertex", "farthest", "distance")
     lines = {"mesh": f"{shape.name}, {shape.n_vertices:,} vertices", "distance": kind}
-    for source, vertex, length in reached:
-        lines[f"from {source}"] = f"farthest is vertex {vertex}, at {length:.5g}"
+    reached = []
+    for source, vertex, lengths in zip(sources, farthest.tolist(), field, strict=True):
+        reached.append({"vertex": source, "farthest": vertex, "distance": lengths[vertex]})
+        lines[f"from {source}"] = f"farthest is vertex {vertex}, at {lengths[vertex]:.5g}"
     tell(
-        {
-            "file": mesh,
-            "distance": kind,
-            "sources": [dict(zip(keys, one, strict=True)) for one in reached],
-        },
+        {"file": mesh, "distance": kind, "sources": reached},
         rows(lines),
         shapes=[shape],
-        written=[out, figure, report],
-        next_step=look_at(report) or (None if out else "add -o OUT.ply to write the distances"),
+        written=[out, figure],
+        report=report,
+        next_step=None if out else "add -o OUT.ply to write the distances",
     )
-
-
-def _write(out: str, path: str, shape: Mesh, sources: list[int], field: FloatArray) -> None:
-    """Write distances (s, n) in the format that the file's suffix names."""
-    from unbend.io import SCALAR_SUFFIXES, write_mesh
-
-    names = [f"distance_{source}" for source in sources]
-    if out.lower().endswith(SCALAR_SUFFIXES):
-        lines_to_keep(out, path)
-        write_mesh(out, shape, scalars=dict(zip(names, field, strict=True)))
-    else:
-        write_columns(out, field.T, names)

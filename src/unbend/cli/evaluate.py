@@ -3,45 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import GeodesicKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_any_map, read_truth
 from unbend.cli._output import progress_on_stderr, table, tell
 
-if TYPE_CHECKING:
-    from unbend.correspondence import Evaluation
-
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
 
 def evaluate(
-    map_file: Annotated[
-        str,
-        typer.Argument(metavar="MAP", help="A map: .npz, .npy, .txt, .csv or .vts."),
-    ],
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="The mesh that MAP maps to.")],
-    source_truth: Annotated[
-        str,
-        typer.Argument(
-            metavar="SOURCE_TRUTH",
-            help="Source vertices whose image is known (.vts, .txt, .csv or .npy).",
-        ),
-    ],
-    target_truth: Annotated[
-        str, typer.Argument(metavar="TARGET_TRUTH", help="Their true images, row by row.")
-    ],
-    mirrored_truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Their images on the other side, left-right.")
-    ] = None,
-    distance: Annotated[
-        GeodesicKind, typer.Option(help="geodesic: heat method, about -1 %; exact: slow.")
-    ] = "geodesic",
+    map_file: Annotated[str, typer.Argument(metavar="MAP")],
+    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    source_truth: Annotated[str, typer.Argument(metavar="SOURCE_TRUTH")],
+    target_truth: Annotated[str, typer.Argument(metavar="TARGET_TRUTH")],
+    mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    distance: GeodesicKind = "geodesic",
     base: options.Base = None,
-    figure: Annotated[str | None, options.figure("Draw the error curves")] = None,
+    figure: options.Figure = None,
 ) -> None:
     """Measure the geodesic errors of a map against the ground truth, in units of sqrt(target area).
 
@@ -49,62 +32,64 @@ def evaluate(
     truth and its reflection for the whole map; vertex-min, the better for each row. For partial
     shapes, -1 in the ground truth means no partner, and the overlap is measured too.
 
+    Options
+    -------
+      map_file: A map: .npz, .npy, .txt, .csv or .vts.
+      target: The mesh that MAP maps to.
+      source_truth: Source vertices whose image is known (.vts, .txt, .csv or .npy).
+      target_truth: Their true images, row by row.
+      mirrored_truth: Their images on the other side, left-right.
+      distance: geodesic: heat method, about -1 %; exact: slow.
+      figure: Draw the error curves (.png, .pdf, .svg).
+
     Examples
     --------
       unbend evaluate map.vts cat1.off cat0.vts cat1.vts
       unbend evaluate map.npz b.off a.vts b.vts --mirrored-truth b.sym.vts --figure curves.png
       unbend evaluate map.npz b.off a.vts b.vts --distance geodesic-exact --json
     """
-    from unbend.correspondence import evaluate as measure
-    from unbend.io import read_mesh
-
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shape = read_mesh(target)
+        shape = unbend.read_mesh(target)
         point_map = read_any_map(map_file, base, shape)
         files = [path for path in (source_truth, target_truth, mirrored_truth) if path is not None]
         sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
         progress(f"{distance} distances", 0)
-        found = measure(point_map, shape, sources, *truths, distance=distance)
+        found = unbend.evaluate(point_map, shape, sources, *truths, distance=distance)
         if figure is not None:
-            from unbend.report.match_figures import draw_error_curves
-
-            draw_error_curves({Path(map_file).stem: found}, figure)
-    result = {"map": map_file, "target": target, "distance": distance, **_as_dict(found)}
-    tell(result, _summary(found), shapes=[shape], written=[figure])
-
-
-def _protocols(found: Evaluation) -> list[str]:
-    return ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
-
-
-def _as_dict(found: Evaluation) -> dict[str, Any]:
-    from unbend.correspondence import THRESHOLDS
-
-    return {
-        "n_rows": len(found.direct),
-        "coverage": found.coverage,
-        "overlap": vars(found.overlap),
-        "thresholds": THRESHOLDS,
-        "protocols": {
-            name: {
-                "n_rows": len(found.errors(name)),
-                "mean": found.mean(name),
-                "median": found.median(name),
-                "auc": found.auc(name),
-                "curve": found.curve(name),
-            }
-            for name in _protocols(found)
+            unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
+    names = ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
+    tell(
+        {
+            "map": map_file,
+            "target": target,
+            "distance": distance,
+            "n_rows": len(found.direct),
+            "coverage": found.coverage,
+            "overlap": found.overlap,
+            "thresholds": unbend.correspondence.THRESHOLDS,
+            "protocols": {name: _measures(found, name) for name in names},
         },
+        _summary(found, names),
+        shapes=[shape],
+        written=[figure],
+    )
+
+
+def _measures(found: unbend.correspondence.Evaluation, name: str) -> dict[str, Any]:
+    return {
+        "n_rows": len(found.errors(name)),
+        "mean": found.mean(name),
+        "median": found.median(name),
+        "auc": found.auc(name),
+        "curve": found.curve(name),
     }
 
 
-def _summary(found: Evaluation) -> list[str]:
-    from unbend.correspondence import THRESHOLDS
-
-    columns = [int(abs(THRESHOLDS - shown).argmin()) for shown in _SHOWN]
+def _summary(found: unbend.correspondence.Evaluation, names: list[str]) -> list[str]:
+    columns = [int(abs(unbend.correspondence.THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
-    for name in _protocols(found):
+    for name in names:
         curve = found.curve(name)
         numbers = f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"
         cells.append([name, *numbers, *(f"{curve[i]:.1f} %" for i in columns)])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import (
@@ -16,23 +17,18 @@ from unbend.cli._input import (
     landmarks_of,
     read_shapes,
     read_truth,
+    show_match,
     write_result,
 )
 from unbend.cli._output import (
-    EXIT_UNSURE,
-    command_line,
     elapsed,
     lines_to_keep,
-    look_at,
     progress_on_stderr,
     rows,
     tell,
     warn_if_doubtful,
 )
-
-if TYPE_CHECKING:
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
+from unbend.errors import InputError
 
 # A map that is not sure of its side has about as much of the surface on either.
 _CLEAR_SIDE = 0.1
@@ -45,56 +41,18 @@ def match(
     partial: options.Partial = "auto",
     landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
-    n_matches: Annotated[
-        int,
-        typer.Option(
-            "-n",
-            "--n-matches",
-            metavar="N",
-            help="Write the N best distinct maps: MAP, MAP-2, MAP-3 ...",
-        ),
-    ] = 1,
-    n_eigenpairs: Annotated[int, typer.Option(help="Eigenfunctions of each shape.")] = 80,
-    allow_mirror: Annotated[
-        bool,
-        typer.Option(
-            "--allow-mirror",
-            help="Let the map turn the surface inside out, as from a left hand to a right one.",
-        ),
-    ] = False,
-    refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full meshes.")
-    ] = True,
+    n_matches: Annotated[int, options.count("--n-matches", None)] = 1,
+    n_eigenpairs: int = 80,
+    allow_mirror: Annotated[bool, typer.Option("--allow-mirror")] = False,
+    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw both shapes, corresponding points in one colour")
-    ] = None,
-    colored: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            metavar="OUT OUT",
-            help="Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, "
-            "for Blender, MeshLab and ParaView.",
-        ),
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page to look at the match in a browser: both shapes turn together, and a "
-            "place on one shows its partner on the other."
-        ),
-    ] = None,
+    figure: options.Figure = None,
+    colored: Annotated[tuple[str, str] | None, typer.Option(metavar="OUT OUT")] = None,
+    report: options.Report = None,
     truth: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            metavar="SOURCE_TRUTH TARGET_TRUTH",
-            help="Source vertices whose image is known, and their true images, row by row: the "
-            "report then shows the errors.",
-        ),
+        tuple[str, str] | None, typer.Option(metavar="SOURCE_TRUTH TARGET_TRUTH")
     ] = None,
-    mirrored_truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Their images on the other side.")
-    ] = None,
+    mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -103,6 +61,21 @@ def match(
     The shapes may have different poses and different meshes. Nothing is random: the same meshes
     give the same map. With --min-confidence, a less confident match is printed but not written, and
     the exit code is 3.
+
+    Options
+    -------
+      n_matches: Write the N best distinct maps: MAP, MAP-2, MAP-3 ...
+      n_eigenpairs: Eigenfunctions of each shape.
+      allow_mirror: Let the map turn the surface inside out, as from a left hand to a right one.
+      refine: Refine the map on the full meshes.
+      figure: Draw both shapes, corresponding points in one colour (.png, .pdf, .svg).
+      colored: Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, for
+          Blender, MeshLab and ParaView.
+      report: Write a page to look at the match in a browser: both shapes turn together, and a place
+          on one shows its partner on the other.
+      truth: Source vertices whose image is known, and their true images, row by row: the report
+          then shows the errors.
+      mirrored_truth: Their images on the other side.
 
     Examples
     --------
@@ -114,9 +87,14 @@ def match(
       unbend match torn.ply model.ply --partial source -o torn.npz
       unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """
-    from unbend.matching import match as find_match
-
-    _check_options(colored, report, truth, mirrored_truth)
+    for path in colored or ():
+        unbend.io.check_writable(path, unbend.io.COLOR_SUFFIXES)
+    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
+        raise InputError(f"--colored needs two files, and both are {colored[0]}")
+    if truth is not None and report is None:
+        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
+    if mirrored_truth is not None and truth is None:
+        raise InputError("--mirrored-truth needs --truth")
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
@@ -125,7 +103,7 @@ def match(
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
             known = read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
         hints = landmarks_of(landmarks, shapes)
-        found = find_match(
+        found = unbend.match(
             *shapes,
             partial=partial,
             landmarks=hints,
@@ -138,27 +116,22 @@ def match(
         )
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)
-        matches = (found, *found.alternatives)
-        maps = [] if out is None or unsure else [_numbered(out, i) for i in range(len(matches))]
-        written = [] if unsure else [*maps, figure, *(colored or ()), report]
+        maps = []
         if not unsure:
             progress("writing", 0)
-            for path, one in zip(maps, matches, strict=bool(maps)):
-                write_result(path, one, shapes)
+            if out is not None:
+                for i, one in enumerate((found, *found.alternatives)):
+                    maps.append(_numbered(out, i))
+                    write_result(maps[i], one, shapes)
             if colored is not None:
                 _write_colored((source, target), component is None, shapes, found, colored)
-            if figure is not None:
-                from unbend.report.match_figures import draw_match
-
-                progress("drawing", 0)
-                draw_match(shapes[0], shapes[1], found, figure, up=up)
-            if report is not None:
-                from unbend.report.pages import match_page
-
-                shown: Any = {"up": up, "truth": known, "landmarks": hints}
-                shown |= {"command": command_line(), "progress": progress}
-                match_page(shapes[0], shapes[1], found, report, **shown)
-    warn_if_doubtful(found, seen=report is not None)
+            looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
+            show_match(shapes, found, figure, report, progress=progress, **looks)
+    warn_if_doubtful(found, seen=report is not None and not unsure)
+    next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
+    if out is not None:
+        paths = f"{quoted(source, target)} --map {quoted(out)}"
+        next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     tell(
         {
@@ -173,38 +146,19 @@ def match(
                 zip(("median", "within_95"), found.expected_error_quantiles(), strict=True)
             ),
             "missed_landmarks": found.missed_landmarks,
-            "hypotheses": [vars(one) for one in found.hypotheses],
+            "hypotheses": found.hypotheses,
             "alternatives": [_measures(one) for one in found.alternatives],
         },
         rows(summary(shapes, found, seconds)) + others,
         shapes=shapes,
-        written=written,
-        next_step=None if unsure else look_at(report) or _next_step(source, target, out),
+        written=[*maps, figure, *(colored or ())],
+        report=report,
+        next_step=next_step,
+        unsure=unsure,
     )
-    if unsure:
-        raise typer.Exit(EXIT_UNSURE)
 
 
-def _check_options(
-    colored: tuple[str, str] | None,
-    report: str | None,
-    truth: tuple[str, str] | None,
-    mirrored_truth: str | None,
-) -> None:
-    from unbend.errors import InputError
-    from unbend.io import COLOR_SUFFIXES, check_writable
-
-    for path in colored or ():
-        check_writable(path, COLOR_SUFFIXES)
-    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
-        raise InputError(f"--colored needs two files, and both are {colored[0]}")
-    if truth is not None and report is None:
-        raise InputError("ground truth is shown by --report; add it, or leave out --truth")
-    if mirrored_truth is not None and truth is None:
-        raise InputError("--mirrored-truth needs --truth")
-
-
-def summary(shapes: list[Mesh], found: Match, seconds: float) -> dict[str, str]:
+def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> dict[str, str]:
     """Name the results."""
     matched, all_of_it = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     count = f"{matched:,}" if matched == all_of_it else f"{matched:,} of {all_of_it:,}"
@@ -235,7 +189,7 @@ def describe_side(orientation: float) -> str:
     return f"{(1 + abs(orientation)) / 2:.0%} of the surface {side}"
 
 
-def _measures(found: Match) -> dict[str, Any]:
+def _measures(found: unbend.Match) -> dict[str, Any]:
     names = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
     return {name: getattr(found, name) for name in names}
 
@@ -249,20 +203,10 @@ def _numbered(out: str, i: int) -> str:
 def _write_colored(
     originals: tuple[str, str],
     whole: bool,
-    shapes: list[Mesh],
-    found: Match,
+    shapes: list[unbend.Mesh],
+    found: unbend.Match,
     paths: tuple[str, str],
 ) -> None:
-    from unbend.io import write_mesh
-    from unbend.report.match_figures import match_colors
-
-    colors = match_colors(shapes[0], shapes[1], found)
+    colors = unbend.report.match_colors(shapes[0], shapes[1], found)
     for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
-        write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))
-
-
-def _next_step(source: str, target: str, out: str | None) -> str:
-    if out is None:
-        return "add -o MAP.npz to keep the match, --report HTML to look at it"
-    paths = quoted(source, target)
-    return f"unbend transfer {paths} --map {quoted(out)} --values VALUES.npy -o OUT.npy"
+        unbend.write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))

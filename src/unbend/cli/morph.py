@@ -7,34 +7,19 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 
 def morph(
-    source: Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to begin with.")],
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to end on.")],
-    out: Annotated[
-        str,
-        options.out(
-            "The shape between (.ply, .obj, .glb, .off, .stl); of several steps OUT-1, OUT-2 ..."
-        ),
-    ],
-    steps: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="How many shapes between the two, evenly spaced; 1 is the one halfway.",
-        ),
-    ] = 1,
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    source: Annotated[str, typer.Argument(metavar="SOURCE")],
+    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    out: Annotated[str, options.out()],
+    steps: Annotated[int, typer.Option(metavar="N", min=1)] = 1,
+    *,
+    matching: options.MatchOptions,
     component: options.Component = None,
     cache: options.Cache = True,
 ) -> None:
@@ -42,31 +27,33 @@ def morph(
 
     They have the source's vertices and faces. Limbs rotate about their joints rather than shrink.
 
+    Options
+    -------
+      source: The mesh to begin with.
+      target: The mesh to end on.
+      out: The shape between (.ply, .obj, .glb, .off, .stl); of several steps OUT-1, OUT-2 ...
+      steps: How many shapes between the two, evenly spaced; 1 is the one halfway.
+
     Examples
     --------
       unbend morph standing.ply leaping.ply -o halfway.ply
       unbend morph standing.ply leaping.ply --steps 9 -o frame.ply
       unbend morph standing.ply leaping.ply --map map.npz -o halfway.glb
     """
-    from unbend.correspondence import morph as shape_between
-    from unbend.io import check_writable, write_mesh
-
-    check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
+    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
     path = Path(out)
-    digits = len(str(steps))
-    files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
-    files = files if steps > 1 else [out]
+    files, digits = [out], len(str(steps))
+    if steps > 1:
+        files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((source, target), component)
-        match = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
+        match = read_or_match(shapes, matching, progress)
         like = lines_to_keep(out, source, whole=component is None)
         for i, file in enumerate(files):
             progress("morphing", i / steps)
-            between = shape_between(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
-            write_mesh(file, between, like=like)
+            between = unbend.morph(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
+            unbend.write_mesh(file, between, like=like)
     confidence = getattr(match, "confidence", None)
     trust = "not estimated" if confidence is None else f"{confidence:.2f}, of the match"
     count = f"{steps} between {shapes[0].name} and {shapes[1].name}"
@@ -74,6 +61,6 @@ def morph(
         {"source": source, "target": target, "steps": steps, "confidence": confidence},
         rows({"shapes": count, "confidence": trust}),
         shapes=shapes,
-        written=[*files, save_match],
+        written=[*files, matching.save_match],
         next_step=f"open {files[0]} in MeshLab or Blender",
     )

@@ -9,55 +9,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._batch import expand_folders, is_batch
-from unbend.cli._input import read_or_match, read_shapes
-from unbend.cli._output import (
-    lines_to_keep,
-    look_at,
-    progress_on_stderr,
-    rows,
-    shown,
-    table,
-    tell,
-)
+from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
+from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, table, tell
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
-    from unbend.collection import Registered
-    from unbend.correspondence import Registration
 
 
 def register(
-    template: Annotated[str, typer.Argument(metavar="TEMPLATE", help="The mesh to deform.")],
-    scans: Annotated[
-        list[str],
-        typer.Argument(metavar="SCANS", help="The meshes to fit it to, or folders of them."),
-    ],
-    out: Annotated[
-        str,
-        options.out(
-            "The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each "
-            "vertex from the scan, yellow where that is not reached (.ply and .vtp have the "
-            "distances too), .off, .stl. From .obj to .obj only positions change: texture, "
-            "materials, groups and polygons stay. For several scans, a folder."
-        ),
-    ],
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+    scans: Annotated[list[str], typer.Argument(metavar="SCANS")],
+    out: Annotated[str, options.out()],
+    *,
+    matching: options.MatchOptions,
     component: options.Component = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page for a browser: the fitted template, coloured by its distance from the "
-            "scan, beside the scan."
-        ),
-    ] = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -67,6 +36,17 @@ def register(
     in the scan's coordinates and unit. Of several scans, a folder is written with a mesh of each
     and tables of all; scans that cannot be registered are listed, with exit code 1. The command
     unbend collection register does the same on all processors.
+
+    Options
+    -------
+      template: The mesh to deform.
+      scans: The meshes to fit it to, or folders of them.
+      out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
+          from the scan, yellow where that is not reached (.ply and .vtp have the distances too),
+          .off, .stl. From .obj to .obj only positions change: texture, materials, groups and
+          polygons stay. For several scans, a folder.
+      report: Write a page for a browser: the fitted template, coloured by its distance from the
+          scan, beside the scan.
 
     Examples
     --------
@@ -78,37 +58,27 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    of_one = {
-        "--map": map_file,
-        "--partial": None if partial == "auto" else partial,
-        "--landmarks": landmarks or None,
-        "--save-match": save_match,
-        "--min-confidence": min_confidence,
-        "--component": component,
-        "--report": report,
-    }
-    if is_batch(paths, out, of_one):
-        _register_many(template, paths, out)
+    if is_batch(paths, out, matching.given() | {"--component": component, "--report": report}):
+        with progress_on_stderr() as progress:
+            done = unbend.collection.register_files(paths, template, out, progress)
+        _, fitted, _ = unbend.collection.read_registrations(out)
+        of_all = [
+            _numbers(row.path, os.path.join(out, row.file), one)
+            for row, one in zip(done.shapes, fitted, strict=True)
+        ]
+        tell_registered(done, {"template": template, "scans": of_all}, template, out)
         return
-    from unbend.correspondence import register as fit_template
-    from unbend.correspondence import write_registration
-    from unbend.io import COLOR_SUFFIXES, check_writable
-
-    check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
+    unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
-        match = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
-        found = fit_template(shapes[0], shapes[1], match, progress=progress)
+        match = read_or_match(shapes, matching, progress)
+        found = unbend.register(shapes[0], shapes[1], match, progress=progress)
         progress("writing", 0)
         like = lines_to_keep(out, template, whole=component is None)
-        write_registration(out, found, like=like)
+        unbend.correspondence.write_registration(out, found, like=like)
         if report is not None:
-            from unbend.report import view
-
-            view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
+            unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
     one = _numbers(paths[0], out, found)
     unknown = math.isnan(found.confidence)
     lines = {
@@ -117,33 +87,22 @@ def register(
         "distance of all": _in_words(one["distance_all"]),
         "confidence": "not estimated" if unknown else f"{found.confidence:.2f}, of the match",
     }
-    colored = Path(out).suffix.lower() in COLOR_SUFFIXES and like is None
+    colored = Path(out).suffix.lower() in unbend.io.COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
     tell(
         {"template": template, "scans": [one]},
         rows(lines),
         failures=(),
         shapes=shapes,
-        written=[out, save_match, report],
-        next_step=look_at(report)
-        or f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
+        written=[out, matching.save_match],
+        report=report,
+        next_step=f"open {out} and {paths[0]} together in MeshLab or Blender{legend}",
     )
 
 
-def _register_many(template: str, paths: list[str], out: str) -> None:
-    from unbend.collection import read_registrations, register_files
-
-    with progress_on_stderr() as progress:
-        done = register_files(paths, template, out, progress)
-    _, found, _ = read_registrations(out)
-    scans = [
-        _numbers(row.path, os.path.join(out, row.file), one)
-        for row, one in zip(done.shapes, found, strict=True)
-    ]
-    tell_registered(done, {"template": template, "scans": scans}, template, out)
-
-
-def tell_registered(done: Registered, result: dict[str, Any], template: str, out: str) -> None:
+def tell_registered(
+    done: unbend.collection.Registered, result: dict[str, Any], template: str, out: str
+) -> None:
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
@@ -172,7 +131,7 @@ def tell_registered(done: Registered, result: dict[str, Any], template: str, out
     )
 
 
-def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:
+def _numbers(scan: str, file: str, found: unbend.correspondence.Registration) -> dict[str, Any]:
     return {
         "scan": scan,
         "file": file,
@@ -186,20 +145,19 @@ def _numbers(scan: str, file: str, found: Registration) -> dict[str, Any]:
     }
 
 
-def _spread(found: Registration, distances: FloatArray) -> dict[str, Any]:
+def _spread(found: unbend.correspondence.Registration, distances: FloatArray) -> dict[str, Any]:
     """Mean and 95 % quantile of distances, in the scan's unit and in sqrt(area)."""
     import numpy as np
 
-    from unbend.mesh import vertex_areas
-
-    known = distances[np.isfinite(distances)]
-    mean, most = (known.mean(), np.quantile(known, 0.95)) if len(known) else (np.nan, np.nan)
-    side = np.sqrt(vertex_areas(found.mesh).sum())
+    mean = most = np.nan
+    if len(known := distances[np.isfinite(distances)]):
+        mean, most = known.mean(), np.quantile(known, 0.95)
+    side = np.sqrt(unbend.mesh.vertex_areas(found.mesh).sum())
     return {
-        "mean": float(mean),
-        "within_95": float(most),
-        "mean_relative": float(mean / side),
-        "within_95_relative": float(most / side),
+        "mean": mean,
+        "within_95": most,
+        "mean_relative": mean / side,
+        "within_95_relative": most / side,
     }
 
 

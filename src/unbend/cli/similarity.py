@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -16,52 +17,38 @@ from unbend.errors import InputError
 
 if TYPE_CHECKING:
     from unbend._types import Progress
-    from unbend.mesh import Mesh
-
-
-class Pair(NamedTuple):
-    """How alike two of the shapes are; the confidence is that of their match, if one was made."""
-
-    model: int
-    probe: int
-    similarity: float
-    confidence: float | None
 
 
 def similarity(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="The mesh to compare with.")],
-    probes: Annotated[
-        list[str], typer.Argument(metavar="PROBES", help="Meshes to compare it with.")
-    ],
-    known: Annotated[
-        bool,
-        typer.Option(
-            "--known-correspondence",
-            help="Vertex i is the same point on every shape; otherwise the shapes are matched, "
-            "which takes seconds a pair.",
-        ),
-    ] = False,
-    matrix: Annotated[bool, typer.Option("--matrix", help="Compare all pairs.")] = False,
-    n_components: Annotated[int, typer.Option(help="Dimension that is compared.")] = 3,
-    distance: Annotated[
-        DistanceKind, typer.Option(help="The distance that the forms approximate.")
-    ] = "biharmonic",
+    model: Annotated[str, typer.Argument(metavar="MODEL")],
+    probes: Annotated[list[str], typer.Argument(metavar="PROBES")],
+    known: Annotated[bool, typer.Option("--known-correspondence")] = False,
+    matrix: Annotated[bool, typer.Option("--matrix")] = False,
+    n_components: int = 3,
+    distance: DistanceKind = "biharmonic",
     component: options.Component = None,
     csv: options.Csv = None,
-    figure: Annotated[str | None, options.figure("With --matrix: draw a heat map")] = None,
-    report: Annotated[
-        str | None,
-        options.report(
-            "Write a page to look at in a browser: the probes as pictures, the most alike first; "
-            "with --matrix a heat map with its dendrogram, and pictures that open."
-        ),
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure how similar shapes are, whatever their poses: 1 for the same shape.
 
     The measure is the cosine of the canonical forms after the best alignment.
+
+    Options
+    -------
+      model: The mesh to compare with.
+      probes: Meshes to compare it with.
+      known: Vertex i is the same point on every shape; otherwise the shapes are matched, which
+          takes seconds a pair.
+      matrix: Compare all pairs.
+      n_components: Dimension that is compared.
+      distance: The distance that the forms approximate.
+      figure: With --matrix: draw a heat map (.png, .pdf, .svg).
+      report: Write a page to look at in a browser: the probes as pictures, the most alike first;
+          with --matrix a heat map with its dendrogram, and pictures that open.
 
     Examples
     --------
@@ -72,71 +59,71 @@ def similarity(
     """
     if figure is not None and not matrix:
         raise InputError("a heat map shows all pairs; add --matrix to --figure")
-    from unbend.io import write_table
-
     paths = [model, *probes]
+    square: list[list[float]] = []
     with output.progress_on_stderr() as progress:
         progress("reading", 0)
         shapes = read_shapes(paths, component)
-        if known:
-            _check_sizes(shapes)
+        for shape in shapes[1:]:
+            if known and shape.n_vertices != shapes[0].n_vertices:
+                raise InputError(
+                    f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
+                    f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
+                    "--known-correspondence"
+                )
         pairs = _compare(shapes, known, matrix, n_components, distance, progress)
-        square = _square(pairs, len(shapes)) if matrix else None
+        ranked = sorted(pairs, key=lambda one: -round(one[2], 9))
+        keys = ("model", "probe", "similarity", "confidence")
         named = [
-            one._asdict() | {"model": paths[one.model], "probe": paths[one.probe]} for one in pairs
+            dict(zip(keys, (paths[i], paths[j], *others), strict=True)) for i, j, *others in pairs
         ]
-        if csv is not None and square is None:
-            head = ["model", "probe", "similarity", "match_confidence"]
-            write_table(csv, [head, *(one.values() for one in named)])
-        elif csv is not None and square is not None:
-            cells = ([path, *row] for path, row in zip(paths, square, strict=True))
-            write_table(csv, [["shape", *paths], *cells])
-        if figure is not None and square is not None:
-            from unbend.report.collection_figures import draw_similarities
-
-            draw_similarities([Path(path).stem for path in paths], square, figure)
-        ranked = sorted(pairs, key=lambda one: -round(one.similarity, 9))
+        cells: list[list[Any]] = [["model", "probe", "similarity", "match_confidence"]]
+        if matrix:
+            square = [[1.0] * len(paths) for _ in paths]
+            for i, j, value, _ in pairs:
+                square[i][j] = square[j][i] = value
+            cells = [["shape", *paths]]
+            cells += [[path, *row] for path, row in zip(paths, square, strict=True)]
+        else:
+            cells += [list(one.values()) for one in named]
+        if csv is not None:
+            unbend.io.write_table(csv, cells)
+        if figure is not None:
+            unbend.report.draw_similarities([Path(path).stem for path in paths], square, figure)
         if report is not None:
-            from unbend.report.pages import search_page, similarity_page
-
-            options: Any = {"up": up, "command": output.command_line(), "progress": progress}
-            if square is not None:
-                similarity_page(shapes, square, report, **options)
+            looks: Any = {"up": up, "command": output.command_line(), "progress": progress}
+            if matrix:
+                unbend.report.similarity_page(shapes, square, report, **looks)
             else:
-                alike, values = [shapes[one.probe] for one in ranked], [one[2] for one in ranked]
-                search_page(shapes[0], alike, values, report, measure="similarity", **options)
+                alike = [shapes[j] for _, j, *_ in ranked]
+                values = [value for _, _, value, _ in ranked]
+                unbend.report.search_page(
+                    shapes[0], alike, values, report, measure="similarity", **looks
+                )
+    lines = [["probe", "similarity", "" if known else "confidence of the match"]]
+    for _, j, value, confidence in ranked:
+        lines.append([paths[j], f"{value:.4f}", "" if known else f"{confidence:.2f}"])
     output.tell(
         {"pairs": named},
-        _lines(paths, ranked) if square is None else output.matrix(paths, square),
+        output.matrix(paths, square) if matrix else output.table("<>>", *lines),
         shapes=shapes,
-        written=[csv, figure, report],
-        next_step=output.look_at(report),
+        written=[csv, figure],
+        report=report,
     )
 
 
-def _check_sizes(shapes: list[Mesh]) -> None:
-    for shape in shapes[1:]:
-        if shape.n_vertices != shapes[0].n_vertices:
-            raise InputError(
-                f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
-                f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
-                "--known-correspondence"
-            )
-
-
 def _compare(
-    shapes: list[Mesh],
+    shapes: list[unbend.Mesh],
     known: bool,
     matrix: bool,
     n_components: int,
     distance: DistanceKind,
     progress: Progress,
-) -> list[Pair]:
-    """Compare the first shape with the others, or all with all; each form is computed once."""
-    from unbend.correspondence import similarity as likeness
-    from unbend.matching import match
-    from unbend.mesh import vertex_areas
+) -> list[tuple[int, int, float, float | None]]:
+    """Compare the first shape with the others, or all with all; each form is computed once.
 
+    Gives pairs of shapes, their similarity, and the confidence of their match, if one was made.
+    """
     forms = []
     for shape in shapes:
         progress(f"{shape.name}, canonical form", 0)
@@ -146,33 +133,16 @@ def _compare(
     for i, j in itertools.combinations(range(len(shapes)), 2):
         if i and not matrix:
             break
-        names = f"{shapes[i].name} to {shapes[j].name}"
         found = areas = None
         if not known:
-            areas = vertex_areas(shapes[i]), vertex_areas(shapes[j])
-            found = match(
-                shapes[i],
-                shapes[j],
-                progress=lambda stage, share, names=names: progress(  # type: ignore[misc]
-                    f"{names}: {stage}", share
-                ),
-            )
-        value = likeness(forms[i], forms[j], match=found, n_components=n_components, areas=areas)
-        pairs.append(Pair(i, j, value, None if found is None else found.confidence))
+            areas = unbend.mesh.vertex_areas(shapes[i]), unbend.mesh.vertex_areas(shapes[j])
+
+            def step(stage: str, share: float, i: int = i, j: int = j) -> None:
+                progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
+
+            found = unbend.match(shapes[i], shapes[j], progress=step)
+        value = unbend.similarity(
+            forms[i], forms[j], match=found, n_components=n_components, areas=areas
+        )
+        pairs.append((i, j, value, None if found is None else found.confidence))
     return pairs
-
-
-def _square(pairs: list[Pair], n: int) -> list[list[float]]:
-    table = [[1.0] * n for _ in range(n)]
-    for pair in pairs:
-        table[pair.model][pair.probe] = table[pair.probe][pair.model] = pair.similarity
-    return table
-
-
-def _lines(paths: list[str], ranked: list[Pair]) -> list[str]:
-    matched = ranked[0].confidence is not None
-    cells = [["probe", "similarity", "confidence of the match" if matched else ""]]
-    for pair in ranked:
-        trust = "" if pair.confidence is None else f"{pair.confidence:.2f}"
-        cells.append([paths[pair.probe], f"{pair.similarity:.4f}", trust])
-    return output.table("<>>", *cells)

@@ -6,35 +6,20 @@ from typing import Annotated
 
 import typer
 
+import unbend
 from unbend.cli import _options as options
-from unbend.cli._input import is_unsure, read_shapes, write_result
-from unbend.cli._output import (
-    EXIT_UNSURE,
-    command_line,
-    elapsed,
-    look_at,
-    progress_on_stderr,
-    rows,
-    tell,
-    warn_if_doubtful,
-)
+from unbend.cli._input import is_unsure, read_shapes, show_match, write_result
+from unbend.cli._output import elapsed, progress_on_stderr, rows, tell, warn_if_doubtful
 
 
 def symmetry(
     mesh: options.Mesh,
     out: options.MapOut = None,
     min_confidence: options.MinConfidence = None,
-    refine: Annotated[
-        bool, typer.Option("--refine/--no-refine", help="Refine the map on the full mesh.")
-    ] = True,
+    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
     component: options.Component = None,
-    figure: Annotated[
-        str | None, options.figure("Draw the shape twice, mirror partners in one colour")
-    ] = None,
-    report: Annotated[
-        str | None,
-        options.report("Write a page on which a place shows its partner on the other side."),
-    ] = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
     up: options.Up = "y",
     cache: options.Cache = True,
 ) -> None:
@@ -42,35 +27,30 @@ def symmetry(
 
     The confidence says how likely it is that the shape has such a symmetry and that this is it.
 
+    Options
+    -------
+      refine: Refine the map on the full mesh.
+      figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
+      report: Write a page on which a place shows its partner on the other side.
+
     Examples
     --------
       unbend symmetry cat.off -o partners.csv
       unbend symmetry cat.off --report symmetry.html --up z
       unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
     """
-    from unbend.matching import symmetry as find_symmetry
-
     with progress_on_stderr() as progress:
         progress("reading", 0)
         (shape,) = read_shapes([mesh], component)
-        found = find_symmetry(shape, refine=refine, progress=progress)
+        found = unbend.symmetry(shape, refine=refine, progress=progress)
         seconds = elapsed()
         unsure = is_unsure(found, min_confidence)
         if not unsure:
             progress("writing", 0)
             if out is not None:
                 write_result(out, found, (shape, shape))
-            if figure is not None:
-                from unbend.report.match_figures import draw_match
-
-                draw_match(shape, shape, found, figure, up=up)
-            if report is not None:
-                from unbend.report.pages import match_page
-
-                match_page(
-                    shape, shape, found, report, up=up, command=command_line(), progress=progress
-                )
-    warn_if_doubtful(found, seen=report is not None)
+            show_match((shape, shape), found, figure, report, up=up, progress=progress)
+    warn_if_doubtful(found, seen=report is not None and not unsure)
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
     tell(
         {
@@ -87,11 +67,8 @@ def symmetry(
             }
         ),
         shapes=[shape],
-        written=[] if unsure else [out, figure, report],
-        next_step=None
-        if unsure
-        else look_at(report)
-        or ("add --report HTML to look at it" if out else "add -o PARTNERS.csv to keep them"),
+        written=[out, figure],
+        report=report,
+        next_step="add --report HTML to look at it" if out else "add -o PARTNERS.csv to keep them",
+        unsure=unsure,
     )
-    if unsure:
-        raise typer.Exit(EXIT_UNSURE)

@@ -2,68 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import ValueKind
 from unbend.cli import _options as options
 from unbend.cli._input import read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, say, tell
-
-if TYPE_CHECKING:
-    from unbend._types import IntArray
-    from unbend.matching import Match
-    from unbend.mesh import Mesh
+from unbend.errors import InputError
 
 
 def transfer(
     source: options.Source,
     target: options.Target,
-    values: Annotated[
-        str,
-        typer.Option(
-            metavar="FILE",
-            help="A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a "
-            "mesh with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).",
-        ),
-    ],
-    out: Annotated[
-        str,
-        options.out(
-            ".npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values; "
-            ".obj, .glb: the target with colours or texture coordinates. Numbers and labels are "
-            "coloured, for Blender and MeshLab. Landmarks: .mrk.json."
-        ),
-    ],
-    kind: Annotated[
-        ValueKind, typer.Option(help="auto: scalar for fractions, label for whole numbers, text.")
-    ] = "auto",
-    property_name: Annotated[
-        str | None,
-        typer.Option(
-            "--property",
-            metavar="NAME",
-            help="Which values of a mesh file: a property of its vertices, color or uv.",
-        ),
-    ] = None,
-    expected_error: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write too how far off each target vertex's source may be, in square roots of the "
-            "target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.",
-        ),
-    ] = None,
-    map_file: options.Map = None,
-    base: options.Base = None,
-    partial: options.Partial = "auto",
-    landmarks: options.Landmarks = None,
-    save_match: options.SaveMatch = None,
-    min_confidence: options.MinConfidence = None,
+    values: Annotated[str, typer.Option(metavar="FILE")],
+    out: Annotated[str, options.out()],
+    kind: ValueKind = "auto",
+    property_name: Annotated[str | None, typer.Option("--property", metavar="NAME")] = None,
+    expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    *,
+    matching: options.MatchOptions,
     cache: options.Cache = True,
 ) -> None:
     """Transfer values from source to target: numbers are averaged, labels by majority.
+
+    Options
+    -------
+      values: A row per source vertex (.npy, .csv, .txt): numbers, labels, weights, colours; a mesh
+          with such values (.ply, .obj ...); or landmarks (.mrk.json, .fcsv).
+      out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
+          .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
+          coloured, for Blender and MeshLab. Landmarks: .mrk.json.
+      kind: auto: scalar for fractions, label for whole numbers, text.
+      property_name: Which values of a mesh file: a property of its vertices, color or uv.
+      expected_error: Write too how far off each target vertex's source may be, in square roots of
+          the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
 
     Examples
     --------
@@ -77,81 +52,59 @@ def transfer(
     """
     import numpy as np
 
-    from unbend.correspondence import transfer as carry
-    from unbend.correspondence import value_kind
-    from unbend.errors import InputError
-    from unbend.io import (
-        COLOR_SUFFIXES,
-        MARKUP_SUFFIXES,
-        VALUE_SUFFIXES,
-        check_storable,
-        check_writable,
-        read_markups,
-        read_values,
-        write_markups,
-        write_values,
-    )
-    from unbend.matching import Match
-
+    io = unbend.io
     if expected_error is not None:
-        check_writable(expected_error, VALUE_SUFFIXES + COLOR_SUFFIXES)
-    is_markup = values.lower().endswith(MARKUP_SUFFIXES)
-    check_writable(out, (".json",) if is_markup else VALUE_SUFFIXES + COLOR_SUFFIXES)
+        io.check_writable(expected_error, io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
+    is_markup = values.lower().endswith(io.MARKUP_SUFFIXES)
+    io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shapes = read_shapes((source, target))
+        shapes = a, b = read_shapes((source, target))
+        chosen: Any = "landmarks"
         if is_markup:
-            labels, array = read_markups(values, shapes[0])
+            labels, array = io.read_markups(values, a)
         else:
-            array = read_values(values, n_vertices=shapes[0].n_vertices, name=property_name)
-            chosen = value_kind(array, kind)
-            check_storable(out, array, chosen)
-        found = read_or_match(
-            shapes, map_file, base, partial, landmarks, save_match, min_confidence, progress
-        )
+            array = io.read_values(values, n_vertices=a.n_vertices, name=property_name)
+            chosen = unbend.correspondence.value_kind(array, kind)
+            io.check_storable(out, array, chosen)
+        found = read_or_match(shapes, matching, progress)
+        if isinstance(found, unbend.Match):
+            forward, back = found.source_to_target, found.target_to_source
+        else:
+            forward, back = found, io.invert_map(found, b)
         progress("carrying", 0)
         errors: Any = getattr(found, "expected_error", None)
         if expected_error is not None and errors is None:
-            raise InputError(f"{map_file} has no expected errors; leave out --map to match")
+            raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
         if is_markup:
-            images = found.source_to_target if isinstance(found, Match) else found
-            carried = images[array]
+            carried = forward[array]
             there = np.flatnonzero(carried >= 0)
-            write_markups(out, shapes[1], carried[there], [labels[i] for i in there])
+            io.write_markups(out, b, carried[there], [labels[i] for i in there])
             for i in np.flatnonzero(carried < 0):
-                say("note", f"landmark {labels[i]} corresponds to no vertex of {shapes[1].name}")
+                say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
         else:
-            carried = carry(array, found, kind=chosen, source=shapes[0], target=shapes[1])
-            is_mesh = out.lower().endswith(COLOR_SUFFIXES)
+            carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
+            is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
             like = lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
-            write_values(out, carried, shapes[1], kind=chosen, like=like)
+            io.write_values(out, carried, b, kind=chosen, like=like)
         if expected_error is not None:
-            errors = carry(errors, found, kind="scalar", source=shapes[0], target=shapes[1])
-            write_values(expected_error, errors, shapes[1])
-    lost = _count_lost(found, shapes[1])
+            errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
+            io.write_values(expected_error, errors, b)
+    lost = int((back < 0).sum())
     if lost:
-        say("note", f"{lost:,} vertices of {shapes[1].name} correspond to none of the source")
+        say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
-    shown = "landmarks" if is_markup else chosen
     tell(
         {
             "source": source,
             "target": target,
             "values": values,
-            "kind": shown,
+            "kind": chosen,
             "shape": carried.shape,
             "n_without_preimage": lost,
             "confidence": getattr(found, "confidence", None),
         },
-        rows({"carried": f"{len(carried):,}{width} values ({shown})"}),
+        rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
         shapes=shapes,
-        written=[out, save_match, expected_error],
+        written=[out, matching.save_match, expected_error],
     )
-
-
-def _count_lost(found: Match | IntArray, target: Mesh) -> int:
-    from unbend.io import invert_map
-    from unbend.matching import Match
-
-    back = found.target_to_source if isinstance(found, Match) else invert_map(found, target)
-    return int((back < 0).sum())

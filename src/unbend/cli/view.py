@@ -2,37 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
-from unbend.cli._output import look_at, progress_on_stderr, tell
-
-if TYPE_CHECKING:
-    from unbend.mesh import Mesh
+from unbend.cli._output import progress_on_stderr, tell
+from unbend.errors import InputError
 
 
 def view(
     a: options.Mesh,
-    b: Annotated[
-        str | None, typer.Argument(metavar="[MESH]", help="A second mesh, for pairs of landmarks.")
-    ] = None,
-    out: Annotated[
-        str | None,
-        options.out(
-            "The page to write, .html; by default a temporary file.", "HTML", options.html_file
-        ),
-    ] = None,
+    b: Annotated[str | None, typer.Argument(metavar="[MESH]")] = None,
+    out: Annotated[str | None, options.out("HTML", options.html_file)] = None,
     landmarks: options.Landmarks = None,
-    values: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Numbers per vertex of the first mesh.")
-    ] = None,
-    show: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
-    ] = True,
+    values: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open")] = True,
     up: options.Up = "y",
 ) -> None:
     """Show one or two meshes in a browser, and place landmarks on them.
@@ -41,6 +29,13 @@ def view(
     landmark; on two meshes landmarks are pairs. The page saves them for --landmarks of other
     commands, and for 3D Slicer.
 
+    Options
+    -------
+      b: A second mesh, for pairs of landmarks.
+      out: The page to write, .html; by default a temporary file.
+      values: Numbers per vertex of the first mesh.
+      show: Open the page in a browser.
+
     Examples
     --------
       unbend view cat.off
@@ -48,10 +43,6 @@ def view(
       unbend view cat0.off cat1.off --landmarks landmarks.csv -o cats.html --no-open
       unbend view scan.ply --landmarks scan.mrk.json --values distances.npy
     """
-    from unbend.errors import InputError
-    from unbend.io import read_values
-    from unbend.report import view as make_view
-
     if out is None and not show:
         raise InputError("--no-open needs -o: name the page to write")
     with progress_on_stderr() as progress:
@@ -60,42 +51,36 @@ def view(
         hints = _landmarks(landmarks, shapes) if landmarks else None
         scalars = None
         if values is not None:
-            scalars = read_values(values, n_vertices=shapes[0].n_vertices)
+            scalars = unbend.io.read_values(values, n_vertices=shapes[0].n_vertices)
         progress("drawing", 0)
-        page = make_view(
-            shapes[0],
-            None if b is None else shapes[1],
-            hints,
-            values=scalars,
-            up=up,
-        )
+        other = None if b is None else shapes[1]
+        page = unbend.report.view(shapes[0], other, hints, values=scalars, up=up)
         if out is None or show:
             out = str(page.open(out))
         else:
             page.write(out)
+    next_step = f"open {out} in a browser"
+    if b is not None:
+        match = quoted("unbend", "match", a, b)
+        next_step = f"{match} --landmarks landmarks.csv, once they are saved"
     tell(
         {"a": a, "b": b},
         [],
         shapes=shapes,
         written=[out],
-        next_step=look_at(out)
-        if b is None
-        else f"{quoted('unbend', 'match', a, b)} --landmarks landmarks.csv, once they are saved",
+        next_step=next_step,
     )
 
 
-def _landmarks(paths: list[str], shapes: list[Mesh]) -> Any:
+def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
     """Read landmarks of one mesh by name, or pairs of vertices of two."""
-    from unbend.errors import InputError
-    from unbend.io import MARKUP_SUFFIXES, read_markups
-
     if len(shapes) == 2:
         return landmarks_of(paths, shapes)
-    if len(paths) > 1 or not paths[0].lower().endswith(MARKUP_SUFFIXES):
+    if len(paths) > 1 or not paths[0].lower().endswith(unbend.io.MARKUP_SUFFIXES):
         raise InputError(
             "--landmarks of one mesh is one .mrk.json or .fcsv file; drop a .csv file onto the page"
         )
-    labels, vertices = read_markups(paths[0], shapes[0])
+    labels, vertices = unbend.io.read_markups(paths[0], shapes[0])
     if len(set(labels)) < len(labels):
         raise InputError(f"{paths[0]}: give each point a label of its own")
     return dict(zip(labels, vertices.tolist(), strict=True))

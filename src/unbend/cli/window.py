@@ -8,30 +8,28 @@ from typing import Annotated
 
 import typer
 
-from unbend.cli._batch import expand_folders
+from unbend.cli._input import expand_folders
 from unbend.cli._output import tell
+from unbend.errors import FileError
 
 
 def app(
-    files: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="FILES", help="Meshes to begin with, or folders of them."),
-    ] = None,
-    port: Annotated[
-        int, typer.Option("--port", metavar="N", min=0, max=65535, help="By default any.")
-    ] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the window in a browser.")
-    ] = True,
-    collection: Annotated[
-        str | None,
-        typer.Option("--collection", metavar="STORE", help="A collection to search in the window."),
-    ] = None,
+    files: Annotated[list[str] | None, typer.Argument(metavar="FILES")] = None,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535)] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser")] = True,
+    collection: Annotated[str | None, typer.Option("--collection", metavar="STORE")] = None,
 ) -> None:
     """Open a window in the browser in which shapes are matched without typing.
 
     The window is served to this machine alone, at an address that nobody else can guess. Closing
     it, or Ctrl-C here, ends the command and removes its temporary files.
+
+    Options
+    -------
+      files: Meshes to begin with, or folders of them.
+      port: By default any.
+      browser: Open the window in a browser.
+      collection: A collection to search in the window.
 
     Examples
     --------
@@ -40,7 +38,6 @@ def app(
       unbend app scans/ --collection shapes
     """
     from unbend.app import serve
-    from unbend.errors import FileError
 
     paths = expand_folders(files or [])
     for path in paths:

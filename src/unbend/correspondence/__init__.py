@@ -5,7 +5,7 @@ from unbend.correspondence._evaluation import THRESHOLDS, Evaluation, Overlap, e
 from unbend.correspondence._morph import morph
 from unbend.correspondence._register import Registration, register, write_registration
 from unbend.correspondence._similarity import aligned_cosine, similarity
-from unbend.correspondence._transfer import as_point_map, transfer, value_kind
+from unbend.correspondence._transfer import as_point_map, carry, transfer, value_kind
 
 __all__ = [
     "THRESHOLDS",
@@ -14,6 +14,7 @@ __all__ = [
     "Registration",
     "aligned_cosine",
     "as_point_map",
+    "carry",
     "evaluate",
     "morph",
     "read_match",

@@ -16,7 +16,12 @@ from unbend.report.match_figures import (
     match_colors,
     pattern_colors,
 )
-from unbend.report.pages import Page, form_page, match_page, search_page, similarity_page, view
+from unbend.report.pages._document import Page
+from unbend.report.pages._form_page import form_page
+from unbend.report.pages._match_page import match_page
+from unbend.report.pages._similarity_page import check_count as check_count
+from unbend.report.pages._similarity_page import search_page, similarity_page
+from unbend.report.pages._view_page import view
 from unbend.report.shape_figures import draw_form, draw_values, draw_variation
 
 __all__ = [

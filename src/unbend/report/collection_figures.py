@@ -1,4 +1,4 @@
-"""Heat maps of how far apart or how alike many shapes are."""
+"""Heat maps of how far apart or how alike many shapes are, ordered by average linkage."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
-from unbend.report.trees import apart, join_alike
 
 _MOST_NAMES, _MOST_NUMBERS = 150, 20  # more would be too small to read
 
@@ -39,10 +38,8 @@ def draw_distances(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import draw_distances
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_distances(["cat", "dog"], [[0, 2], [2, 0]], pathlib.Path(folder, "a.png"))
+    >>> draw_distances(["cat", "dog"], [[0, 2], [2, 0]], "distances.png")
     """
     table = _square(names, distances)
     _draw_table(names, table, table, path, label="distance", cmap="viridis_r")
@@ -55,12 +52,10 @@ def draw_similarities(
 
     Parameters
     ----------
-    names : sequence of str
-        Of the n shapes.
+    names, path
+        As for :func:`draw_distances`.
     similarities : (n, n) array_like of float
         Symmetric; NaN where unknown.
-    path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
 
     Raises
     ------
@@ -71,10 +66,8 @@ def draw_similarities(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import draw_similarities
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], pathlib.Path(folder, "a.png"))
+    >>> draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], "similarities.png")
     """
     table = _square(names, similarities)
     _draw_table(names, table, apart(table), path, label="similarity", cmap="viridis")
@@ -124,3 +117,29 @@ def _draw_table(
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7)
     save_figure(figure, path)
+
+
+def apart(similarities: FloatArray) -> FloatArray:
+    """Turn similarities, 1 for the same and NaN where unknown, into distances."""
+    distances = np.where(np.isfinite(similarities), 1 - similarities, 1.0)
+    distances = np.maximum(distances + distances.T, 0) / 2
+    np.fill_diagonal(distances, 0)
+    return np.asarray(distances)
+
+
+def join_alike(distances: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Cluster two shapes or more by average linkage, from distances (n, n).
+
+    Gives the order of the leaves, and for each join the heights and places of a bracket, both
+    (n - 1, 4), that lead from one branch up to the join, along it, and down to the other. Leaf
+    ``order[i]`` is at place `i`.
+    """
+    from scipy.cluster.hierarchy import dendrogram, linkage
+    from scipy.spatial.distance import squareform
+
+    near = squareform(distances, checks=False)
+    tree = linkage(near, "average", optimal_ordering=len(distances) <= 1000)
+    drawn = dendrogram(tree, no_plot=True)
+    # SciPy puts leaf i at 10 i + 5.
+    places = (np.array(drawn["icoord"]) - 5) / 10
+    return np.array(drawn["leaves"], dtype=np.int64), np.array(drawn["dcoord"]), places

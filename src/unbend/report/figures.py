@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,26 +19,7 @@ from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh, used_vertices
 from unbend.preparation import triangulate_points
 from unbend.report.colors import position_colors
-from unbend.report.raster import VIEWS, rasterize, rgb_of, view_rotation
-
-__all__ = [
-    "FORM_THICKER",
-    "FRONT_AND_BACK",
-    "UPRIGHT",
-    "VIEWS",
-    "CanonicalColumn",
-    "as_written",
-    "check_up",
-    "check_values",
-    "draw_canonical_forms",
-    "draw_mesh",
-    "draw_places",
-    "fit_rigidly",
-    "new_figure",
-    "same_scale",
-    "save_figure",
-]
-
+from unbend.report.raster import rasterize, rgb_of, view_rotation
 
 # Formats of pictures, and the metadata that keeps matplotlib from writing the time into them.
 _UNDATED: dict[str, dict[str, None]] = {
@@ -50,22 +31,12 @@ _UNDATED: dict[str, dict[str, None]] = {
 FORM_THICKER = 2.5
 # Views from which all of a shape is seen: azimuth and elevation in degrees.
 FRONT_AND_BACK = ((60.0, 15.0), (240.0, 15.0))
-# Rotations that turn a shape's upward axis into the picture's, y.
-UPRIGHT = {
+_UPRIGHT = {
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     "y": np.eye(3),
     "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
 }
-
-
-class CanonicalColumn(NamedTuple):
-    """One shape in a figure of canonical forms: see :func:`draw_canonical_forms`."""
-
-    caption: str
-    original: Any
-    canonical: Any
-    colors: Any = None
-    surface: Any = None
+_BELOW = 0.4  # inches for captions
 
 
 def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
@@ -127,8 +98,9 @@ def draw_mesh(
         Per vertex: a number (drawn with the viridis colours from the least to the greatest;
         grey where not finite) or red, green and blue from 0 to 1. None: clay.
     view : str or (azimuth, elevation), default="three-quarter"
-        A name in ``VIEWS`` or two angles in degrees: 0, 0 looks at the shape's face (along -z),
-        90, 0 at its left side, and an elevation of 90 from above.
+        ``"front"``, ``"side"``, ``"back"``, ``"top"``, ``"three-quarter"`` or two angles in
+        degrees: 0, 0 looks at the shape's face (along -z), 90, 0 at its left side, and an elevation
+        of 90 from above.
 
     Raises
     ------
@@ -148,7 +120,7 @@ def draw_mesh(
 
 
 def draw_canonical_forms(
-    columns: Sequence[CanonicalColumn | tuple[Any, ...]],
+    columns: Sequence[tuple[Any, ...]],
     path: str | os.PathLike[str],
     *,
     canonical_view: str | tuple[float, float] = "front",
@@ -157,7 +129,7 @@ def draw_canonical_forms(
 
     Parameters
     ----------
-    columns : sequence of CanonicalColumn or of (caption, original, canonical[, colors[, surface]])
+    columns : sequence of (caption, original, canonical[, colors[, surface]])
         The shapes, left to right: a mesh, the points (n, 3) of its form, colours as for
         :func:`draw_mesh` (by default those of the first column, or by position), and perhaps the
         surface in the form's pose (n, 3), drawn below it, for all columns or for none. Forms are
@@ -180,46 +152,37 @@ def draw_canonical_forms(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.datasets import make_octopus
     >>> from unbend.report import draw_canonical_forms
     >>> shape = make_octopus(n_vertices=600)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "figure.png")
-    ...     draw_canonical_forms([("octopus", shape.mesh, shape.rest)], path)
-    ...     path.exists()
-    True
+    >>> draw_canonical_forms([("octopus", shape.mesh, shape.rest)], "figure.png")
     """
     if not columns:
         raise InputError("a figure of canonical forms needs at least one column")
-    filled = [CanonicalColumn(*column) for column in columns]
-    detailed = [column.surface is not None for column in filled]
+    filled = [(*column, None, None)[:5] for column in columns]
+    detailed = [surface is not None for *_, surface in filled]
     if any(detailed) != all(detailed):
         raise InputError("give the surface in the form's pose for all columns or for none")
-    count = 3 if all(detailed) else 2
-    figure = new_figure(2.4 * len(filled), 2.5 * count + 0.2)
-    rows: list[list[Any]] = [[] for _ in range(count)]
+    cells: list[list[tuple[Any, ...]]] = []
     first_colors: Any = None
-    for i, (caption, original, canonical, colors, surface) in enumerate(filled):
+    for caption, original, canonical, colors, surface in filled:
         mesh = drawable(original)
-        points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         if colors is None:
             fits = first_colors is not None and len(first_colors) == mesh.n_vertices
             colors = first_colors if fits else position_colors(used_vertices(mesh))
         first_colors = colors if first_colors is None else first_colors
-        drawn = [(mesh.vertices, "three-quarter", 0.0), (points, canonical_view, FORM_THICKER)]
+        points = _places(canonical, mesh, f"the canonical form of {caption!r}")
+        column = [
+            (mesh.vertices, mesh, colors),
+            (points, mesh, colors, canonical_view, FORM_THICKER),
+        ]
         if surface is not None:
-            fitted = _places(surface, mesh, f"the surface of {caption!r}")
-            drawn.append((fitted, "three-quarter", 0.0))
-        width, height = 0.96 / len(filled), 0.94 / count
-        for row, (vertices, seen_from, thicker) in enumerate(drawn):
-            below = 0.05 + (count - 1 - row) * height
-            ax = figure.add_axes((0.02 + i * width, below, width, 0.96 * height))
-            draw_places(ax, vertices, mesh, colors, seen_from, thicker)
-            rows[row].append(ax)
-        figure.text(0.02 + (i + 0.5) * width, 0.015, as_written(caption), ha="center", fontsize=9)
-    for row_axes in rows:
-        same_scale(row_axes)
+            column.append((_places(surface, mesh, f"the surface of {caption!r}"), mesh, colors))
+        cells.append(column)
+    rows = list(zip(*cells, strict=True))
+    figure, axes = draw_grid(rows, [caption for caption, *_ in filled], 2.4, 2.4)
+    for row in axes:
+        same_scale(row)
     save_figure(figure, path)
 
 
@@ -230,6 +193,36 @@ def _places(given: Any, mesh: Mesh, what: str) -> FloatArray:
             f"{what} has shape {points.shape}, but its original has {mesh.n_vertices} vertices"
         )
     return points
+
+
+def draw_grid(
+    rows: Sequence[Sequence[tuple[Any, ...]]],
+    captions: Sequence[str],
+    width: float,
+    height: float,
+    *,
+    above: float = 0.05,
+    right: float = 0.0,
+) -> tuple[Any, list[list[Any]]]:
+    """Draw rows of pictures, with a caption below each column: the figure and its axes.
+
+    A picture is what :func:`draw_places` takes after the axes. Sizes are in inches: of a picture,
+    and of what is left free above each and to the right of all.
+    """
+    across, tall = width * len(captions) + right, (height + above) * len(rows) + _BELOW
+    figure = new_figure(across, tall)
+    axes: list[list[Any]] = [[] for _ in rows]
+    for i, row in enumerate(rows):
+        bottom = _BELOW + (height + above) * (len(rows) - 1 - i)
+        for j, picture in enumerate(row):
+            left = width * (j + 0.02)
+            place = (left / across, bottom / tall, 0.96 * width / across, height / tall)
+            axes[i].append(figure.add_axes(place))
+            draw_places(axes[i][j], *picture)
+    for j, caption in enumerate(captions):
+        middle = width * (j + 0.5) / across
+        figure.text(middle, 0.14 / tall, as_written(caption), ha="center", fontsize=10)
+    return figure, axes
 
 
 def as_written(name: str) -> str:
@@ -253,10 +246,8 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import new_figure, save_figure
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_figure(new_figure(1, 1), pathlib.Path(folder, "blank.png"))
+    >>> save_figure(new_figure(1, 1), "blank.png")
     """
     from matplotlib import rc_context
 
@@ -266,10 +257,11 @@ def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
         figure.savefig(file, format=suffix[1:], metadata=_UNDATED[suffix])
 
 
-def check_up(up: str) -> None:
-    """Raise InputError if there is no such upward axis."""
-    if up not in UPRIGHT:
+def upright(up: str) -> FloatArray:
+    """Rotation of a shape's upward axis to the picture's, y; InputError if there is no such."""
+    if up not in _UPRIGHT:
         raise InputError(f'up must be "x", "y" or "z", not {up!r}')
+    return _UPRIGHT[up]
 
 
 def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
@@ -323,22 +315,16 @@ def draw_places(
     vertices: FloatArray,
     mesh: Mesh,
     colors: Any,
-    view: str | tuple[float, float],
+    view: str | tuple[float, float] = "three-quarter",
     thicker: float = 0.0,
 ) -> None:
     """Draw a mesh with its vertices at other positions, its outline some pixels thicker."""
     box = ax.get_window_extent()
-    seen = vertices @ view_rotation(view).T
-    picture, extent = rasterize(
-        seen,
-        mesh.faces,
-        rgb_of(colors, mesh),
-        (max(16, int(box.width)), max(16, int(box.height))),
-        thicker,
-    )
-    ax.imshow(
-        picture, extent=extent, origin="lower", interpolation="bilinear", interpolation_stage="rgba"
-    )
+    size = max(16, int(box.width)), max(16, int(box.height))
+    seen, rgb = vertices @ view_rotation(view).T, rgb_of(colors, mesh.n_vertices)
+    picture, extent = rasterize(seen, mesh.faces, rgb, size, thicker)
+    smooth = {"interpolation": "bilinear", "interpolation_stage": "rgba"}
+    ax.imshow(picture, extent=extent, origin="lower", **smooth)
     ax.set_aspect("equal")
     ax.set_axis_off()
 

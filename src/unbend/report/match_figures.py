@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray
-from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, transfer
+from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, carry
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
@@ -18,24 +18,15 @@ from unbend.mesh import Mesh, used_vertices
 from unbend.report.colors import position_colors
 from unbend.report.figures import (
     FRONT_AND_BACK,
-    UPRIGHT,
     as_written,
-    check_up,
-    draw_mesh,
+    draw_grid,
     drawable,
     fit_rigidly,
     fitting_height,
     new_figure,
     save_figure,
+    upright,
 )
-
-__all__ = [
-    "draw_error_curves",
-    "draw_match",
-    "error_curves",
-    "match_colors",
-    "pattern_colors",
-]
 
 # Stripes along the longest side of the shape show slips that smooth colours hide.
 _STRIPES = 9
@@ -108,7 +99,7 @@ def match_colors(
     """
     source, target = as_mesh(source), as_mesh(target)
     colors = pattern_colors(used_vertices(source))
-    carried = transfer(colors, match, kind="scalar", source=source, target=target)
+    carried = carry(colors, match, "scalar", source, target)
     if len(carried) != target.n_vertices:
         raise InputError(
             f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
@@ -153,38 +144,27 @@ def draw_match(
 
     Examples
     --------
-    >>> import pathlib, tempfile
-    >>> import numpy as np
     >>> from unbend.datasets import make_octopus
     >>> from unbend.report import draw_match
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "match.png")
-    ...     draw_match(mesh, mesh, np.arange(600), path)
-    ...     path.exists()
-    True
+    >>> draw_match(mesh, mesh, range(600), "match.png")
     """
     source, target = drawable(source), drawable(target)
-    colors, carried = (one / 255 for one in match_colors(source, target, match))
-    check_up(up)
-    upright = UPRIGHT[up]
-    places = transfer(source.vertices, match, source=source, target=target)
+    colors = [one / 255 for one in match_colors(source, target, match)]
+    turn = upright(up)
+    places = carry(source.vertices, match, "scalar", source, target)
     rotation, _ = fit_rigidly(target.vertices, places, reflect=False)
-    turned = target.vertices @ rotation.T @ upright.T
-    columns: list[tuple[str, Mesh, FloatArray]] = [
-        (f"source: {source.name}", Mesh(source.vertices @ upright.T, source.faces), colors),
-        (f"target: {target.name}", Mesh(turned, target.faces), carried),
+    meshes = [
+        Mesh(source.vertices @ turn.T, source.faces),
+        Mesh(target.vertices @ rotation.T @ turn.T, target.faces),
     ]
-    views = FRONT_AND_BACK
-    height = fitting_height(3.9, [mesh for _, mesh, _ in columns], views)
-    total = 2 * height + 0.5  # inches
-    figure = new_figure(8.0, total)
-    for i, (caption, mesh, painted) in enumerate(columns):
-        for row, seen_from in enumerate(views):
-            below = (0.4 + (1 - row) * (height + 0.05)) / total
-            ax = figure.add_axes((0.01 + 0.5 * i, below, 0.48, height / total))
-            draw_mesh(ax, mesh, colors=painted, view=seen_from)
-        figure.text(0.25 + 0.5 * i, 0.14 / total, as_written(caption), ha="center", fontsize=10)
+    height = fitting_height(3.9, meshes, FRONT_AND_BACK)
+    rows = [
+        [(mesh.vertices, mesh, one, view) for mesh, one in zip(meshes, colors, strict=True)]
+        for view in FRONT_AND_BACK
+    ]
+    captions = [f"source: {source.name}", f"target: {target.name}"]
+    figure, _ = draw_grid(rows, captions, 4.0, height)
     save_figure(figure, path)
 
 
@@ -212,15 +192,11 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.Path
 
     Examples
     --------
-    >>> import pathlib, tempfile
-    >>> import numpy as np
     >>> from unbend.datasets import make_sphere
     >>> from unbend import evaluate
     >>> from unbend.report import draw_error_curves
-    >>> every = np.arange(162)
-    >>> found = evaluate(every, make_sphere(2), every, every)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_error_curves({"identity": found}, pathlib.Path(folder, "curves.png"))
+    >>> found = evaluate(range(162), make_sphere(2), range(162), range(162))
+    >>> draw_error_curves({"identity": found}, "curves.png")
     """
     if not evaluations:
         raise InputError("there are no evaluations to draw")

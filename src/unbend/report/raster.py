@@ -28,18 +28,15 @@ VIEWS: dict[str, tuple[float, float]] = {
 _CLAY = (0.74, 0.77, 0.82)
 
 
-def rgb_of(colors: Any, mesh: Mesh) -> FloatArray:
-    """Turn the colours that a caller gave into red, green and blue per vertex."""
+def rgb_of(colors: Any, n: int) -> FloatArray:
+    """Turn the colours that a caller gave into red, green and blue of n vertices."""
     if colors is None:
-        return np.tile(_CLAY, (mesh.n_vertices, 1))
+        return np.tile(_CLAY, (n, 1))
     array = np.asarray(colors, dtype=np.float64)
-    if array.shape == (mesh.n_vertices, 3):
+    if array.shape == (n, 3):
         return array
-    if array.shape != (mesh.n_vertices,):
-        raise InputError(
-            f"colors must have shape ({mesh.n_vertices},) or ({mesh.n_vertices}, 3), "
-            f"not {array.shape}"
-        )
+    if array.shape != (n,):
+        raise InputError(f"colors must have shape ({n},) or ({n}, 3), not {array.shape}")
     return value_colors(array) / 255
 
 
@@ -117,7 +114,7 @@ def thumbnail(mesh: Mesh, size: int, colors: Any = None) -> bytes:
     if not mesh.n_faces:
         return b""
     seen = mesh.vertices @ view_rotation("three-quarter").T
-    picture, _ = rasterize(seen, mesh.faces, rgb_of(colors, mesh), (size, size))
+    picture, _ = rasterize(seen, mesh.faces, rgb_of(colors, mesh.n_vertices), (size, size))
     pixels = np.round(255 * np.clip(picture[::-1], 0, 1)).astype(np.uint8)
     return _png(pixels)
 

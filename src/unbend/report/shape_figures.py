@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import BoolArray, FloatArray
-from unbend.alignment import procrustes
+from unbend._types import FloatArray
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
 from unbend.io import MeshLike
@@ -18,17 +17,15 @@ from unbend.report.colors import position_colors
 from unbend.report.figures import (
     FORM_THICKER,
     FRONT_AND_BACK,
-    UPRIGHT,
     as_written,
-    check_up,
     check_values,
-    draw_mesh,
-    draw_places,
+    draw_grid,
     drawable,
+    fit_rigidly,
     fitting_height,
-    new_figure,
     same_scale,
     save_figure,
+    upright,
 )
 
 _SIDE = 1.8  # inches, of a picture of how a shape varies
@@ -70,31 +67,30 @@ def draw_form(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend import canonical_form
     >>> from unbend.datasets import make_octopus
     >>> from unbend.report import draw_form
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_form(mesh, canonical_form(mesh), pathlib.Path(folder, "form.png"))
+    >>> draw_form(mesh, canonical_form(mesh), "form.png")
     """
-    mesh = checked_shape(mesh, form, up)
-    inside = np.asarray(np.isfinite(form.points).all(axis=1))
-    places = turned_to_fit(form.points, mesh.vertices, inside)
-    columns = [
-        (as_written(mesh.name), mesh.vertices, 0.0),
-        ("its canonical form", places, FORM_THICKER),
+    mesh = drawable(mesh)
+    check_form(mesh, form)
+    turn = upright(up)
+    inside = np.asarray(np.isfinite(form.points).all(axis=1, keepdims=True))
+    colors = position_colors(np.where(inside, mesh.vertices, np.nan))
+    row: list[tuple[object, ...]] = [
+        (mesh.vertices @ turn.T, mesh, colors, FRONT_AND_BACK[0]),
+        (
+            turned_to_fit(form.points, mesh) @ turn.T,
+            *(mesh, colors, FRONT_AND_BACK[0], FORM_THICKER),
+        ),
     ]
+    captions = [mesh.name, "its canonical form"]
     if posed is not None:
-        fitted = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
-        columns.append(("the surface in its form's pose", fitted, 0.0))
-    colors = position_colors(np.where(inside[:, None], mesh.vertices, np.nan))
-    figure = new_figure(4.0 * len(columns), 3.9)
-    width = 1 / len(columns)
-    for i, (caption, seen, thicker) in enumerate(columns):
-        ax = figure.add_axes(((i + 0.03) * width, 0.1, 0.94 * width, 0.88))
-        draw_places(ax, seen @ UPRIGHT[up].T, mesh, colors, FRONT_AND_BACK[0], thicker)
-        figure.text((i + 0.5) * width, 0.03, caption, ha="center", fontsize=10)
+        fitted = turned_to_fit(np.where(inside, posed, np.nan), mesh, reflect=False)
+        row.append((fitted @ turn.T, mesh, colors, FRONT_AND_BACK[0]))
+        captions.append("the surface in its form's pose")
+    figure, _ = draw_grid([row], captions, 4.0, 3.45)
     save_figure(figure, path)
 
 
@@ -130,38 +126,27 @@ def draw_values(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend import distance
     >>> from unbend.datasets import make_octopus
     >>> from unbend.report import draw_values
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "distances.png")
-    ...     draw_values(mesh, distance(mesh, 0)[0], path, label="distance")
-    ...     path.exists()
-    True
+    >>> draw_values(mesh, distance(mesh, 0)[0], "distances.png", label="distance")
     """
     mesh = drawable(mesh)
-    check_up(up)
+    turned = Mesh(mesh.vertices @ upright(up).T, mesh.faces)
     array = check_values(values, mesh)
     finite = array[np.isfinite(array)]
-    upright = Mesh(mesh.vertices @ UPRIGHT[up].T, mesh.faces)
-    views = FRONT_AND_BACK
-    height = fitting_height(3.7, [upright], views)
-    total = height + 0.5  # inches
-    figure = new_figure(8.6, total)
-    for i, seen_from in enumerate(views):
-        ax = figure.add_axes((0.01 + 0.44 * i, 0.4 / total, 0.43, height / total))
-        draw_mesh(ax, upright, colors=array, view=seen_from)
-    figure.text(0.44, 0.14 / total, as_written(mesh.name), ha="center", fontsize=10)
-    scale = figure.add_axes((0.9, 0.4 / total, 0.02, 0.9 * height / total))
-    steps = np.linspace(0, 1, 256)[:, None]
-    ends = (0, 1, float(finite.min()), float(finite.max()))
-    scale.imshow(steps, origin="lower", aspect="auto", cmap="viridis", extent=ends)
-    scale.set_xticks([])
-    scale.yaxis.tick_right()
-    scale.yaxis.set_label_position("right")
-    scale.set_ylabel(label, fontsize=9)
+    height = fitting_height(3.7, [turned], FRONT_AND_BACK)
+    row = [(turned.vertices, turned, array, view) for view in FRONT_AND_BACK]
+    figure, ((first, _),) = draw_grid([row], ["", ""], 3.85, height, right=0.9)
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    place = first.get_position()
+    figure.text(0.44, 0.35 * place.y0, as_written(mesh.name), ha="center", fontsize=10)
+    scale = figure.add_axes((0.9, place.y0, 0.02, 0.9 * place.height))
+    colors = ScalarMappable(Normalize(float(finite.min()), float(finite.max())), "viridis")
+    figure.colorbar(colors, scale).set_label(label, fontsize=9)
     save_figure(figure, path)
 
 
@@ -190,47 +175,31 @@ def draw_variation(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend import Mesh
     >>> from unbend.datasets import make_sphere
     >>> from unbend.report import draw_variation
     >>> ball = make_sphere(2)
     >>> eggs = [Mesh(ball.vertices * [1, high, 1], ball.faces) for high in (0.8, 1, 1.2)]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     draw_variation([("height", eggs)], ["-1", "0", "+1"], pathlib.Path(folder, "a.png"))
+    >>> draw_variation([("height", eggs)], ["-1", "0", "+1"], "eggs.png")
     """
     if not rows or any(len(meshes) != len(captions) for _, meshes in rows):
         raise InputError(f"each row needs {len(captions)} shapes, one for each caption")
-    figure = new_figure(_SIDE * len(captions), _SIDE * len(rows) + 0.3)
-    height = _SIDE / (_SIDE * len(rows) + 0.3)
-    drawn = []
-    for i, (name, meshes) in enumerate(rows):
+    cells = []
+    for _, meshes in rows:
         moved = np.linalg.norm(meshes[-1].vertices - meshes[0].vertices, axis=1)
-        for j, mesh in enumerate(meshes):
-            place = (j / len(captions), 1 - (i + 1) * height, 1 / len(captions), 0.9 * height)
-            axes = figure.add_axes(place)
-            draw_mesh(axes, mesh, colors=moved)
-            drawn.append(axes)
-        figure.text(0.01, 1 - i * height - 0.02, as_written(name), va="top", fontsize=8)
-    for j, caption in enumerate(captions):
-        figure.text((j + 0.5) / len(captions), 0.02, caption, ha="center", fontsize=9)
-    same_scale(drawn)
+        cells.append([(mesh.vertices, mesh, moved) for mesh in meshes])
+    figure, axes = draw_grid(cells, captions, _SIDE, 0.9 * _SIDE, above=0.1 * _SIDE)
+    for (name, _), (first, *_) in zip(rows, axes, strict=True):
+        place = first.get_position()
+        above = place.y1 + 0.02 * place.height
+        figure.text(0.01, above, as_written(name), va="bottom", fontsize=8)
+    same_scale([one for row in axes for one in row])
     save_figure(figure, path)
 
 
-def checked_shape(mesh: MeshLike, form: CanonicalForm, up: str) -> Mesh:
-    """Return the shape as it is drawn; check that the form is of it, and that `up` is an axis."""
-    mesh = drawable(mesh)
-    check_form(mesh, form)
-    check_up(up)
-    return mesh
-
-
-def turned_to_fit(
-    points: FloatArray, vertices: FloatArray, inside: BoolArray, *, reflect: bool = True
-) -> FloatArray:
+def turned_to_fit(points: FloatArray, mesh: Mesh, *, reflect: bool = True) -> FloatArray:
     """Rotate the first three dimensions onto the shape, with a reflection if that fits better."""
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = points[:, :3]
-    turn, _ = procrustes(places[inside], vertices[inside], reflect=reflect)
-    return np.asarray(np.where(inside[:, None], places @ turn.T, np.nan))
+    turn, _ = fit_rigidly(places, mesh.vertices, reflect=reflect)
+    return np.asarray(places @ turn.T)

@@ -13,8 +13,7 @@ from unbend import Mesh, evaluate, match
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
 from unbend.report import match_page
-from unbend.report.pages import _maps
-from unbend.report.pages._match_page import _standing_alike
+from unbend.report.pages._match_page import _errors_of_vertices, _standing_alike
 from unbend.report.pages._shown import show
 
 EVIL = "<script>alert('x')</script>&\"</title>"
@@ -84,7 +83,7 @@ def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
     every = np.arange(642)
     truth = every, every, np.where(every % 2 == 0, -1, every)
     images = np.roll(every, 1)
-    errors = _maps._errors_of_vertices(blob, blob, images, truth)
+    errors = _errors_of_vertices(blob, blob, images, truth)
     expected = evaluate(images, blob, every, every).direct
     np.testing.assert_allclose(errors, np.minimum(expected, 1))
 

@@ -9,8 +9,8 @@ import pytest
 
 from unbend import Mesh
 from unbend.errors import FileError, InputError
-from unbend.report import search_page, similarity_page
-from unbend.report.pages import _shapes, check_count
+from unbend.report import check_count, search_page, similarity_page
+from unbend.report.pages import _similarity_page
 
 EVIL = "<script>alert('x')</script>&\"</title>"
 TABLE = np.array([[1.0, 0.8, 0.9], [0.8, 1.0, np.nan], [0.9, np.nan, 1.0]])
@@ -65,7 +65,7 @@ def test_many_shapes_are_thinned_together(
 ) -> None:
     whole = similarity_page(three, TABLE).html
     assert "all shapes are drawn as they are" in whole
-    monkeypatch.setattr(_shapes, "_VERTICES_IN_ALL", 600)
+    monkeypatch.setattr(_similarity_page, "_VERTICES_IN_ALL", 600)
     html = similarity_page(three, TABLE).html
     assert "3 of 3 shapes are drawn with 200 vertices; results were computed on all" in html
     assert "642 vertices, 1,280 faces" in data_of(html)["shapes"][0]["told"]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from unbend.cli._command import make_group
 from unbend.cli.collection.compare import evaluate, groups, matrix, search
-from unbend.cli.collection.pairs import match
-from unbend.cli.collection.register import mean, register
+from unbend.cli.collection.maps import match, mean, register
 from unbend.cli.collection.shapes import add, export, info, list_, remove
 
 app = make_group(

@@ -5,46 +5,42 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import unbend
 from unbend.cli._output import command_line, list_failures, shown
+from unbend.errors import FileError
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
     from unbend.choices import Axis
-    from unbend.collection import Collection, Entry, Hit
-    from unbend.mesh import Mesh
 
 SHORT_ID = 12  # digits of an id that are shown
 
 
-def opened(store: str, *outputs: str | None) -> Collection:
+def opened(store: str, *outputs: str | None) -> unbend.collection.Collection:
     """Open a collection that must be there, and in whose folder nothing else shall be written."""
-    from unbend.collection import Collection, check_outside
-    from unbend.errors import FileError
-
-    found = Collection(store)
+    found = unbend.collection.Collection(store)
     if not found.exists:
         raise FileError(
             f"there is no collection at {store}: unbend collection add {store} MESHES makes one"
         )
     for out in outputs:
         if out is not None:
-            check_outside(store, out)
+            unbend.collection.check_outside(store, out)
     return found
 
 
-def shown_shape(shape: Entry | Hit) -> str:
+def shown_shape(shape: unbend.collection.Entry | unbend.collection.Hit) -> str:
     """Show the first path of a shape, and that it has others."""
     more = f" and {len(shape.also) - 1:,} more" if len(shape.also) > 1 else ""
     return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
 
 
-def read_shown(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:
+def read_shown(
+    shapes: Sequence[unbend.collection.Entry | unbend.collection.Hit], store: str
+) -> list[unbend.Mesh]:
     """Read shapes to show them, and name on stderr what cannot be read."""
-    from unbend.collection import read_found
-    from unbend.report.pages import check_count
-
-    check_count(len(shapes))
-    meshes, failures = read_found(shapes, store)
+    unbend.report.check_count(len(shapes))
+    meshes, failures = unbend.collection.read_found(shapes, store)
     list_failures(failures)
     return meshes
 
@@ -52,15 +48,13 @@ def read_shown(shapes: Sequence[Entry | Hit], store: str) -> list[Mesh]:
 def write_page(
     report: str,
     store: str,
-    entries: Sequence[Entry],
+    entries: Sequence[unbend.collection.Entry],
     distances: FloatArray,
     up: Axis,
     groups: list[int] | None = None,
 ) -> None:
     """Write how far shapes of a collection are from each other as a page."""
-    from unbend.report.pages import similarity_page
-
-    similarity_page(
+    unbend.report.similarity_page(
         read_shown(entries, store),
         distances,
         report,

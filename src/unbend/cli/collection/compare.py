@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
+import unbend
 from unbend.choices import Rerank
 from unbend.cli import _options as options
-from unbend.cli._output import (
-    command_line,
-    look_at,
-    progress_on_stderr,
-    rows,
-    say,
-    table,
-    tell,
-)
+from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
 from unbend.cli._output import matrix as matrix_lines
 from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape, write_page
-
-if TYPE_CHECKING:
-    from unbend.collection import Entry, Hit
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24
@@ -31,29 +21,22 @@ _MOST_PRINTED = 24
 
 def search(
     store: options.Store,
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="The query: a mesh.")],
-    n: Annotated[
-        int, typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Number of results.")
-    ] = 10,
-    rerank: Annotated[
-        Rerank,
-        typer.Option(
-            help="Order the best again: form, by aligned canonical forms (hundredths of a second "
-            "each), or match, by point maps (seconds each)."
-        ),
-    ] = "none",
-    index: Annotated[
-        bool,
-        typer.Option(
-            "--index",
-            help="Use an index, which is created or updated first. It is faster beyond 100,000 "
-            "shapes.",
-        ),
-    ] = False,
+    query: Annotated[str, typer.Argument(metavar="QUERY")],
+    n: Annotated[int, options.count("--n-shapes")] = 10,
+    rerank: Rerank = "none",
+    index: Annotated[bool, typer.Option("--index")] = False,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
     """Find the most similar shapes, whatever their poses. The query need not be in the collection.
+
+    Options
+    -------
+      query: The query: a mesh.
+      n: Number of results.
+      rerank: Order the best again: form, by aligned canonical forms (hundredths of a second each),
+          or match, by point maps (seconds each).
+      index: Use an index, which is created or updated first. It is faster beyond 100,000 shapes.
 
     Examples
     --------
@@ -66,33 +49,21 @@ def search(
     with progress_on_stderr() as progress:
         hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
         if report is not None:
-            from unbend.report.pages import search_page
-
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
-            search_page(
-                query,
-                read_shown(hits, store),
-                ranked,
-                report,
-                measure=_MEASURES[rerank],
-                up=up,
-                command=command_line(),
-                progress=progress,
+            looks: Any = {"up": up, "command": command_line(), "progress": progress}
+            meshes = read_shown(hits, store)
+            unbend.report.search_page(
+                query, meshes, ranked, report, measure=_MEASURES[rerank], **looks
             )
+    ranks = [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)]
     tell(
-        {
-            "store": store,
-            "query": query,
-            "rerank": rerank,
-            "hits": [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)],
-        },
+        {"store": store, "query": query, "rerank": rerank, "hits": ranks},
         _lines(hits, rerank),
-        written=[report],
-        next_step=look_at(report),
+        report=report,
     )
 
 
-def _lines(hits: list[Hit], rerank: str) -> list[str]:
+def _lines(hits: list[unbend.collection.Hit], rerank: str) -> list[str]:
     cells = [["rank", "distance", "" if rerank == "none" else rerank, "id", "path"]]
     for i, hit in enumerate(hits):
         again = "" if hit.reranked is None else "none"
@@ -107,11 +78,15 @@ def _lines(hits: list[Hit], rerank: str) -> list[str]:
 def matrix(
     store: options.Store,
     csv: options.Csv = None,
-    figure: Annotated[str | None, options.figure("Draw a heat map with its dendrogram")] = None,
+    figure: options.Figure = None,
     report: options.Report = None,
     up: options.Up = "y",
 ) -> None:
     """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
+
+    Options
+    -------
+      figure: Draw a heat map with its dendrogram (.png, .pdf, .svg).
 
     Examples
     --------
@@ -121,14 +96,12 @@ def matrix(
     """
     entries, distances = opened(store, csv, figure, report).distances()
     if csv is not None:
-        from unbend.io import write_table
-
         rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
-        write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
+        unbend.io.write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
     if figure is not None:
-        from unbend.report.collection_figures import draw_distances
-
-        draw_distances([Path(entry.path).stem for entry in entries], distances, figure)
+        unbend.report.draw_distances(
+            [Path(entry.path).stem for entry in entries], distances, figure
+        )
     if report is not None:
         write_page(report, store, entries, distances, up)
     if len(entries) <= _MOST_PRINTED:
@@ -144,23 +117,14 @@ def matrix(
             "distances": distances,
         },
         lines,
-        written=[csv, figure, report],
-        next_step=look_at(report),
+        written=[csv, figure],
+        report=report,
     )
 
 
 def groups(
     store: options.Store,
-    n: Annotated[
-        int | None,
-        typer.Option(
-            "-n",
-            "--n-groups",
-            metavar="N",
-            min=1,
-            help="Number of groups, by default the best of 2 to 50.",
-        ),
-    ] = None,
+    n: Annotated[int | None, options.count("--n-groups")] = None,
     csv: options.Csv = None,
     report: options.Report = None,
     up: options.Up = "y",
@@ -170,25 +134,25 @@ def groups(
     The groups are those of average linkage of the descriptors. By default their number has the
     largest mean silhouette.
 
+    Options
+    -------
+      n: Number of groups, by default the best of 2 to 50.
+
     Examples
     --------
       unbend collection groups shapes
       unbend collection groups shapes -n 5 --csv groups.csv
       unbend collection groups shapes --report groups.html
     """
-    from unbend.collection import find_groups
-
     entries, distances = opened(store, csv, report).distances()
-    numbers = find_groups(distances, n).tolist()
-    members: list[list[Entry]] = [[] for _ in range(max(numbers) + 1)]
+    numbers = unbend.collection.find_groups(distances, n).tolist()
+    members: list[list[unbend.collection.Entry]] = [[] for _ in range(max(numbers) + 1)]
     for entry, number in zip(entries, numbers, strict=True):
         members[number].append(entry)
     paths = [[path for one in some for path in (one.path, *one.also)] for some in members]
     if csv is not None:
-        from unbend.io import write_table
-
         pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
-        write_table(csv, [("path", "group"), *pairs])
+        unbend.io.write_table(csv, [("path", "group"), *pairs])
     if report is not None:
         write_page(report, store, entries, distances, up, groups=numbers)
     lines = []
@@ -198,23 +162,25 @@ def groups(
     tell(
         {"store": store, "groups": paths},
         lines,
-        written=[csv, report],
-        next_step=look_at(report) or guess,
+        written=[csv],
+        report=report,
+        next_step=guess,
     )
 
 
 def evaluate(
     store: options.Store,
-    labels: Annotated[
-        str,
-        typer.Argument(metavar="LABELS", help="A .csv table with the columns path and label."),
-    ],
+    labels: Annotated[str, typer.Argument(metavar="LABELS")],
 ) -> None:
     """Measure how well the descriptors find shapes of the same class.
 
     Every labelled shape is a query. The measures are those of the Princeton Shape Benchmark, and
     mean average precision. 100 % is best, except for the E-measure of small classes. Shapes
     without a label are ignored, and so are identical files with different labels.
+
+    Options
+    -------
+      labels: A .csv table with the columns path and label.
 
     Examples
     --------
@@ -223,23 +189,18 @@ def evaluate(
     """
     import numpy as np
 
-    from unbend.collection import read_labels, retrieval_measures
-
     entries, distances = opened(store).distances()
-    found = read_labels(labels, [(entry.path, *entry.also) for entry in entries])
+    found = unbend.collection.read_labels(labels, [(entry.path, *entry.also) for entry in entries])
     kept = np.array([i for i, label in enumerate(found) if label is not None], dtype=int)
     classes = [label for label in found if label is not None]
     if len(kept) < len(entries):
         left_out = len(entries) - len(kept)
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
-    measured = retrieval_measures(distances[np.ix_(kept, kept)], classes)
+    measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
+    names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
+    heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
     lines = {
-        "nearest neighbour": f"{measured.nearest_neighbor:.1%}",
-        "first tier": f"{measured.first_tier:.1%}",
-        "second tier": f"{measured.second_tier:.1%}",
-        "E-measure": f"{measured.e_measure:.1%}",
-        "DCG": f"{measured.dcg:.1%}",
-        "mAP": f"{measured.map:.1%}",
+        **{head: f"{getattr(measured, name):.1%}" for head, name in zip(heads, names, strict=True)},
         "precision": ", ".join(
             f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%} recall"
             for i in (4, 9, 14, 19)

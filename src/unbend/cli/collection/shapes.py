@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
 from unbend.cli._output import progress_on_stderr, rows, shown, tell
 from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
-
-if TYPE_CHECKING:
-    from unbend.collection import Entry
+from unbend.errors import InputError
 
 
 def add(
     store: options.Store,
-    paths: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATHS",
-            help="Meshes, folders of them (and all folders below), quoted patterns like "
-            "'scans/**/*.ply'.",
-        ),
-    ],
+    paths: Annotated[list[str], typer.Argument(metavar="PATHS")],
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -36,15 +28,17 @@ def add(
     file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
     with several paths. After you move a folder, add it again to update the paths.
 
+    Options
+    -------
+      paths: Meshes, folders of them (and all folders below), quoted patterns like 'scans/**/*.ply'.
+
     Examples
     --------
       unbend collection add shapes scans/
       unbend collection add shapes 'models/**/*.obj' --workers 8
       unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
     """
-    from unbend.collection import Collection
-
-    collection = Collection(store)
+    collection = unbend.collection.Collection(store)
     with progress_on_stderr() as progress:
         done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
@@ -71,12 +65,13 @@ def add(
 
 def list_(
     store: options.Store,
-    n: Annotated[
-        int | None,
-        typer.Option("-n", "--n-shapes", metavar="N", min=1, help="Show the first N only."),
-    ] = None,
+    n: Annotated[int | None, options.count("--n-shapes")] = None,
 ) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
+
+    Options
+    -------
+      n: Show the first N only.
 
     Examples
     --------
@@ -88,10 +83,10 @@ def list_(
     lines: Iterator[str] = _lines(entries)
     if n is not None and len(collection) > n:
         lines = itertools.chain(lines, [f"... of {len(collection):,}"])
-    tell({"store": store, "shapes": (vars(entry) for entry in entries)}, lines)
+    tell({"store": store, "shapes": entries}, lines)
 
 
-def _lines(entries: Iterator[Entry]) -> Iterator[str]:
+def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
     """Print as they are read: there may be millions."""
     first = list(itertools.islice(entries, 1))  # before anything is printed: it may fail
     yield f"{'id':<{SHORT_ID}}  {'vertices':>10}  {'faces':>10}  path"
@@ -102,27 +97,25 @@ def _lines(entries: Iterator[Entry]) -> Iterator[str]:
 
 def info(
     store: options.Store,
-    shape: Annotated[
-        str | None, typer.Argument(metavar="[SHAPE]", help="A path or id, to show one shape.")
-    ] = None,
-    thumbnail: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Write the picture of SHAPE.")
-    ] = None,
+    shape: Annotated[str | None, typer.Argument(metavar="[SHAPE]")] = None,
+    thumbnail: Annotated[str | None, typer.Option(metavar="PNG")] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.
+
+    Options
+    -------
+      shape: A path or id, to show one shape.
+      thumbnail: Write the picture of SHAPE.
 
     Examples
     --------
       unbend collection info shapes
       unbend collection info shapes scans/cat0.off --thumbnail cat0.png
     """
-    from unbend.errors import InputError
-    from unbend.io import atomic_write, check_writable
-
     if thumbnail is not None:
         if shape is None:
             raise InputError("--thumbnail is the picture of one shape: name it after STORE")
-        check_writable(thumbnail, (".png",))
+        unbend.io.check_writable(thumbnail, (".png",))
     collection = opened(store, thumbnail)
     if shape is None:
         found = collection.info()
@@ -138,7 +131,7 @@ def info(
         return
     (entry,) = collection.find([shape])
     if thumbnail is not None:
-        with atomic_write(thumbnail) as file:
+        with unbend.io.atomic_write(thumbnail) as file:
             file.write(collection.thumbnail(entry.id))
     lines = {
         "id": entry.id,
@@ -154,14 +147,15 @@ def info(
 
 def remove(
     store: options.Store,
-    shapes: Annotated[
-        list[str],
-        typer.Argument(metavar="SHAPES", help="Paths, or ids (8 digits or more of them)."),
-    ],
+    shapes: Annotated[list[str], typer.Argument(metavar="SHAPES")],
 ) -> None:
     """Remove shapes from a collection; their files stay where they are.
 
     A path removes only that path of a shape that has several. An id removes the shape.
+
+    Options
+    -------
+      shapes: Paths, or ids (8 digits or more of them).
 
     Examples
     --------
@@ -180,7 +174,7 @@ def remove(
     tell(
         {
             "store": store,
-            "removed": [vars(entry) for entry in removed],
+            "removed": removed,
             "n_shapes": len(collection),
         },
         [*lines, f"{store} has {len(collection):,} shapes"],
@@ -189,14 +183,15 @@ def remove(
 
 def export(
     store: options.Store,
-    out: Annotated[
-        str,
-        options.out(".parquet: every column; .csv: all but forms and thumbnails."),
-    ],
+    out: Annotated[str, options.out()],
 ) -> None:
     """Write the stored data of every shape into one table.
 
     There is a row for each file. Identical files have the same id.
+
+    Options
+    -------
+      out: .parquet: every column; .csv: all but forms and thumbnails.
 
     Examples
     --------

@@ -9,7 +9,7 @@ import math
 import os
 import tempfile
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from unbend._display import table
-from unbend._types import FloatArray
+from unbend._types import FloatArray, Progress
 from unbend.io import atomic_write, check_writable
+from unbend.report.figures import upright
 
-SUFFIXES = (".html",)
+_SUFFIXES = (".html",)
 
 # Scripts that every page runs before its own.
 _SCRIPTS = ("data.js", "shaders.js", "geometry.js", "stage.js", "scene.js", "page.js")
@@ -75,7 +76,7 @@ class Page:
 
         Raises FileError if the file cannot be written.
         """
-        check_writable(path, SUFFIXES)
+        check_writable(path, _SUFFIXES)
         with atomic_write(path) as file:
             file.write(self.html.encode("utf-8"))
 
@@ -102,22 +103,32 @@ class Page:
         return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
+def begin_page(
+    path: str | os.PathLike[str] | None, up: str, progress: Progress | None = None
+) -> Progress:
+    """Refuse, before any work, what cannot be written and what is no axis; return `progress`."""
+    if path is not None:
+        check_writable(path, _SUFFIXES)
+    upright(up)
+    return progress or (lambda stage, share: None)
+
+
 def make_page(
-    *,
     title: str,
-    heading: str,
     lead: str,
-    body: str,
+    body: Sequence[str],
     data: dict[str, Any],
     scripts: Sequence[str],
+    *,
+    path: str | os.PathLike[str] | None,
+    heading: str = "",
     band: str = "",
-    path: str | os.PathLike[str] | None = None,
 ) -> Page:
     """Put a page together, and write it if there is a path.
 
-    Title, lead and band, a warning above all, are plain text; heading and body are HTML in which
-    the user's names are escaped.
-    The scripts are files beside this one, and find the data unpacked.
+    Title, lead and band, a warning above all, are plain text. The heading, by default the title,
+    and the blocks of the body are HTML in which the user's names are escaped. The scripts are files
+    beside this one, and find the data unpacked.
     """
     folder = files("unbend.report.pages")
     names = ("page.css", *_SCRIPTS, *scripts)
@@ -125,10 +136,10 @@ def make_page(
     script = "\n".join(parts)
     html = _PAGE.format(
         title=escape(title),
-        heading=heading,
+        heading=heading or escape(title),
         lead=escape(lead),
         band=f'<p class="band" role="alert">{escape(band)}</p>\n' if band else "",
-        body=body,
+        body="\n".join(body),
         version=version("unbend"),
         # Nothing in JSON needs "<" as it is, and HTML would end the script at "</script>".
         data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
@@ -170,16 +181,24 @@ def canvas(name: str, caption: str, description: str, box: str = "", more: str =
     )
 
 
+def select(label: str, name: str, options: Mapping[str, str], chosen: str = "") -> str:
+    """Menu of options, texts by their values."""
+    items = "".join(
+        f'<option value="{value}"{" selected" * (value == chosen)}>{escape(text)}</option>'
+        for value, text in options.items()
+    )
+    return f'<label>{label} <select id="{name}">{items}</select></label>'
+
+
 def controls(own: str, up: str, *, grid: bool = True, several: bool = True) -> str:
     """Put a page's own controls, as HTML, before those of its views."""
-    axes = "".join(f"<option{' selected' * (axis == up)}>{axis}</option>" for axis in "xyz")
     return (
         f'<div class="controls" role="group" aria-label="Controls">{own}'
         + '<label><input type="checkbox" id="grid" checked> grid</label>' * grid
         + '<label><input type="checkbox" id="wire"> mesh edges</label>'
         + '<label><input type="checkbox" id="linked" checked> turn together</label>' * several
-        + f'<label>up <select id="up">{axes}</select></label>'
-        '<button type="button" id="reset">Reset view</button>'
+        + select("up", "up", {axis: axis for axis in "xyz"}, up)
+        + '<button type="button" id="reset">Reset view</button>'
         '<button type="button" id="picture">Save picture</button></div>\n'
     )
 
@@ -198,28 +217,29 @@ def curve_svg(
     x: FloatArray, curves: Sequence[tuple[str, FloatArray]], x_label: str, y_label: str
 ) -> str:
     """Plot of curves in percent, the second one dashed."""
-    plot = _Plot(float(x.max()), 100.0, x_label, y_label)
+    most, k = float(x.max()), len(x) // 4
+    marks, facts = [], []
     for i, (name, values) in enumerate(curves):
-        spots = "L".join(plot.spot(a, b) for a, b in zip(x, values, strict=True))
+        spots = [_spot(a / most, b / 100) for a, b in zip(x, values, strict=True)]
+        line = "L".join(f"{left:.1f},{down:.1f}" for left, down in spots)
         kind = "curve other" if i else "curve"
-        plot.parts.append(f'<path class="{kind}" d="M{spots}"><title>{escape(name)}</title></path>')
-    facts = "; ".join(
-        f"{name}: {values[len(x) // 4]:.1f} % within {x[len(x) // 4]:g}, "
-        f"{values[-1]:.1f} % within {x.max():g}"
-        for name, values in curves
-    )
-    return plot.svg(facts)
+        marks.append(f'<path class="{kind}" d="M{line}"><title>{escape(name)}</title></path>')
+        facts.append(
+            f"{name}: {values[k]:.1f} % within {x[k]:g}, {values[-1]:.1f} % within {most:g}"
+        )
+    return _plot(marks, most, 100.0, x_label, y_label, "; ".join(facts))
 
 
 def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
     """Plot of a dot for each value, counted from 0."""
-    plot = _Plot(_round_above(len(values) - 1), _round_above(float(values.max())), x_label, y_label)
+    right, top = _round_above(len(values) - 1), _round_above(float(values.max()))
+    marks = []
     for i, value in enumerate(values):
-        x, y = plot.spot(i, value).split(",")
-        plot.parts.append(
-            f'<circle cx="{x}" cy="{y}" r="3"><title>{i}: {value:.6g}</title></circle>'
-        )
-    return plot.svg(f"{len(values)} values from {values[0]:.4g} to {values[-1]:.4g}")
+        x, y = _spot(i / right, value / top)
+        title = f"<title>{i}: {value:.6g}</title>"
+        marks.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3">{title}</circle>')
+    facts = f"{len(values)} values from {values[0]:.4g} to {values[-1]:.4g}"
+    return _plot(marks, right, top, x_label, y_label, facts)
 
 
 def _round_above(value: float) -> float:
@@ -230,39 +250,27 @@ def _round_above(value: float) -> float:
     )
 
 
-class _Plot:
-    """A plot in SVG with axes from 0."""
+def _spot(across: float, up: float) -> tuple[float, float]:
+    """Coordinates in a plot of a point that is given by its shares of the axes."""
+    return 58 + 420 * across, 10 + 220 * (1 - up)
 
-    left, top, width, height = 58.0, 10.0, 420.0, 220.0
 
-    def __init__(self, high: float, top: float, x_label: str, y_label: str) -> None:
-        self.high = high, top
-        self.parts = []
-        for share in np.linspace(0, 1, 5):
-            x, y = self.spot(share * high, share * top).split(",")
-            base = self.top + self.height
-            self.parts += [
-                f'<path class="axis" d="M{self.left} {y}h{self.width}"/>',
-                f'<text x="{self.left - 6}" y="{float(y) + 4}" text-anchor="end">'
-                f"{share * top:.4g}</text>",
-                f'<text x="{x}" y="{base + 18}" text-anchor="middle">{share * high:.4g}</text>',
-            ]
-        self.parts += [
-            f'<text x="{self.left + self.width / 2}" y="{base + 38}" text-anchor="middle">'
-            f"{escape(x_label)}</text>",
-            f'<text transform="translate(12 {self.top + self.height / 2}) rotate(-90)" '
-            f'text-anchor="middle">{escape(y_label)}</text>',
+def _plot(
+    marks: Sequence[str], right: float, top: float, x_label: str, y_label: str, facts: str
+) -> str:
+    """SVG with marks, axes from 0, and alternative text."""
+    parts = []
+    for share in np.linspace(0, 1, 5):
+        x, y = _spot(share, share)
+        parts += [
+            f'<path class="axis" d="M58 {y:.1f}h420"/>',
+            f'<text x="52" y="{y + 4:.1f}" text-anchor="end">{share * top:.4g}</text>',
+            f'<text x="{x:.1f}" y="248" text-anchor="middle">{share * right:.4g}</text>',
         ]
-
-    def spot(self, x: float, y: float) -> str:
-        """Coordinates of a point in the SVG."""
-        right, up = x / self.high[0], y / self.high[1]
-        return f"{self.left + self.width * right:.1f},{self.top + self.height * (1 - up):.1f}"
-
-    def svg(self, facts: str) -> str:
-        """Return the plot as SVG, with alternative text."""
-        tall = self.top + self.height + 46
-        return (
-            f'<svg viewBox="0 0 500 {tall}" width="500" role="img" aria-label="{escape(facts)}">'
-            f"{''.join(self.parts)}</svg>"
-        )
+    return (
+        f'<svg viewBox="0 0 500 276" width="500" role="img" aria-label="{escape(facts)}">'
+        f"{''.join([*parts, *marks])}"
+        f'<text x="268" y="268" text-anchor="middle">{escape(x_label)}</text>'
+        '<text transform="translate(12 120) rotate(-90)" text-anchor="middle">'
+        f"{escape(y_label)}</text></svg>"
+    )

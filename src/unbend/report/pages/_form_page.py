@@ -11,15 +11,16 @@ import numpy as np
 
 from unbend._display import table
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
-from unbend.canonical import CanonicalForm
-from unbend.choices import Axis, LaplacianKind
+from unbend.canonical import CanonicalForm, check_form
+from unbend.choices import Axis
 from unbend.distances import spectral_filter
 from unbend.errors import UnbendWarning
-from unbend.io import MeshLike, check_writable
+from unbend.io import MeshLike
 from unbend.mesh import Mesh
+from unbend.report.figures import drawable
 from unbend.report.pages._document import (
-    SUFFIXES,
     Page,
+    begin_page,
     canvas,
     controls,
     dots_svg,
@@ -28,10 +29,17 @@ from unbend.report.pages._document import (
     make_page,
     readout,
     section,
+    select,
 )
-from unbend.report.pages._packing import pack_places, pack_whole
-from unbend.report.pages._shown import cells_of, faces_within, places_as_colors, show
-from unbend.report.shape_figures import checked_shape, turned_to_fit
+from unbend.report.pages._shown import (
+    cells_of,
+    faces_within,
+    pack_places,
+    pack_whole,
+    places_as_colors,
+    show,
+)
+from unbend.report.shape_figures import turned_to_fit
 from unbend.spectral import spectrum
 
 # Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
@@ -94,60 +102,63 @@ def form_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend import canonical_form
     >>> from unbend.report import form_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "form.html")
-    ...     form_page(mesh, canonical_form(mesh), path)
+    >>> form_page(mesh, canonical_form(mesh), "form.html")
     Page('octopus, canonical form', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
-    mesh = checked_shape(mesh, form, up)
-    step = progress or (lambda stage, share: None)
+    step = begin_page(path, up, progress)
+    mesh = drawable(mesh)
+    check_form(mesh, form)
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
-    places = turned_to_fit(form.points, mesh.vertices, inside)
-    fitted = None
+    rows = shown.ids
+    places = turned_to_fit(form.points, mesh)[rows]
+    surface = None
     if posed is not None:
-        fitted = turned_to_fit(posed, mesh.vertices, inside, reflect=False)
+        fitted = turned_to_fit(np.where(inside[:, None], posed, np.nan), mesh, reflect=False)
+        surface = _packed(fitted[rows], shown.faces)
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside)
-    rows = shown.ids
-    data = {
-        "shape": shown.packed(mesh.vertices)
-        | {
-            "colors": pack_places(places_as_colors(mesh, shown)[rows]),
-            "known": pack_whole(inside[rows].astype(np.int64)),
-        },
-        "form": _packed(places[rows], shown.faces),
-        "surface": None if fitted is None else _packed(fitted[rows], shown.faces),
-        "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
-        "unit": _unit(form, keep_scale),
-        "cells": cells_of(mesh.vertices[rows]),
-    }
+    # Length in the form of a biharmonic distance of 1.
+    unit = float(np.sqrt(form.area)) if keep_scale else 1.0
     return make_page(
-        title=f"{mesh.name}, canonical form",
-        heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
-        lead=f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
+        f"{mesh.name}, canonical form",
+        f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
         f"stress {form.stress:.3f}.",
-        body="\n".join(
-            [
-                _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), fitted is not None),
-                '<div class="columns">',
-                _spectrum(values),
-                _form_facts(form),
-                "</div>",
-                _facts(mesh, form, shown.facts(mesh), command),
-            ]
-        ),
-        data=data,
-        scripts=("form.js",),
+        [
+            _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), surface is not None),
+            '<div class="columns">',
+            section(
+                "Spectrum",
+                dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
+                hint(
+                    "The lowest eigenvalues of the shape's Laplacian. They are the same in every "
+                    "pose."
+                ),
+            ),
+            _form_facts(form),
+            "</div>",
+            _facts(mesh, form, shown.facts(mesh), command),
+        ],
+        {
+            "shape": shown.packed(mesh.vertices)
+            | {
+                "colors": pack_places(places_as_colors(mesh, shown)[rows]),
+                "known": pack_whole(inside[rows].astype(np.int64)),
+            },
+            "form": _packed(places, shown.faces),
+            "surface": surface,
+            "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
+            "unit": unit if form.distance == "biharmonic" else None,
+            "cells": cells_of(mesh.vertices[rows]),
+        },
+        ["form.js"],
         path=path,
+        heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
     )
 
 
@@ -155,58 +166,33 @@ def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
     return {"places": pack_places(places), "faces": faces_within(places, faces)}
 
 
-def _unit(form: CanonicalForm, keep_scale: bool) -> float | None:
-    """Length in the form of a biharmonic distance of 1; None for other distances."""
-    if form.distance != "biharmonic":
-        return None
-    return float(np.sqrt(form.area)) if keep_scale else 1.0
-
-
 def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues at unit area, and eigenfunctions whose Euclidean distances are biharmonic."""
-    kind: LaplacianKind = "robust" if form.laplacian == "robust" else "cotangent"
     part = Mesh(mesh.vertices, mesh.faces[inside[mesh.faces].all(axis=1)], name=mesh.name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnbendWarning)  # canonical_form has warned already
         count = min(_N_EIGENPAIRS + 1, int(inside.sum()) // 2)
-        found = spectrum(part, count, laplacian=kind)
+        found = spectrum(part, count, laplacian=form.laplacian)  # type: ignore[arg-type]
     values = found.eigenvalues * form.area
     weights = np.sqrt(spectral_filter("biharmonic", values, 1.0)) * np.sqrt(form.area)
     return values, (found.eigenfunctions * weights)[:, 1:]
 
 
 def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
-    functions = "".join(
-        f'<option value="function-{k}">eigenfunction {k + 1}</option>' for k in range(n_functions)
-    )
-    same = "The same place has the same colour on the shape and on its form."
-    own = (
-        '<label>Colours <select id="paint"><option value="place">same place, same colour</option>'
-        '<option value="distance">distance from the clicked vertex</option>'
-        f'{functions}<option value="plain">plain</option></select></label>'
+    paints = {"place": "same place, same colour", "distance": "distance from the clicked vertex"}
+    paints |= {f"function-{k}": f"eigenfunction {k + 1}" for k in range(n_functions)}
+    own = select("Colours", "paint", paints | {"plain": "plain"}) + (
         '<label>Thicken the form <input type="range" id="thicken" min="0" max="4" step="0.25" '
         'value="1.5"></label>'
     )
-    return (
-        controls(own, up)
-        + '<div class="pair">'
-        + canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex")
-        + canvas("form", "Its canonical form", f"The canonical form of {name}. {same}")
-        + (
-            canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}")
-            if detailed
-            else ""
-        )
-        + f"</div>\n{readout(_HINT)}"
-    )
-
-
-def _spectrum(values: FloatArray) -> str:
-    return section(
-        "Spectrum",
-        dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
-        hint("The lowest eigenvalues of the shape's Laplacian. They are the same in every pose."),
-    )
+    same = "The same place has the same colour on the shape and on its form."
+    views = [
+        canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex"),
+        canvas("form", "Its canonical form", f"The canonical form of {name}. {same}"),
+    ]
+    if detailed:
+        views.append(canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}"))
+    return f'{controls(own, up)}<div class="pair">{"".join(views)}</div>\n{readout(_HINT)}'
 
 
 def _form_facts(form: CanonicalForm) -> str:

@@ -6,7 +6,9 @@ import math
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,26 +16,32 @@ import numpy.typing as npt
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
-from unbend.correspondence import as_point_map, evaluate, transfer
+from unbend.correspondence import as_point_map, carry, evaluate, morph
 from unbend.errors import UnbendWarning
-from unbend.io import MeshLike, check_writable
+from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
-from unbend.mesh import Mesh, vertex_areas
-from unbend.report.figures import check_up, drawable, fit_rigidly
+from unbend.mesh import Mesh, edge_ends, vertex_areas
+from unbend.report.figures import drawable, fit_rigidly
 from unbend.report.pages import _match_words as words
-from unbend.report.pages._document import SUFFIXES, Page, make_page
-from unbend.report.pages._maps import pack_map
-from unbend.report.pages._packing import pack_places
+from unbend.report.pages._document import Page, begin_page, make_page
 from unbend.report.pages._shown import (
+    Shown,
     cells_of,
     checked_landmarks,
     faces_within,
+    pack_places,
+    pack_whole,
     places_as_colors,
     show,
 )
 
 # The error at the end of the colour scale.
 _WORST = 0.1
+# Shares at which the morph is computed; pages interpolate with cubics. Maps other than the first
+# have fewer, to keep pages small.
+_FRAMES, _FEW_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 1.0)
+# Vertices without ground truth take the mean error of their neighbours, up to so many rings away.
+_FILLED_RINGS = 3
 
 
 def match_page(
@@ -98,26 +106,20 @@ def match_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
-    >>> import numpy as np
     >>> from unbend.report import match_page
     >>> from unbend.datasets import make_octopus
     >>> mesh = make_octopus(n_vertices=600).mesh
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "match.html")
-    ...     match_page(mesh, mesh, np.arange(600), path)
+    >>> match_page(mesh, mesh, range(600), "match.html")
     Page('octopus to octopus', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     source, target = drawable(source), drawable(target)
-    check_up(up)
-    step = progress or (lambda stage, share: None)
     step("page, places", 0.0)
     maps = _maps(match)
     first = next(iter(maps.values()))
-    carried = transfer(source.vertices, first, kind="scalar", source=source, target=target)
-    target = _standing_alike(target, source, carried, as_point_map(first) >= 0)
+    forward = as_point_map(first)
+    carried = carry(source.vertices, first, "scalar", source, target)
+    target = _standing_alike(target, source, carried, forward >= 0)
     shown = show(source), show(target)
     rows = shown[0].ids
     step("page, canonical forms", 0.1)
@@ -126,34 +128,36 @@ def match_page(
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnbendWarning)  # runners-up may be as wrong as they are
-            packed.append(pack_map(source, target, one, shown, forms, truth, first=i == 0))
+        packed.append(_pack_map(source, target, one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
-    blocks = [
-        words.pictures(
-            (source.name, target.name),
-            up,
-            tuple(maps),
-            morphs=bool(packed[0]["frames"]),
-            errors=found is not None,
-            expected=known is not None and known.expected_error is not None,
-        ),
-        words.forms(),
-        '<div class="columns">',
-        *([words.errors(found, _WORST)] if found is not None else []),
-        *([words.hypotheses(known)] if known is not None and known.hypotheses else []),
-        "</div>",
-        words.facts((source, target), shown, known, command, _WORST),
-    ]
+    columns = [words.errors(found, _WORST)] if found is not None else []
+    if known is not None and known.hypotheses:
+        columns.append(words.hypotheses(known))
+    matched = int((forward >= 0).sum())
+    part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
+    trust = ""
+    if known is not None and not math.isnan(known.confidence):
+        trust = f"; confidence {known.confidence:.2f}"
     return make_page(
-        title=f"{source.name} to {target.name}",
-        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
-        lead=_lead(first, target),
-        band=words.doubt(known),
-        body="\n".join(blocks),
-        data={
+        f"{source.name} to {target.name}",
+        f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}.",
+        [
+            words.pictures(
+                (source.name, target.name),
+                up,
+                list(maps),
+                morphs=bool(packed[0]["frames"]),
+                errors=found is not None,
+                expected=packed[0]["expected"] is not None,
+            ),
+            words.forms(),
+            '<div class="columns">',
+            *columns,
+            "</div>",
+            words.facts((source, target), shown, known, command, _WORST),
+        ],
+        {
             "source": shown[0].packed(source.vertices)
             | {"colors": pack_places(places_as_colors(source, shown[0])[rows])},
             "target": shown[1].packed(target.vertices),
@@ -172,8 +176,10 @@ def match_page(
             "worst": _WORST,
             "cells": cells_of(source.vertices[rows]),
         },
-        scripts=("match.js",),
+        ["match.js"],
         path=path,
+        heading=f'{escape(source.name)}<span class="arrow">→</span>{escape(target.name)}',
+        band=words.doubt(known),
     )
 
 
@@ -205,11 +211,98 @@ def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: Bo
     return Mesh(places @ turn.T + shift, target.faces, name=target.name, notes=target.notes)
 
 
-def _lead(match: Match | IntArray, target: Mesh) -> str:
+def _pack_map(
+    source: Mesh,
+    target: Mesh,
+    match: Match | IntArray,
+    shown: tuple[Shown, Shown],
+    forms: tuple[FloatArray, FloatArray],
+    truth: Sequence[npt.ArrayLike] | None,
+    *,
+    first: bool,
+) -> dict[str, Any]:
+    """Pack all that a page shows of one map.
+
+    The target is aligned with the source already. `forms` are the canonical forms of both;
+    `first` says that the page shows this map first.
+    """
+    ours, theirs = shown
     forward = as_point_map(match)
-    matched = int((forward >= 0).sum())
-    part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
-    facts = f"{part} vertices matched to a shape of {target.n_vertices:,}"
-    if isinstance(match, Match) and not math.isnan(match.confidence):
-        facts += f"; confidence {match.confidence:.2f}"
-    return facts + "."
+    backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
+    carried = carry(source.vertices, match, "scalar", source, target)
+    colors = places_as_colors(source, ours, carried)[theirs.ids]
+    shares = _FRAMES if first else _FEW_FRAMES
+    errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
+    expected = match.expected_error if isinstance(match, Match) else None
+    return {
+        "source": _links(forward[ours.ids], theirs),
+        "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
+        "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
+        "errors": None if errors is None else _pack_errors(errors[ours.ids]),
+        "expected": None if expected is None else _pack_errors(expected[ours.ids]),
+        **_motion(forms, forward),
+    }
+
+
+def _pack_errors(errors: FloatArray) -> dict[str, Any]:
+    """Pack errors up to 1; unknown ones are -1."""
+    return pack_places(np.nan_to_num(np.minimum(errors, 1.0), nan=-1.0)[:, None])
+
+
+def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
+    """Pack partners, -1 for none, and the shown vertices that stand for them."""
+    seen = np.where(partners >= 0, other.stand_ins[partners], -1)
+    same = (seen == partners).all()
+    return {
+        "partners": pack_whole(partners),
+        "standIns": None if same else pack_whole(seen),
+    }
+
+
+def _frames(
+    source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown, shares: Sequence[float]
+) -> list[FloatArray]:
+    """Positions of the shown vertices along the morph; none if fewer than three have an image."""
+    images = as_point_map(match)[ours.ids]
+    if (images >= 0).sum() < 3:
+        return []
+    along: Match | IntArray = images
+    if isinstance(match, Match) and match.faces is not None and match.weights is not None:
+        along = replace(
+            match,
+            source_to_target=images,
+            faces=match.faces[ours.ids],
+            weights=match.weights[ours.ids],
+        )
+    thin = Mesh(source.vertices[ours.ids], ours.faces)
+    return [morph(thin, target, along, share).vertices for share in shares]
+
+
+def _motion(forms: tuple[FloatArray, FloatArray], forward: IntArray) -> dict[str, Any]:
+    """Rigid motion, perhaps with a reflection, of the source's form onto the target's."""
+    images = np.full_like(forms[0], np.nan)
+    there = forward >= 0
+    images[there] = forms[1][forward[there]]
+    turn, shift = fit_rigidly(forms[0], images)
+    return {"rotation": turn.tolist(), "translation": shift.tolist()}
+
+
+def _errors_of_vertices(
+    source: Mesh, target: Mesh, match: Match | IntArray, truth: Sequence[npt.ArrayLike]
+) -> FloatArray:
+    """Error of each source vertex, or mean error of its neighbours, or -1."""
+    forward = as_point_map(match)
+    direct = evaluate(match, target, *truth).direct
+    sources, images = (np.asarray(one) for one in truth[:2])
+    counted = (forward[sources] >= 0) & (images >= 0)
+    errors = np.full(len(forward), -1.0)
+    errors[sources[counted]] = np.minimum(direct, 1.0)
+    ends = edge_ends(source.faces, len(forward))
+    for _ in range(_FILLED_RINGS):
+        known = errors >= 0
+        i, j = np.concatenate([ends, ends[:, ::-1]]).T
+        i, j = i[known[i]], j[known[i]]
+        count = np.bincount(j, minlength=len(errors))
+        mean = np.bincount(j, errors[i], len(errors)) / np.maximum(count, 1)
+        errors = np.where(known | (count == 0), errors, mean)
+    return errors

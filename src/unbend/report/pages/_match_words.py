@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from html import escape
+from collections.abc import Sequence
 
 from unbend._display import is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
@@ -17,6 +17,7 @@ from unbend.report.pages._document import (
     how_made,
     readout,
     section,
+    select,
 )
 from unbend.report.pages._shown import Shown
 
@@ -40,27 +41,29 @@ def doubt(match: Match | None) -> str:
 
 
 def pictures(
-    names: tuple[str, str],
+    names: Sequence[str],
     up: str,
-    maps: tuple[str, ...],
+    maps: Sequence[str],
     *,
     morphs: bool,
     errors: bool,
     expected: bool,
 ) -> str:
     """Both shapes, with controls that move and colour them."""
-    choices = "".join(f'<option value="{i}">{escape(one)}</option>' for i, one in enumerate(maps))
-    choice = f'<label>Map <select id="map">{choices}</select></label>' if len(maps) > 1 else ""
-    morph = (
-        '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
-        "</label>"
-        '<button type="button" id="play">Play</button>'
-        if morphs
-        else ""
-    )
-    error = '<option value="1">by error</option>' if errors else ""
+    own = ""
+    if len(maps) > 1:
+        own += select("Map", "map", {str(i): one for i, one in enumerate(maps)})
+    if morphs:
+        own += (
+            '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
+            '</label><button type="button" id="play">Play</button>'
+        )
+    paints = {"0": "same place, same colour"}
+    if errors:
+        paints["1"] = "by error"
     if expected:
-        error += '<option value="expected">by expected error</option>'
+        paints["expected"] = "by expected error"
+    own += select("Colours", "paint", paints | {"2": "plain"})
     sides = [
         canvas(
             side,
@@ -71,14 +74,7 @@ def pictures(
         )
         for side, name in zip(("source", "target"), names, strict=True)
     ]
-    colors = (
-        '<label>Colours <select id="paint"><option value="0">same place, same colour</option>'
-        f'{error}<option value="2">plain</option></select></label>'
-    )
-    return (
-        controls(choice + morph + colors, up)
-        + f'<div class="pair">{"".join(sides)}</div>\n{readout(_HINT)}'
-    )
+    return f'{controls(own, up)}<div class="pair">{"".join(sides)}</div>\n{readout(_HINT)}'
 
 
 def forms() -> str:

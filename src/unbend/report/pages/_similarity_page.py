@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, get_args
 
@@ -16,15 +16,36 @@ from unbend._text import plural
 from unbend._types import FloatArray, IntArray, Progress
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
-from unbend.io import MeshLike, check_writable
-from unbend.report.pages import _shapes as parts
-from unbend.report.pages._document import SUFFIXES, Page, hint, make_page, section
-from unbend.report.pages._packing import pack_places
-from unbend.report.trees import apart, join_alike
+from unbend.io import MeshLike, as_mesh
+from unbend.mesh import Mesh
+from unbend.report.collection_figures import apart, join_alike
+from unbend.report.pages._document import (
+    Page,
+    begin_page,
+    canvas,
+    controls,
+    hint,
+    how_made,
+    make_page,
+    readout,
+    section,
+    select,
+)
+from unbend.report.pages._shown import pack_places, pack_whole, show
 
 # Pages of more shapes have no table of numbers.
 _MOST_TOLD = 30
 _MEANING = {"similarity": "1 for the same shape", "distance": "0 for the same shape"}
+# Vertices drawn in all, which keeps a page below 8 MB, and of any one shape: at most, to be quick,
+# and at least, to be recognised.
+_VERTICES_IN_ALL, _MOST_VERTICES, _LEAST_VERTICES = 300_000, 20_000, 1_000
+_SIDES = ("first", "second")
+MOST_SHAPES = _VERTICES_IN_ALL // _LEAST_VERTICES
+
+_HINT = (
+    "Choose a picture or a name to see a shape here. Drag to turn, shift-drag to shift, wheel or + "
+    "and - to zoom, arrow keys to turn, 0 to start over."
+)
 
 
 def similarity_page(
@@ -76,23 +97,19 @@ def similarity_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import similarity_page
     >>> from unbend.datasets import make_quadruped
     >>> animals = [make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse")]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "similarity.html")
-    ...     similarity_page(animals, [[1, 0.9], [0.9, 1]], path)
+    >>> similarity_page(animals, [[1, 0.9], [0.9, 1]], "similarity.html")
     Page('How alike 2 shapes are', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     shapes = list(shapes)
     array, numbers = _checked(len(shapes), values, measure, groups)
-    meshes = parts.read_shapes(shapes, up)
+    meshes, packed, said = _read_shapes(shapes, step)
     names = [one.name for one in meshes]
-    tree = join_alike(apart(array) if measure == "similarity" else np.nan_to_num(array, nan=1.0))
-    packed, said = parts.pack_shapes(meshes, progress)
+    far = apart(array) if measure == "similarity" else np.nan_to_num(array, nan=1.0)
+    order, heights, places = join_alike(far)
     others = array[~np.eye(len(array), dtype=bool) & np.isfinite(array)]
     spread = "no pair is known"
     if len(others):
@@ -100,40 +117,29 @@ def similarity_page(
     title = f"How alike {len(names)} shapes are"
     if numbers is not None:
         title = f"{len(names)} shapes in {plural(len(np.unique(numbers)), 'group')}"
-    facts = ""
+    blocks = [_heat_map(measure)]
     if len(names) <= _MOST_TOLD:
-        heads = (measure, *(names[j] for j in tree.order))
-        rows = [
-            (names[i], *(parts.number_told(array[i, j]) for j in tree.order)) for i in tree.order
-        ]
-        facts = f"<details><summary>As a table</summary>{table(rows, heads)}</details>"
+        heads = (measure, *(names[j] for j in order))
+        rows = [(names[i], *(_number_told(array[i, j]) for j in order)) for i in order]
+        blocks.append(f"<details><summary>As a table</summary>{table(rows, heads)}</details>")
+    facts = [
+        ("values", f"{measure}, {_MEANING[measure]}"),
+        ("dendrogram", "average linkage; the most alike stand beside each other"),
+        ("for display", said),
+    ]
+    blocks += _pictures(names, order, numbers)
     return make_page(
-        title=title,
-        heading=title,
-        lead=f"{measure.capitalize()} is {spread}.",
-        body="\n".join(
-            [
-                parts.choices(names, up),
-                parts.beside([_heat_map(measure), facts, *_pictures(names, tree.order, numbers)]),
-                parts.facts(
-                    meshes,
-                    [
-                        ("values", f"{measure}, {_MEANING[measure]}"),
-                        ("dendrogram", "average linkage; the most alike stand beside each other"),
-                        ("for display", said),
-                    ],
-                    command,
-                ),
-            ]
-        ),
-        data={
+        title,
+        f"{measure.capitalize()} is {spread}.",
+        _body(meshes, up, blocks, facts, command),
+        {
             "shapes": packed,
             "measure": measure,
             "table": _packed(array),
-            "order": tree.order.tolist(),
-            "tree": _brackets(tree.heights, tree.places),
+            "order": order.tolist(),
+            "tree": _brackets(heights, places),
         },
-        scripts=("heat.js", "shapes.js"),
+        ("heat.js", "shapes.js"),
         path=path,
     )
 
@@ -181,42 +187,30 @@ def search_page(
 
     Examples
     --------
-    >>> import pathlib, tempfile
     >>> from unbend.report import search_page
     >>> from unbend.datasets import make_quadruped
     >>> dog, horse = (make_quadruped(species=one, n_vertices=600).mesh for one in ("dog", "horse"))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     search_page(dog, [dog, horse], [0, 0.4], pathlib.Path(folder, "found.html"))
+    >>> search_page(dog, [dog, horse], [0, 0.4], "found.html")
     Page('Most like dog', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
+    step = begin_page(path, up, progress)
     found, numbers = list(found), numbers_of(values, "values")
     if numbers.shape != (len(found),) or not len(found):
         raise InputError(f"{len(found)} shapes need as many values, and there must be one at least")
-    meshes = parts.read_shapes([query, *found], up)
+    meshes, packed, said = _read_shapes([query, *found], step)
     names = [one.name for one in meshes]
-    packed, said = parts.pack_shapes(meshes, progress)
-    title = f"Most like {names[0]}"
-    below = [f"{i + 1}. {measure} {parts.number_told(one)}" for i, one in enumerate(numbers)]
+    below = [f"{i + 1}. {measure} {_number_told(one)}" for i, one in enumerate(numbers)]
+    blocks = [
+        section("Looked for", _cards(names, [0])),
+        section("Found", _cards(names, range(1, len(names)), below)),
+    ]
+    known = [float(one) if np.isfinite(one) else None for one in numbers]
     return make_page(
-        title=title,
-        heading=escape(title),
-        lead=f"{plural(len(found), 'shape')}, the most alike first.",
-        body="\n".join(
-            [
-                parts.choices(names, up),
-                parts.beside(
-                    [
-                        section("Looked for", parts.cards(names, [0])),
-                        section("Found", parts.cards(names, range(1, len(names)), below)),
-                    ]
-                ),
-                parts.facts(meshes, [("for display", said)], command),
-            ]
-        ),
-        data={"shapes": packed, "measure": measure, "values": [None, *map(_or_none, numbers)]},
-        scripts=("heat.js", "shapes.js"),
+        f"Most like {names[0]}",
+        f"{plural(len(found), 'shape')}, the most alike first.",
+        _body(meshes, up, blocks, [("for display", said)], command),
+        {"shapes": packed, "measure": measure, "values": [None, *known]},
+        ("heat.js", "shapes.js"),
         path=path,
     )
 
@@ -264,12 +258,12 @@ def _heat_map(measure: str) -> str:
 
 def _pictures(names: list[str], order: IntArray, groups: IntArray | None) -> list[str]:
     if groups is None:
-        return [section("Shapes", parts.cards(names, order.tolist()))]
+        return [section("Shapes", _cards(names, order.tolist()))]
     blocks = []
     for number in np.unique(groups):
         members = order[groups[order] == number].tolist()
         heading = f"Group {number}: {plural(len(members), 'shape')}"
-        blocks.append(section(heading, parts.cards(names, members)))
+        blocks.append(section(heading, _cards(names, members)))
     return blocks
 
 
@@ -287,5 +281,80 @@ def _brackets(heights: FloatArray, places: FloatArray) -> list[list[float]]:
     return found
 
 
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def check_count(n: int) -> None:
+    """Raise InputError if there are more shapes than a page holds, before they are read."""
+    if n > MOST_SHAPES:
+        raise InputError(
+            f"a page shows {MOST_SHAPES} shapes at most, not {n:,}: their surfaces would be too "
+            "coarse or the file too large"
+        )
+
+
+def _read_shapes(
+    shapes: Sequence[MeshLike], step: Progress
+) -> tuple[list[Mesh], list[dict[str, Any]], str]:
+    """Read shapes, no more than a page holds, and pack them, with a sentence on decimation.
+
+    A mesh without faces has no picture.
+    """
+    check_count(len(shapes))
+    meshes = [as_mesh(one) for one in shapes]
+    most = min(_MOST_VERTICES, _VERTICES_IN_ALL // len(meshes))
+    packed, thinned = [], 0
+    for i, mesh in enumerate(meshes):
+        step("page, shapes", i / len(meshes))
+        facts = "; ".join([f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces", *mesh.notes])
+        drawn = None
+        if mesh.n_faces:
+            shown = show(mesh, most)
+            thinned += len(shown.ids) < (shown.stand_ins >= 0).sum()
+            drawn = {
+                "places": pack_places(mesh.vertices[shown.ids]),
+                "faces": pack_whole(shown.faces),
+            }
+        packed.append({"name": mesh.name, "told": facts, "drawn": drawn})
+    said = "all shapes are drawn as they are"
+    if thinned:
+        said = (
+            f"{thinned:,} of {len(meshes):,} shapes are drawn with {most:,} vertices; "
+            "results were computed on all of them"
+        )
+    return meshes, packed, said
+
+
+def _body(
+    meshes: Sequence[Mesh],
+    up: str,
+    blocks: Sequence[str],
+    rows: Sequence[tuple[str, str]],
+    command: str,
+) -> list[str]:
+    """Put HTML blocks beside two shapes, below controls and above facts on what was done."""
+    names = {str(i): mesh.name for i, mesh in enumerate(meshes)}
+    choices = "".join(select(side.capitalize(), f"{side}-choice", names) for side in _SIDES)
+    views = "".join(canvas(one, one.capitalize(), f"The {one} shape.") for one in _SIDES)
+    noted = [(one.name, "; ".join(one.notes)) for one in meshes if one.notes]
+    return [
+        controls(choices, up, grid=False),
+        f'<div class="beside">\n<div>{"".join(blocks)}</div>\n'
+        f'<div class="views">{views}{readout(_HINT)}</div>\n</div>\n'
+        '<canvas id="maker" aria-hidden="true"></canvas>',  # off screen, for the pictures
+        how_made([*rows, *noted], command),
+    ]
+
+
+def _cards(names: Sequence[str], chosen: Sequence[int], below: Sequence[str] = ()) -> str:
+    """Buttons with pictures of some shapes, their names and perhaps a line below each."""
+    made = []
+    for k, i in enumerate(chosen):
+        line = f"<small>{escape(below[k])}</small>" if below else ""
+        made.append(
+            f'<button type="button" class="card" data-shape="{i}" aria-pressed="false"><canvas>'
+            f"</canvas><span>{escape(names[i])}</span>{line}</button>"
+        )
+    return f'<div class="cards">{"".join(made)}</div>'
+
+
+def _number_told(value: float) -> str:
+    """Format a number that may be unknown."""
+    return f"{value:.4f}" if np.isfinite(value) else "unknown"

@@ -14,21 +14,28 @@ import numpy.typing as npt
 from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.choices import Axis
-from unbend.io import MeshLike, check_writable
+from unbend.io import MeshLike
 from unbend.mesh import Mesh
-from unbend.report.figures import check_up, check_values, drawable
+from unbend.report.figures import check_values, drawable
 from unbend.report.pages._document import (
-    SUFFIXES,
     Page,
+    begin_page,
     canvas,
     controls,
     hint,
     make_page,
     readout,
     section,
+    select,
 )
-from unbend.report.pages._packing import pack_places, pack_whole
-from unbend.report.pages._shown import cells_of, checked_landmarks, places_as_colors, show
+from unbend.report.pages._shown import (
+    cells_of,
+    checked_landmarks,
+    pack_places,
+    pack_whole,
+    places_as_colors,
+    show,
+)
 
 # Saved positions and values are exact to this share of the widest range.
 _STEPS = 2**20
@@ -94,23 +101,23 @@ def view(
     >>> view(make_sphere(2), make_sphere(3), landmarks=[(0, 0), (5, 7)])
     Page('sphere and sphere', 0.1 MB)
     """
-    if path is not None:
-        check_writable(path, SUFFIXES)
-    check_up(up)
+    begin_page(path, up)
     meshes = [drawable(one) for one in (a, b) if one is not None]
     names = [mesh.name for mesh in meshes]
     scalars = None if values is None else check_values(values, meshes[0])
-    packed = [_packed(mesh, scalars if mesh is meshes[0] else None) for mesh in meshes]
+    packed, lead = [], []
+    for i, mesh in enumerate(meshes):
+        one, facts = _packed(mesh, None if i else scalars)
+        packed.append(one)
+        lead.append(f"{mesh.name}: {'; '.join(facts)}.")
     return make_page(
-        title=" and ".join(names),
-        heading='<span class="arrow">and</span>'.join(map(escape, names)),
-        lead=" ".join(
-            f"{name}: {'; '.join(facts)}." for name, (_, facts) in zip(names, packed, strict=True)
-        ),
-        body="\n".join([_pictures(names, up, scalars), _table(names)]),
-        data={"shapes": [one for one, _ in packed], "landmarks": _landmarks(landmarks, meshes)},
-        scripts=("landmarks.js", "view.js"),
+        " and ".join(names),
+        " ".join(lead),
+        [_pictures(names, up, scalars), _table(names)],
+        {"shapes": packed, "landmarks": _landmarks(landmarks, meshes)},
+        ("landmarks.js", "view.js"),
         path=path,
+        heading='<span class="arrow">and</span>'.join(map(escape, names)),
     )
 
 
@@ -149,11 +156,9 @@ def _landmarks(
 
 
 def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
-    by_value = "" if scalars is None else '<option value="1" selected>by value</option>'
-    own = (
-        f'<label>Colours <select id="paint">{by_value}<option value="2">plain</option>'
-        '<option value="0">by place</option></select></label>'
-    )
+    paints = {"2": "plain", "0": "by place"}
+    if scalars is not None:
+        paints = {"1": "by value"} | paints
     views = "".join(
         canvas(
             f"shape-{side}",
@@ -171,7 +176,7 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
         low, high = np.nanmin(scalars), np.nanmax(scalars)
         legend = hint(f'Values: {low:.5g} <span class="scale"></span> {high:.5g}.')
     return (
-        controls(own, up, several=len(names) > 1)
+        controls(select("Colours", "paint", paints), up, several=len(names) > 1)
         + f'<div class="pair">{views}</div>\n{readout("")}{legend}{hint(_HINT)}'
     )
 

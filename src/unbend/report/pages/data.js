@@ -1,4 +1,4 @@
-// What _packing.py packed, unpacked into typed arrays.
+// What _shown.py packed, unpacked into typed arrays.
 "use strict";
 
 async function unpack(packed) {

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unbend.datasets import make_sphere
-from unbend.report.pages._packing import pack_places, pack_whole
+from unbend.report.pages._shown import pack_places, pack_whole
 
 
 def unpack(packed):
