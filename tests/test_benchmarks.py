@@ -41,7 +41,7 @@ def test_solvers_are_measured_and_count_alike():
 
 def test_a_set_is_matched_once_and_its_rows_are_kept(tmp_path):
     rows = tmp_path / "rows.jsonl"
-    command = ["match.py", "poses", "--pairs", "1", "--barycentric", "--out", str(rows)]
+    command = ["match.py", "poses-1000", "--pairs", "1", "--barycentric", "--out", str(rows)]
     done = run(*command)
     assert done.returncode == 0, done.stderr
     row = json.loads(rows.read_text())
