@@ -32,7 +32,8 @@ from sklearn.neighbors import NearestNeighbors
 
 from unbend import laplacian, read_mesh, write_mesh
 from unbend.collection import Collection
-from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, make_row
+from unbend.collection._adding import make_row
+from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.datasets import make_biped, make_octopus, make_quadruped
 
 KINDS = (
@@ -155,7 +156,7 @@ def main() -> None:
             rate, size = add(folder / f"store{workers}", paths, workers)
             print(f"{workers} worker(s): {rate:.2f} shapes a second, {size:,.0f} bytes a shape")
         few = paths[:10]
-        ours = processor_seconds(lambda path: make_row(str(path), ""), few)
+        ours = processor_seconds(lambda path: make_row((str(path), "")), few)
         peer = processor_seconds(shape_dna, few)
         print(f"processor time a shape, one thread of ours: {ours:.3f} s; ShapeDNA {peer:.3f} s")
         rows = Collection(folder / "store1")._store.select(["descriptor"])

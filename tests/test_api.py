@@ -107,7 +107,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_mesh(out, BALL, colors=RAGGED), "colors: rows have different"),
         (lambda out: write_values(out, EVERY, BALL, kind="auto"), "kind must be scalar"),
         (lambda out: write_values(out, RAGGED, BALL), "values: rows have different"),
-        (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a point map: rows have"),
+        (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a map: rows have"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),
         (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
     ],

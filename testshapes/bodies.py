@@ -14,6 +14,7 @@ from unbend.datasets.octopus import make_octopus
 from unbend.datasets.quadruped import make_quadruped
 from unbend.datasets.shape import Shape
 from unbend.errors import InputError
+from unbend.mesh import face_normals
 
 _MAKERS: dict[str, Callable[..., Shape]] = {
     "quadruped": make_quadruped,
@@ -145,14 +146,8 @@ def is_carried_well(
     whose legs are apart.
     """
     values, gradients = cones_of(bones).local_field(carried)[0](carried)
-    outward = np.einsum("fi,fi->f", _normals(carried, faces), gradients[faces].mean(axis=1)) > 0
-    areas = np.linalg.norm(_normals(points, faces), axis=1)
+    outward = np.einsum("fi,fi->f", face_normals(carried, faces), gradients[faces].mean(axis=1)) > 0
+    areas = np.linalg.norm(face_normals(points, faces), axis=1)
     return bool(
         np.abs(values).max() < _ON_SKIN and areas[~outward].sum() < _TURNED_OVER * areas.sum()
     )
-
-
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    normals: FloatArray = np.cross(b - a, c - a)
-    return normals

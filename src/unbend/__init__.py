@@ -53,26 +53,22 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
-_FOLDERS: dict[str, tuple[str, ...]] = {
-    "alignment": ("align",),
-    "canonical": (
-        *("canonical_form", "farthest_point_sampling", "lay_into_pose", "sampled_canonical_form"),
-    ),
-    "collection": (),
-    "correspondence": (
-        *("evaluate", "morph", "read_match", "register", "similarity", "transfer", "write_match"),
-    ),
-    "datasets": (),
-    "distances": ("distance",),
-    "errors": (),
-    "io": ("as_mesh", "read_map", "read_mesh", "write_map", "write_mesh"),
-    "matching": ("Match", "match", "symmetry"),
-    "mesh": ("Mesh",),
-    "preparation": ("diagnose",),
-    "report": ("plot",),
-    "spectral": ("laplacian", "spectrum"),
+_FOLDERS = {
+    "alignment": "align",
+    "canonical": "canonical_form farthest_point_sampling lay_into_pose sampled_canonical_form",
+    "collection": "",
+    "correspondence": "evaluate morph read_match register similarity transfer write_match",
+    "datasets": "",
+    "distances": "distance",
+    "errors": "",
+    "io": "as_mesh read_map read_mesh write_map write_mesh",
+    "matching": "Match match symmetry",
+    "mesh": "Mesh",
+    "preparation": "diagnose",
+    "report": "plot",
+    "spectral": "laplacian spectrum",
 }
-_HOME = {name: folder for folder, names in _FOLDERS.items() for name in names}
+_HOME = {name: folder for folder, names in _FOLDERS.items() for name in names.split()}
 
 __all__ = sorted(_HOME)
 

@@ -49,15 +49,6 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     raise InputError(f"{what}: needs real numbers, not {array.dtype}")
 
 
-def point_map_of(values: npt.ArrayLike, what: str) -> IntArray | None:
-    """Turn vertex numbers of any whole type, -1 for none, into an array, or return None."""
-    array = array_of(values, what)
-    if array.ndim != 1 or array.dtype.kind not in "iu":
-        return None
-    images = array.astype(np.int64)  # of uint64, what is too large turns negative
-    return None if images.min(initial=-1) < -1 else images
-
-
 def unit_of(points: npt.NDArray[Any]) -> float:
     """Power of 2 about as large as points are across: dividing by it rounds nothing.
 
@@ -111,6 +102,11 @@ def snap(values: FloatArray) -> FloatArray:
     return np.asarray(np.round(values / cell) * cell)
 
 
+def sum_rows(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
+    """Sum the rows (m, d) of each of `count` owners, (count, d)."""
+    return np.column_stack([np.bincount(owners, column, count) for column in rows.T])
+
+
 def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:
     """Row of the nearest target (m, d) to each point (n, d); of equally near ones, the first."""
     from scipy.spatial import cKDTree
@@ -126,11 +122,7 @@ def count_repeats(rows: npt.NDArray[Any]) -> int:
 
 
 def _hash_repeats(rows: npt.NDArray[Any]) -> IntArray:
-    """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others.
-
-    Sorting one integer per row is several times faster than sorting rows, and in most meshes
-    nothing is left to sort after it.
-    """
+    """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others."""
     bits = rows.view(np.uint64)
     mixed = np.zeros(len(rows), dtype=np.uint64)
     for column in bits.T:

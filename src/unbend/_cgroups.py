@@ -10,9 +10,8 @@ def control_groups(
 ) -> list[tuple[Path, int]]:
     """List the groups that this process is in, from its own up: every one of them limits it.
 
-    The controller is "cpu" or "memory". With each folder of files with limits comes the version (1
-    or 2) that their names are of. Some folders may not exist; there are none where the system has
-    no control groups.
+    The controller is "cpu" or "memory". With each folder, which may not exist, comes the version (1
+    or 2) that its files' names are of.
     """
     try:
         lines = (proc / "self" / "cgroup").read_text("utf-8", "surrogateescape").splitlines()

@@ -20,7 +20,6 @@ from unbend._cgroups import control_groups
 from unbend._types import FloatArray
 
 COLUMNS = 16  # of a block worked on side by side: one row of them is two cache lines
-_ROWS = 16_384  # rows a task works on; fixed, so that results do not depend on the core count
 _lock = threading.Lock()  # for what follows
 _pools: dict[int, ThreadPoolExecutor] = {}  # none or one, by its size
 _pins: list[Any] = []
@@ -64,9 +63,8 @@ def _share(group: Path, version: int) -> float:
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
-    What the tasks return comes in their order. The caller works too, and in the end waits for
-    nothing but tasks that others have begun: so tasks may call this themselves. An error or Ctrl-C
-    drops the tasks that have not begun.
+    The caller works too, and waits only for tasks that others have begun: so tasks may call this
+    themselves. An error or Ctrl-C drops the tasks that have not begun.
     """
     pending = deque(enumerate(tasks))
     if len(pending) == 1:
@@ -75,8 +73,11 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
 
     def work() -> None:
         try:
-            while taken := _take(pending):
-                i, task = taken
+            while True:
+                try:
+                    i, task = pending.popleft()
+                except IndexError:
+                    return
                 results[i] = task()
         except BaseException:
             pending.clear()
@@ -93,19 +94,8 @@ def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     return results
 
 
-def _take(pending: deque[Any]) -> Any:
-    try:
-        return pending.popleft()
-    except IndexError:
-        return None
-
-
 def _start(work: Callable[[], None], most: int) -> list[Future[None]]:
-    """Call a function in up to so many helper threads, fewer where that many are not ours.
-
-    They stay: starting a thread takes longer than many a task. All calls share them, so that
-    tasks with tasks of their own do not have more threads at work than there are.
-    """
+    """Call a function in up to so many helper threads, which stay and are shared by all calls."""
     count = n_threads() - 1
     if min(count, most) < 1:
         return []
@@ -149,15 +139,14 @@ def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) 
         solve(chunk)
         solution[order, part] = chunk[:, :used]
 
-    run_all(functools.partial(work, part) for part in column_slices(count))
+    run_all(functools.partial(work, part) for part in slices(count, COLUMNS))
     return solution
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
     """Apply a function, (n, r) to (n, r), to a block of columns a chunk at a time, in threads.
 
-    A chunk is what the triangular solves take at once; all else that is done to it then finds it
-    in the cache.
+    A chunk is what the triangular solves take at once, and stays in the cache.
     """
     if block.ndim == 1 or block.shape[1] <= COLUMNS:
         return work(block)
@@ -166,13 +155,13 @@ def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> F
     def at(part: slice) -> None:
         result[:, part] = work(np.ascontiguousarray(block[:, part]))
 
-    run_all(functools.partial(at, part) for part in column_slices(block.shape[1]))
+    run_all(functools.partial(at, part) for part in slices(block.shape[1], COLUMNS))
     return result
 
 
-def column_slices(count: int) -> list[slice]:
-    """Cut columns into chunks for one task each."""
-    return [slice(start, min(start + COLUMNS, count)) for start in range(0, count, COLUMNS)]
+def slices(count: int, size: int) -> list[slice]:
+    """Cut rows or columns into pieces of a size, for one task each."""
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 
 
 @contextmanager
@@ -217,8 +206,3 @@ def _blas() -> Any:
     import scipy.linalg  # noqa: F401 - loads the second BLAS, which must be found too
 
     return threadpoolctl.ThreadpoolController()  # slow: it looks at every loaded library
-
-
-def row_slices(n: int) -> list[slice]:
-    """Cut n rows into pieces for one task each."""
-    return [slice(start, min(start + _ROWS, n)) for start in range(0, n, _ROWS)]

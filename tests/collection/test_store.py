@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from unbend.collection import _store
-from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._store import Store
 from unbend.errors import FileError
 

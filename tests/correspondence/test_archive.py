@@ -151,7 +151,7 @@ def test_wrong_arrays_are_named(tmp_path: Path, name: str, value: np.ndarray) ->
     [
         ("residual", np.zeros(3), r"float64 of shape \(3,\), not a number"),
         ("functional_map", np.zeros(3), "not a table of 2 dimensions"),
-        ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3]), "row 1 do not go with face 0"),
+        ("weights", np.array([[1, 0, 0], [-1, 2, 0], [np.nan] * 3]), "row 1 cannot go with face 0"),
     ],
 )
 def test_what_is_wrong_with_an_array_is_said(

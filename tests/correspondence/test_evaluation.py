@@ -122,7 +122,9 @@ def test_coverage_of_a_constant_map() -> None:
     [
         ((EVERY, BALL, EVERY, EVERY[:3]), "source and"),
         ((EVERY + 1, BALL, EVERY, EVERY), "names target vertex 642, but .* has 642"),
-        ((EVERY, BALL, [-1], [0]), "source_points: row 0 is -1"),
+        ((EVERY, BALL, [-1], [0]), "source_points: there is no vertex -1"),
+        ((EVERY, BALL, [[0], [0, 1]], [0, 1]), "source_points: vertex ids: rows have"),
+        ((EVERY, BALL, [0], [642]), "target_points names target vertex 642, but .* has 642"),
         ((EVERY * 1.0, BALL, EVERY, EVERY), "list of vertex numbers"),
         ((np.full_like(EVERY, -1), BALL, EVERY, EVERY), "no row"),
     ],

@@ -10,7 +10,7 @@ import pytest
 
 from unbend.errors import FileError
 from unbend.io import _files, atomic_write, check_writable
-from unbend.io._files import check_suffix, read_bytes
+from unbend.io._files import read_bytes
 
 
 def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:
@@ -140,5 +140,5 @@ def test_a_name_that_is_too_long_is_one_sentence(tmp_path: Path) -> None:
         check_writable(tmp_path / ("a" * 300 + ".txt"), ())
 
 
-def test_suffixes_are_told_apart_by_their_letters_alone() -> None:
-    assert check_suffix(Path("a.PLY"), (".off", ".ply"), "read") == ".ply"
+def test_suffixes_are_told_apart_by_their_letters_alone(tmp_path: Path) -> None:
+    assert check_writable(tmp_path / "a.PLY", (".off", ".ply")) == tmp_path / "a.PLY"

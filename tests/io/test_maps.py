@@ -95,7 +95,7 @@ def test_only_maps_are_written(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="unknown suffix"):
         write_map(tmp_path / "map.obj", [1])
     for wrong in ([], [[1]], [1.0], [-2, 3], ["a"]):
-        with pytest.raises(InputError, match="list of whole numbers"):
+        with pytest.raises(InputError, match=r"list of vertex numbers|no vertices"):
             write_map(tmp_path / "map.txt", wrong)
     with pytest.raises(InputError, match="base must be 0 or 1"):
         write_map(tmp_path / "map.txt", [1], base=2)
@@ -149,7 +149,7 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
     assert invert_map(np.empty(0, int), apart).tolist() == [-1] * apart.n_vertices
     cloud = Mesh([[0.0, 0, 0]])
     assert invert_map([-1, 0], cloud).tolist() == [1]
-    with pytest.raises(InputError, match="names target vertex 1, but there are 1"):
+    with pytest.raises(InputError, match="names target vertex 1, but the target has 1 vertex"):
         invert_map([1], cloud)
 
 

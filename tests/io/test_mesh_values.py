@@ -81,7 +81,7 @@ def test_a_word_that_is_no_number_is_named_only_when_it_is_read(tmp_path: Path) 
     path = tmp_path / "a.ply"
     path.write_bytes(ply("ascii").replace(b"0.25", b"high"))
     assert read_mesh(path).n_vertices == 2
-    with pytest.raises(FileError, match="vertex 1 holds 'high'"):
+    with pytest.raises(FileError, match=r"^a\.ply: vertex 1 holds 'high'"):
         read_values(path, name="quality")
 
 

@@ -160,6 +160,7 @@ def test_what_a_format_cannot_hold(blob: Mesh, tmp_path: Path) -> None:
         ("a.obj", np.zeros((642, 2)), "a colour for each vertex, not 2 numbers"),
         ("a.csv", np.zeros((642, 2, 2)), "one or two dimensions"),
         ("a.csv", np.zeros(3), "one row for each of 642"),
+        ("a.csv", np.zeros((642, 0)), "one row for each of 642"),
     ):
         with pytest.raises(InputError, match=sentence):
             write_values(tmp_path / name, values, blob)

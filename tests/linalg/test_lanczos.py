@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.linalg.problems import copies, icosphere, laplacian, scattered, square
-from unbend.errors import InputError, SolverError
+from unbend.errors import SolverError
 from unbend.linalg import _inverse, lanczos
 from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg.lanczos import largest_eigenpairs, measure_eigenpairs, smallest_eigenpairs
 
 
-def check(stiffness, areas, k, tol=1e-8, **options):
+def check(stiffness, areas, k, tol=1e-8):
     """Compare with LAPACK, and check the residuals and the orthonormality promised."""
-    values, vectors = smallest_eigenpairs(stiffness, areas, k, tol=tol, **options)
+    values, vectors = smallest_eigenpairs(stiffness, areas, k, tol=tol)
     expected = scipy.linalg.eigh(stiffness.toarray(), np.diag(areas), eigvals_only=True)
     # Values that are zero but for rounding count like the mean distance between the first k.
     scale = max(expected[k - 1] / k, 1e-13 * expected[-1] / tol)
@@ -85,11 +85,7 @@ def test_icosphere_multiplicities(k):
 @pytest.mark.parametrize(("k", "pieces"), [(5, 12), (60, 12), (100, 3)])
 def test_more_copies_than_the_block_is_wide(k, pieces, iterative):
     """Twelve equal components: every eigenvalue twelve-fold, blocks of four or eight."""
-    seen = []
-    check(*copies(laplacian(*scattered(90, 3)), pieces), k, progress=seen.append)
-    assert seen == sorted(seen)  # though there is more to do than usual
-    assert 0 < seen[0] < 0.2
-    assert seen[-1] == 1
+    check(*copies(laplacian(*scattered(90, 3)), pieces), k)
 
 
 @pytest.mark.parametrize("tol", [1e-3, 1e-9])
@@ -149,7 +145,7 @@ def test_same_input_same_output():
 
 def test_the_number_of_threads_changes_nothing(monkeypatch):
     problem = laplacian(*icosphere(5))  # 10,242 vertices
-    monkeypatch.setattr("unbend._parallel._ROWS", 3_000)
+    monkeypatch.setattr("unbend.linalg.tall._ROWS", 3_000)
     results = []
     for count in ("1", "3"):
         monkeypatch.setenv("OMP_NUM_THREADS", count)
@@ -211,14 +207,6 @@ def test_no_tolerance_at_all_means_rounding():
     values, vectors = smallest_eigenpairs(stiffness, areas, 20, tol=0.0)
     residuals = np.linalg.norm(stiffness @ vectors - areas[:, None] * vectors * values, axis=0)
     assert residuals.max() < 1e-13 * np.linalg.norm(abs(stiffness) @ abs(vectors), axis=0).max()
-
-
-def test_progress_ends_at_one():
-    seen = []
-    smallest_eigenpairs(*laplacian(*scattered(900, 0)), 10, progress=seen.append)
-    assert seen == sorted(seen)
-    assert len(seen) > 3
-    assert seen[-1] == 1.0
 
 
 def orthonormal(basis):
@@ -292,7 +280,7 @@ def test_a_direction_lost_beside_a_longer_one_is_not_taken_for_new():
 
 
 def test_a_problem_of_size_one():
-    assert largest_eigenpairs(lambda x: 3 * x, 1, 1)[0].tolist() == [3]
+    assert largest_eigenpairs(lambda x: 3 * x, 1, 1, block_size=8)[0].tolist() == [3]
     basis = KrylovBasis(lambda x: 3 * x, 1, 4, np.random.default_rng(0))
     basis.grow()
     assert basis.ritz()[0].tolist() == [3]
@@ -301,30 +289,11 @@ def test_a_problem_of_size_one():
     np.testing.assert_allclose(np.abs(vectors), 2**-0.5)
 
 
-@pytest.mark.parametrize("k", [0, 43])
-def test_k_out_of_range(k):
-    with pytest.raises(InputError, match="k must be"):
-        smallest_eigenpairs(*laplacian(*icosphere(1)), k)
-    with pytest.raises(InputError, match="k must be"):
-        largest_eigenpairs(lambda x: x, 42, k)
-
-
-def test_bad_arguments():
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])
+def test_a_single_vertex_without_an_area_is_refused(bad):
     stiffness, areas = laplacian(*icosphere(1))
-    with pytest.raises(InputError, match="positive"):
-        smallest_eigenpairs(stiffness, -areas, 3)
-    with pytest.raises(InputError, match="agree"):
-        smallest_eigenpairs(stiffness, areas[1:], 3)
-    with pytest.raises(InputError, match="NaN"):
-        smallest_eigenpairs(stiffness * np.nan, areas, 3)
-    with pytest.raises(InputError, match="block_size"):
-        largest_eigenpairs(lambda x: x, 42, 2, block_size=0)
-    for bad in (0.0, -1.0, np.nan, np.inf):  # a single one
-        with pytest.raises(InputError, match="all areas must be positive and finite"):
-            smallest_eigenpairs(stiffness, np.where(np.arange(42) == 7, bad, areas), 3)
-    stiffness.data[5] = np.inf
-    with pytest.raises(InputError, match="stiffness matrix holds NaN or infinite"):
-        smallest_eigenpairs(stiffness, areas, 3)
+    with pytest.raises(SolverError, match="a vertex has no area"):
+        smallest_eigenpairs(stiffness, np.where(np.arange(42) == 7, bad, areas), 3)
 
 
 def known_problem(values, unit):
@@ -386,7 +355,7 @@ def test_rounding_is_no_residual_and_what_is_more_is_one(unit):
     n=st.integers(1, 200),
     k=st.integers(1, 8),
     seed=st.integers(0, 10**6),
-    block_size=st.none() | st.integers(3, 12),
+    block_size=st.integers(3, 12),
     power=st.floats(0.3, 3.0),
 )
 def test_largest_against_dense(n, k, seed, block_size, power):
@@ -427,18 +396,18 @@ def test_largest_stops_early():
 
 
 def test_largest_of_the_zero_operator_and_of_low_rank():
-    assert largest_eigenpairs(np.zeros_like, 50, 3)[0].tolist() == [0, 0, 0]
+    assert largest_eigenpairs(np.zeros_like, 50, 3, block_size=6)[0].tolist() == [0, 0, 0]
     one = np.full((600, 1), 600**-0.5)
-    values, vectors = largest_eigenpairs(lambda x: one @ (one.T @ x), 600, 4)
+    values, vectors = largest_eigenpairs(lambda x: one @ (one.T @ x), 600, 4, block_size=7)
     np.testing.assert_allclose(values, [1, 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(4), atol=1e-12)
 
 
 def test_largest_refuses_what_it_cannot_do(monkeypatch):
     with pytest.raises(SolverError, match="NaN"):
-        largest_eigenpairs(lambda x: x * np.nan, 50, 3)
+        largest_eigenpairs(lambda x: x * np.nan, 50, 3, block_size=6)
     with pytest.raises(SolverError, match="not symmetric"):
-        largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3)
+        largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3, block_size=6)
     monkeypatch.setattr(lanczos, "_LIMIT", 20)
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
     products = []
@@ -448,8 +417,8 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
         return flat * x
 
     with pytest.raises(SolverError, match=r"no 3 eigenpairs .* products"):
-        largest_eigenpairs(operator, 5_000, 3)
-    assert products[0] == 3 + 3  # what it is given at once by default
+        largest_eigenpairs(operator, 5_000, 3, block_size=6)
+    assert products[0] == 6
     assert 20 + 10 * 3 < sum(products) <= 20 + 10 * 3 + 6  # ten for each pair beyond the limit
 
 
@@ -464,7 +433,7 @@ def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
     shift, factor = _inverse._first_shift(matrix, k)
     assert abs(values - shift).min() > 0.01 * 4 * np.pi
     assert factor.n_negative == (values < shift).sum()
-    found, _ = _inverse.inverse_lanczos(matrix, k, 1e-8, 0, None)
+    found, _ = _inverse.inverse_lanczos(matrix, k, 1e-8)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
 
 
@@ -482,7 +451,7 @@ def test_corrections_go_on_while_they_help(monkeypatch) -> None:
         return vectors
 
     monkeypatch.setattr(KrylovBasis, "combine", rounded)
-    found, vectors = _inverse.inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8, 0, None)
+    found, vectors = _inverse.inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
     np.testing.assert_allclose(np.abs(vectors[:k]), np.eye(k), atol=1e-7)
 

@@ -70,6 +70,6 @@ def test_diagonals_of_a_graph_in_pieces():
 def test_a_shifted_factor_is_refused():
     """Solves refine the shift away; the diagonals would be those of the shifted matrix."""
     found = factorize(sp.csc_array([[0.0, 1.0], [1.0, 0.0]]), diagonal=True)
-    np.testing.assert_allclose(found.solve([3.0, 4.0]), [4.0, 3.0])
+    np.testing.assert_allclose(found.solve(np.array([3.0, 4.0])), [4.0, 3.0])
     with pytest.raises(SolverError, match="too close to singular for entries of its inverse"):
         found.inverse_diagonals()

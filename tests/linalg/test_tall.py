@@ -10,7 +10,7 @@ from unbend.linalg import tall
 @pytest.fixture(autouse=True, params=["1", "3"])
 def _few_rows_at_once(request, monkeypatch):
     """Cut 50 rows into tasks of 7, for one thread and for several."""
-    monkeypatch.setattr("unbend._parallel._ROWS", 7)
+    monkeypatch.setattr("unbend.linalg.tall._ROWS", 7)
     monkeypatch.setenv("OMP_NUM_THREADS", request.param)
 
 

@@ -117,6 +117,22 @@ def test_parts_that_nearly_touch_are_not_joined(spacings: float) -> None:
     assert health.area == pytest.approx(4 * np.pi, rel=0.04)
 
 
+def test_a_ring_whose_ends_touch_is_open() -> None:
+    """A torus that was cut through, and whose ends are 0.3 distances between points apart."""
+    points = torus(6000)
+    spacing = np.sqrt(4 * np.pi**2 * 0.4 / len(points))
+    chance = np.random.default_rng(6)
+    n = round(np.pi * 0.4**2 / spacing**2)
+    radius, angle = 0.4 * np.sqrt(chance.random((2, n))), 2 * np.pi * chance.random((2, n))
+    x, z = 1 + radius * np.cos(angle), radius * np.sin(angle)
+    y = 0.3 / 2 * spacing * np.array([[-1], [1]])
+    outside = (points[:, 0] < 0) | (np.abs(points[:, 1]) > y.max())
+    ends = np.stack([x, np.broadcast_to(y, x.shape), z], axis=2).reshape(-1, 3)
+    health = diagnose(surface_of_points(Mesh(np.vstack([points[outside], ends]))).mesh)
+    assert health.n_components == 1
+    assert health.genus == 0
+
+
 def test_the_surface_goes_along_with_the_points() -> None:
     """Turned, moved, scaled and in another order, they are the same points."""
     points = torus(2000, 0.01) * [1, 0.8, 1.2]

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from unbend import Mesh, diagnose
 from unbend.mesh import find_edges
 from unbend.preparation._tetrahedra import (
     Tetrahedra,
@@ -50,7 +51,7 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
     found = make_tetrahedra(points)
     nothing = np.zeros(len(found.corners))
     inside = find_inside(found, points, normals, np.full(1500, 0.16), nothing)
-    faces = boundary(found, inside, 1500)
+    faces, _ = boundary(found, inside, points, np.full(1500, 0.16))
     assert (faces < 500).all()
     volume = np.linalg.det(points[faces]).sum() / 6
     assert volume == pytest.approx(4 / 3 * np.pi, rel=0.05)
@@ -59,14 +60,35 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
 def test_no_edge_has_more_than_two_faces() -> None:
     """Two tetrahedra that share an edge only."""
     found = made([[0, 1, 2, 3], [0, 1, 4, 5]], [[-1] * 4] * 2)
-    assert find_edges(boundary(found, np.array([True, False]), 6), 6).n_faces.max() == 2
-    assert len(boundary(found, np.array([True, True]), 6)) == 0
+    faces, _ = boundary(found, np.array([True, False]), CUBE, np.ones(8))
+    assert find_edges(faces, 8).n_faces.max() == 2
+    assert len(boundary(found, np.array([True, True]), CUBE, np.ones(8))[0]) == 0
 
 
 def test_a_vertex_of_two_fans_becomes_two() -> None:
     """Two tetrahedra that share a vertex only."""
     found = made([[0, 1, 2, 3], [0, 4, 5, 6]], [[-1] * 4] * 2)
-    faces = boundary(found, np.array([True, True]), 7)
-    point, new = split(faces, 7)
+    faces, edges = boundary(found, np.array([True, True]), CUBE, np.ones(8))
+    point, new = split(faces, edges)
     assert sorted(point) == [0, 0, 1, 2, 3, 4, 5, 6]
     np.testing.assert_array_equal(point[new], faces)
+
+
+@pytest.mark.parametrize(("spacing", "ends"), [(0.1, 0), (0.3, 2)])
+def test_a_ring_is_cut_unless_it_is_thick(spacing: float, ends: int) -> None:
+    """A ring that is 0.6 thick: six and two spacings."""
+    around, across = 2 * np.pi * np.random.default_rng(3).random((2, 3000))
+    radius = 1 + 0.3 * np.cos(across)
+    points = np.stack(
+        [radius * np.cos(around), radius * np.sin(around), 0.3 * np.sin(across)], axis=1
+    )
+    found = make_tetrahedra(points)
+    middle = points[found.corners].mean(axis=1)
+    inside = np.hypot(np.hypot(middle[:, 0], middle[:, 1]) - 1, middle[:, 2]) < 0.3
+    faces, edges = boundary(found, inside, points, np.full(3000, spacing))
+    point, new = split(faces, edges)
+    np.testing.assert_array_equal(point[new], faces)
+    health = diagnose(Mesh(points[point], new))
+    assert health.n_components == 1
+    assert health.genus == (0 if ends else 1)
+    assert health.boundary_loops == ends

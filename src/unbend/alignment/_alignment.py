@@ -195,8 +195,8 @@ def align(
         raise InputError(
             f"points to align must have one dimension, not {source.shape[1]} and {target.shape[1]}"
         )
-    usual = is_number(tolerance) and 0 <= tolerance < 1
-    if not is_whole(max_iterations) or max_iterations < 0 or not usual:
+    fits = is_number(tolerance) and 0 <= tolerance < 1
+    if not is_whole(max_iterations) or max_iterations < 0 or not fits:
         raise InputError(
             "max_iterations must be a whole number and tolerance from 0 to 1, not "
             f"{max_iterations!r} and {tolerance!r}"
@@ -273,13 +273,9 @@ def _axis_choices(source: FloatArray, target: FloatArray, reflect: bool) -> list
     ours, theirs = _principal_axes(source), _principal_axes(target)
     d = len(ours)
     signed = min(d, _SIGNED_AXES)
-    choices = []
-    for signs in itertools.product([1.0, -1.0], repeat=signed):
-        full = np.concatenate([signs, np.ones(d - signed)])
-        rotation = theirs * full @ ours.T
-        if reflect or np.linalg.det(rotation) > 0:
-            choices.append(rotation)
-    return choices
+    signs = itertools.product([1.0, -1.0], repeat=signed)
+    choices = [theirs * (*some, *np.ones(d - signed)) @ ours.T for some in signs]
+    return [one for one in choices if reflect or np.linalg.det(one) > 0]
 
 
 def _principal_axes(points: FloatArray) -> FloatArray:
@@ -310,11 +306,9 @@ def icp(
     residuals = [residual]
     weights = np.repeat([0.5 / len(source), 0.5 / len(target)], [len(source), len(target)])
     for _ in range(max_iterations):
-        pairs = (
-            np.concatenate([source, source[backward]]),
-            np.concatenate([target[forward], target]),
-        )
-        rotation, translation = procrustes(*pairs, weights=weights, reflect=reflect)
+        left = np.concatenate([source, source[backward]])
+        right = np.concatenate([target[forward], target])
+        rotation, translation = procrustes(left, right, weights=weights, reflect=reflect)
         forward, backward, residual = _closest_points(source @ rotation.T + translation, target)
         residuals.append(residual)
         if residuals[-2] - residual <= tolerance * residuals[-2]:

@@ -21,11 +21,7 @@ _EQUAL, _NOTHING = 1e-9, 1e-14
 
 
 def exact_scaling(
-    gram: Callable[[FloatArray], FloatArray],
-    n: int,
-    n_components: int,
-    *,
-    random_state: int = 0,
+    gram: Callable[[FloatArray], FloatArray], n: int, n_components: int, *, random_state: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """Scale all n^2 distances with uniform weights to points (n, d) and eigenvalues (d,).
 
@@ -38,12 +34,9 @@ def exact_scaling(
         image -= image.mean(axis=0)
         return image
 
+    block_size = max(8, n_components + 2)  # eight columns cost little more than one
     values, vectors = largest_eigenpairs(
-        centred,
-        n,
-        n_components,
-        random_state=random_state,
-        block_size=max(8, n_components + 2),  # eight columns cost little more than one
+        centred, n, n_components, block_size=block_size, random_state=random_state
     )
     values = _without_rounding(values)
     return _points(vectors, values, np.ones(n)), values
@@ -52,11 +45,7 @@ def exact_scaling(
 def area_scaling(
     filtered: FloatArray, eigenfunctions: FloatArray, areas: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Scale all distances with area weights, in closed form: ``phi_i sqrt(h(lambda_i))``.
-
-    `filtered` (d + 1,) holds h(lambda). The first is the constant eigenfunction's, which is left
-    out.
-    """
+    """Scale all distances with area weights: ``phi_i sqrt(h_i)`` but for the constant phi_0."""
     return _points(eigenfunctions[:, 1:], filtered[1:], areas), filtered[1:]
 
 
@@ -71,8 +60,7 @@ def sampled_scaling(
 
     ``J Phi = Q R`` with orthonormal columns in Q, ``R (-1/2 alpha) R^T = W psi W^T``, and the
     points are ``Q W psi^(1/2)``. The paper takes a thin SVD instead, of which only the span
-    matters; where singular values are nearly equal, as by area, it need not converge.
-    `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
+    matters. `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
     """
     weights = areas if weighting == "area" else np.full(len(areas), 1.0)
     root = np.sqrt(weights)[:, None]

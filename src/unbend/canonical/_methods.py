@@ -6,7 +6,6 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
@@ -21,6 +20,9 @@ from unbend.spectral import Surface, eigenpairs
 # Vectors in memory for each dimension of an exact form, as measured for 3 to 100 dimensions.
 _FORM_COLUMNS = 16
 
+# Points and eigenvalues in n_components + 1 dimensions, if there are so many, and the metric.
+Scaled = tuple[FloatArray, FloatArray, Metric]
+
 
 @dataclass(frozen=True)
 class Options:
@@ -34,29 +36,20 @@ class Options:
     random_state: int
 
 
-class Scaled(NamedTuple):
-    """Points, eigenvalues and metric: n_components + 1 of them, if there are so many."""
-
-    points: FloatArray
-    eigenvalues: FloatArray
-    metric: Metric
-
-
 class Steps:
     """Report the steps of a computation and their times."""
 
     def __init__(self, progress: Progress | None) -> None:
         self.seconds: dict[str, float] = {}
-        self._progress = progress
+        self._report = progress or (lambda stage, share: None)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
-        report = self._progress or (lambda stage, share: None)
-        report(name, 0.0)
+        self._report(name, 0.0)
         start = clock.perf_counter()
         yield
         self.seconds[name] = clock.perf_counter() - start
-        report(name, 1.0)
+        self._report(name, 1.0)
 
 
 def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
@@ -77,7 +70,7 @@ def exact(surface: Surface, options: Options, steps: Steps) -> Scaled:
             spectrum = eigenpairs(surface, min(d + 2, n))
         filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
         scaled = area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
-    return Scaled(*scaled, metric)
+    return *scaled, metric
 
 
 def sampled(
@@ -111,11 +104,6 @@ def sampled(
             distances**2, indices, spectrum, mu=mu, interpolation=interpolation
         )
     with steps("scaling"), one_blas_thread():
-        scaled = sampled_scaling(
-            coefficients,
-            spectrum.eigenfunctions,
-            spectrum.areas,
-            options.n_components + 1,
-            options.weighting,
-        )
-    return Scaled(*scaled, metric)
+        functions, areas, count = spectrum.eigenfunctions, spectrum.areas, options.n_components + 1
+        scaled = sampled_scaling(coefficients, functions, areas, count, options.weighting)
+    return *scaled, metric

@@ -93,10 +93,7 @@ class Samples(NamedTuple):
 
 
 def spread_samples(
-    from_sources: Callable[[IntArray], FloatArray],
-    n_vertices: int,
-    n_samples: int,
-    start: int,
+    from_sources: Callable[[IntArray], FloatArray], n_vertices: int, n_samples: int, start: int
 ) -> Samples:
     """Sample farthest points by a function that gives the distances from a source."""
     if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:

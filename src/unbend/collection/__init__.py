@@ -4,11 +4,9 @@ from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
 from unbend.collection._files import find_file, find_files, make_folder, read_found
 from unbend.collection._groups import find_groups
-from unbend.collection._labels import read_labels
-from unbend.collection._mean import MeanShape, mean_shape
-from unbend.collection._mean_files import write_mean
+from unbend.collection._mean import MeanShape, mean_shape, write_mean
 from unbend.collection._registering import read_registrations, register_files
-from unbend.collection._retrieval import Retrieval, retrieval_measures
+from unbend.collection._retrieval import Retrieval, read_labels, retrieval_measures
 from unbend.collection._rows import (
     Added,
     Entry,

@@ -13,9 +13,7 @@ from unbend._arrays import is_whole
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
-from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis
-from unbend.collection._entry import sample_form
-from unbend.collection._export import export
+from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
@@ -84,17 +82,7 @@ class Collection:
         FileError
             If nothing was added yet.
         """
-        if not self.exists:
-            self._store.check_filled()
-        return Info(
-            n_shapes=len(self),
-            n_files=len(self._store),
-            n_bytes=self._store.n_bytes(),
-            version=self._store.version() or DESCRIPTOR_VERSION,
-            descriptor_length=self._store.width,
-            indexed=self._store.indexed,
-            parameters=self._store.parameters(),
-        )
+        return self._store.info()
 
     def __len__(self) -> int:
         return self._store.n_shapes()
@@ -116,23 +104,21 @@ class Collection:
     ) -> Added:
         """Describe shapes and keep what describes them; the files themselves stay where they are.
 
-        A file whose content is there already is skipped, so that an interrupted run goes on where
-        it was: what was finished is on disk seconds later, whatever happens then. A file that
-        cannot be used stops nothing.
-
-        Identical files are one shape with several paths. Adding brings the paths of a shape up to
-        date: the path of an identical file is added, and paths without a file are dropped. So a
-        folder that was moved is added again from where it is now.
+        A file whose content is there already is skipped, so that an interrupted run resumes where
+        it was. A file that cannot be used stops nothing. Identical files are one shape with several
+        paths: new ones are added, and those without a file are dropped, so a folder that was moved
+        is added again from where it is now.
 
         Parameters
         ----------
         paths : path or iterable of paths
             Files, folders (searched through for .off, .obj, .ply and .stl files), and patterns such
             as ``"scans/**/*.ply"``.
-        workers, scheduler
-            Local processes (by default as many as the machine has processors for; 0: none,
-            work in this one), or the address of a Dask scheduler, ``tcp://host:port``, whose
-            workers see the files under the same paths.
+        workers : int, optional
+            Local processes, by default as many as there are processors; 0: work in this one.
+        scheduler : str, optional
+            Address of a Dask scheduler, ``tcp://host:port``, whose workers see the files under the
+            same paths.
         progress : callable, optional
             Called with how far it is, in words, and the share that is done.
 
@@ -289,10 +275,8 @@ class Collection:
         out : path
             Folder, of all workers alike, for a .npz file a pair (see
             :func:`unbend.read_match`), its map as .csv, the table ``matches.csv``, and the spectra.
-        workers, scheduler
+        workers, scheduler, progress
             See :meth:`add`.
-        progress : callable, optional
-            Called with how far it is, in words, and the share that is done.
 
         Returns
         -------
@@ -342,7 +326,7 @@ class Collection:
             For names of shapes, vertices of the template and of the shape that correspond. A shape
             whose landmarks have changed is registered again.
         workers, scheduler, progress
-            See :meth:`match`.
+            See :meth:`add`.
 
         Returns
         -------
@@ -392,4 +376,4 @@ class Collection:
         check_outside(self.path, path)
         check_writable(path, (".parquet", ".csv"))
         self._store.check_filled()
-        return export(self._store, path)
+        return self._store.export(path)

@@ -13,10 +13,12 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from typing import Any, NamedTuple
 
 from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
+from unbend._types import Progress
 from unbend.collection._rows import Failure
 from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning
 
@@ -42,32 +44,60 @@ class Outcome(NamedTuple):
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
 
 
-def attempt(name: str, work: Callable[[], None]) -> Failure | None:
-    """Do some work without warnings; any error becomes a failure, so that other work goes on."""
+def attempt(work: Callable[[Any], None], task: Any) -> Failure | None:
+    """Work on a task without warnings; any error becomes a failure of its name."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UnbendWarning)
-            work()
+            work(task)
     except Exception as error:
-        return Failure.of(name, error)
+        return Failure.of(task.name, error)
     return None
 
 
 def attempt_all(
     run: Run,
-    function: Callable[[Any], Failure | None],
+    work: Callable[[Any], None],
     tasks: Iterable[Any],
-    tell: Callable[[int, int, int], None],
+    total: int,
+    noun: str,
+    progress: Progress | None,
 ) -> Iterator[Failure | None]:
-    """Apply a function that returns :func:`attempt` to tasks with a name; report the progress."""
-    done = failed = 0
-    for outcomes in run(function, tasks):
+    """:func:`attempt` tasks that have a name, and report the progress."""
+    tell, done, failed = counted(progress, noun, total), 0, 0
+    for outcomes in run(functools.partial(attempt, work), tasks):
         for task, failure, reason in outcomes:
             if reason is not None:
                 failure = Failure(task.name, reason)
             done, failed = done + 1, failed + (failure is not None)
             yield failure
         tell(done, 0, failed)
+
+
+def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:
+    """Wrap a progress callback: report counts, the rate and the time left.
+
+    The wrapper takes the number of items computed, the number skipped, and the number that failed
+    among those computed. `noun` is the plural of what is counted.
+    """
+    start = time.monotonic()
+
+    def tell(computed: int, skipped: int, failed: int) -> None:
+        if progress is None:
+            return
+        done = computed + skipped
+        words = [f"{done:,} of {total:,} {noun}"]
+        if failed:
+            words.append(f"{failed:,} failed")
+        if computed:
+            rate = computed / max(time.monotonic() - start, 1e-9)
+            words.append(f"{rate:.3g} a second")
+            if done < total:
+                left = timedelta(seconds=round((total - done) / rate))
+                words.append(f"{str(left).removeprefix('0:').removeprefix('0')} left")
+        progress(", ".join(words), done / max(total, 1))
+
+    return tell
 
 
 @contextmanager
@@ -99,11 +129,12 @@ def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list
 def _there(
     client: Any, function: Callable[[Any], Any], items: Iterable[Any]
 ) -> Iterator[list[Outcome]]:
+    """Work on all items; at the end one at a time on those whose worker crashed."""
     suspects: list[Any] = []
-    yield from _stream(client, function, items, suspects, alone=False)
-    again: list[Any] = []
-    yield from _stream(client, function, suspects, again, alone=True)
-    yield [Outcome(item, None, _DEADLY) for item in again]
+    for alone in (False, True):
+        items, suspects = suspects if alone else items, []
+        yield from _stream(client, function, items, suspects, alone=alone)
+    yield [Outcome(item, None, _DEADLY) for item in suspects]
 
 
 def _stream(
@@ -171,7 +202,7 @@ def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
     """All that is in a queue, after waiting a while for the first."""
     found = []
     try:
-        found.append(finished.get(timeout=patience) if patience else finished.get_nowait())
+        found.append(finished.get(timeout=patience))
         while True:
             found.append(finished.get_nowait())
     except queue.Empty:

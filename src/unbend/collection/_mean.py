@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,12 +15,16 @@ from unbend._arrays import is_number
 from unbend._display import Brief
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
+from unbend.collection._files import make_folder
 from unbend.collection._rows import Failure
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.correspondence import Registration
-from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh
+from unbend.errors import InputError, MissingExtraError
+from unbend.io import MeshLike, as_mesh, value_colors, write_mesh, write_table
 from unbend.mesh import Mesh, vertex_areas
+
+_DEVIATIONS = 3  # standard deviations up to which components are shown
+_MOST_DRAWN = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,11 +124,15 @@ def mean_shape(
     for one in registrations:
         if not np.array_equal(one.mesh.faces, template.faces):
             raise InputError(f"{one.mesh.name}: is not registered to {template.name}")
-        reason = _reason(one, min_confidence, min_coverage)
-        if reason is None:
-            kept.append(one)
+        if one.confidence < min_confidence:
+            reason = f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"
+        elif one.coverage < min_coverage:
+            covered = f"{100 * one.coverage:.4g}% of the template lies on it"
+            reason = f"{covered}, less than {100 * min_coverage:g}%"
         else:
-            left_out.append(Failure(one.mesh.name, reason))
+            kept.append(one)
+            continue
+        left_out.append(Failure(one.mesh.name, reason))
     if len(kept) < 2:
         why = f"; {left_out[0].path} was left out: {left_out[0].reason}" if left_out else ""
         raise InputError(f"statistics need at least 2 shapes, and {len(kept)} are left{why}")
@@ -142,11 +154,67 @@ def mean_shape(
     )
 
 
-def _reason(one: Registration, min_confidence: float, min_coverage: float) -> str | None:
-    """Why a shape is left out, if it is."""
-    if one.confidence < min_confidence:
-        return f"the match's confidence is {one.confidence:.4g}, less than {min_confidence:g}"
-    if one.coverage < min_coverage:
-        covered = f"{100 * one.coverage:.4g}% of the template lies on it"
-        return f"{covered}, less than {100 * min_coverage:g}%"
-    return None
+def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, ...]:
+    """Write a mean shape, its components and its tables into a folder.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it does not exist.
+    found : MeanShape
+
+    Returns
+    -------
+    tuple of Path
+        What was written. The picture only where matplotlib is installed.
+
+    Raises
+    ------
+    FileError
+        If something cannot be written.
+    """
+    folder = make_folder(folder)
+    statistics = found.statistics
+    k = len(statistics.variances)
+    spread = statistics.variability
+    colors = value_colors(spread, limits=(0, float(np.nanmax(spread))))
+    written = [folder / "mean.ply"]
+    write_mesh(written[0], found.mean, scalars={"variability": spread}, colors=colors)
+    for i in range(k):
+        for word, deviations in (("minus", -_DEVIATIONS), ("plus", _DEVIATIONS)):
+            written.append(folder / f"component_{i + 1}_{word}.ply")
+            write_mesh(written[-1], found.at(i, deviations))
+    shares = statistics.variances / max(statistics.total_variance, 1e-300)
+    variances = zip(range(1, k + 1), statistics.variances.tolist(), shares.tolist(), strict=True)
+    columns = statistics.sizes, found.confidences, found.coverages, statistics.scores
+    scores = zip(found.names, np.column_stack(columns).tolist(), strict=True)
+    heads = ("path", "size", "confidence", "coverage"), [f"score_{i + 1}" for i in range(k)]
+    tables: dict[str, list[Iterable[object]]] = {
+        "variances.csv": [("component", "variance", "share"), *variances],
+        "scores.csv": [(*heads[0], *heads[1]), *((name, *row) for name, row in scores)],
+        "left_out.csv": [("path", "reason"), *((one.path, one.reason) for one in found.left_out)],
+    }
+    for name, rows in tables.items():
+        written.append(folder / name)
+        write_table(written[-1], rows)
+    with suppress(MissingExtraError):
+        draw_components(found, folder / "components.png")
+        written.append(folder / "components.png")
+    for old in folder.glob("component_*_*.ply"):  # of an earlier mean with more components
+        if re.fullmatch(r"component_\d+_(minus|plus)\.ply", old.name) and old not in written:
+            old.unlink()
+    return tuple(written)
+
+
+def draw_components(found: MeanShape, path: Path) -> None:
+    """Draw the mean as it changes along each of the first components."""
+    from unbend.report.shape_figures import draw_variation
+
+    steps = np.linspace(-_DEVIATIONS, _DEVIATIONS, 5).tolist()
+    statistics = found.statistics
+    rows = [
+        (f"component {i + 1}: {share:.0%}", [found.at(i, step) for step in steps])
+        for i, share in enumerate(statistics.variances[:_MOST_DRAWN] / statistics.total_variance)
+    ]
+    if rows:
+        draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._types import Progress
-from unbend.collection._engine import attempt, attempt_all, engine
+from unbend.collection._engine import attempt_all, engine
 from unbend.collection._files import find_file, make_folder, stem
-from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
@@ -58,75 +55,55 @@ def match_pairs(
     """
     start = time.monotonic()
     check_outside(store.path, out)
-    pairs, n_pairs = _chosen(store, named)
+    pairs = _chosen(store, named)
     folder = make_folder(out)
-    left = {entry.id: entry for pair in pairs() if not _done(folder, pair) for entry in pair}
-    skipped = sum(1 for pair in pairs() if _done(folder, pair))
+    left = [pair for pair in pairs if not _done(folder, pair)]
     failures: list[Failure] = []
-    matched = 0
+    outcomes: list[Failure | None] = []
     if left:
         with engine(workers=workers, scheduler=scheduler) as run:
-            tell = counted(progress, "spectra", len(left))
-            shapes = (Task((entry,), str(folder), store.path) for entry in left.values())
-            failures += filter(None, attempt_all(run, keep_spectrum, shapes, tell))
+            shapes = {entry.id: entry for pair in left for entry in pair}.values()
+            tasks = [Task((entry,), str(folder), store.path) for entry in shapes]
+            spectra = attempt_all(run, keep_spectrum, tasks, len(tasks), "spectra", progress)
+            failures += filter(None, spectra)
             bad = {one.path for one in failures}
-            tasks = (
+            tasks = [
                 Task(pair, str(folder), store.path)
-                for pair in pairs()
-                if not _done(folder, pair) and bad.isdisjoint(one.path for one in pair)
-            )
-            tell = counted(progress, "pairs", n_pairs - skipped)
-            for failure in attempt_all(run, match_pair, tasks, tell):
-                if failure is None:
-                    matched += 1
-                else:
-                    failures.append(failure)
-    write_table(folder / _TABLE, _table(folder, pairs()))
-    return Matched(matched, skipped, tuple(failures), time.monotonic() - start)
+                for pair in left
+                if bad.isdisjoint(one.path for one in pair)
+            ]
+            outcomes += attempt_all(run, match_pair, tasks, len(left), "pairs", progress)
+    write_table(folder / _TABLE, _table(folder, pairs))
+    failures += filter(None, outcomes)
+    skipped, seconds = len(pairs) - len(left), time.monotonic() - start
+    return Matched(outcomes.count(None), skipped, tuple(failures), seconds)
 
 
-def _chosen(
-    store: Store, named: Iterable[tuple[Any, Any]] | None
-) -> tuple[Callable[[], Iterator[Pair]], int]:
-    """Give the pairs anew at each call, and their number."""
+def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]:
     if named is None:
         entries = sorted(store.entries(), key=lambda entry: entry.path)
-        n = len(entries)
-        return functools.partial(itertools.combinations, entries, 2), n * (n - 1) // 2
+        return list(itertools.combinations(entries, 2))
     names = [tuple(pair) for pair in named]
     if wrong := [pair for pair in names if len(pair) != 2]:
         raise InputError(f"a pair is a source and a target, not {wrong[0]}")
     known = {name: store.find(name) for name in dict.fromkeys(itertools.chain(*names))}
-    chosen = list(dict.fromkeys((known[source], known[target]) for source, target in names))
-    return lambda: iter(chosen), len(chosen)
+    return list(dict.fromkeys((known[source], known[target]) for source, target in names))
 
 
-def keep_spectrum(task: Task) -> Failure | None:
+def keep_spectrum(task: Task) -> None:
     """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
-
-    def work() -> None:
-        with _spectra(task):
-            prepare_spectrum(_read(task.entries[0], task.store))
-
-    return attempt(task.name, work)
+    with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT):
+        prepare_spectrum(_read(task.entries[0], task.store))
 
 
-def match_pair(task: Task) -> Failure | None:
+def match_pair(task: Task) -> None:
     """Match two shapes and write the result."""
     source, target = task.entries
-
-    def work() -> None:
-        with _spectra(task):
-            found = match(_read(source, task.store), _read(target, task.store))
-        path = Path(task.out, file_name(source, target))
-        write_map(path.with_suffix(".csv"), found.source_to_target)
-        write_match(path, found)  # last: it says that the pair is done
-
-    return attempt(task.name, work)
-
-
-def _spectra(task: Task) -> AbstractContextManager[None]:
-    return use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT)
+    with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT):
+        found = match(_read(source, task.store), _read(target, task.store))
+    path = Path(task.out, file_name(source, target))
+    write_map(path.with_suffix(".csv"), found.source_to_target)
+    write_match(path, found)  # last: it says that the pair is done
 
 
 def file_name(source: Entry, target: Entry) -> str:
@@ -142,11 +119,12 @@ def _done(folder: Path, pair: Pair) -> bool:
     return (folder / file_name(*pair)).exists()
 
 
-def _table(folder: Path, pairs: Iterator[Pair]) -> Iterator[Sequence[Any]]:
+def _table(folder: Path, pairs: Iterable[Pair]) -> Iterator[Iterable[Any]]:
     """Rows for each match there is."""
     measures = "confidence", "orientation", "overlap_source", "overlap_target"
     yield "source", "target", "file", *measures
-    for pair in itertools.filterfalse(lambda pair: not _done(folder, pair), pairs):
-        found = read_match(folder / file_name(*pair))
-        values = (getattr(found, name) for name in measures)
-        yield *(one.path for one in pair), file_name(*pair), *values
+    for source, target in pairs:
+        if _done(folder, (source, target)):
+            name = file_name(source, target)
+            found = read_match(folder / name)
+            yield source.path, target.path, name, *(getattr(found, one) for one in measures)

@@ -13,7 +13,7 @@ import numpy as np
 from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.alignment import align
-from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._files import find_file
 from unbend.collection._rows import Entry, Hit
 from unbend.collection._store import Store

@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import IntArray, Progress
-from unbend.collection._engine import attempt, attempt_all, engine
+from unbend.collection._engine import attempt_all, engine
 from unbend.collection._files import find_file, find_files, hashed, make_folder, stem
-from unbend.collection._progress import counted
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
@@ -106,8 +105,8 @@ def _register(
     failed: list[Failure] = []
     if left:
         with engine(workers=workers, scheduler=scheduler) as run:
-            tell = counted(progress, "shapes", len(left))
-            failed += filter(None, attempt_all(run, register_shape, left, tell))
+            done = attempt_all(run, register_shape, left, len(left), "shapes", progress)
+            failed += filter(None, done)
     bad = {one.path for one in failed}
     every = (*failures, *failed)
     rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
@@ -139,23 +138,19 @@ def _done(task: Task) -> bool:
     return same and task.mesh.exists()
 
 
-def register_shape(task: Task) -> Failure | None:
+def register_shape(task: Task) -> None:
     """Register the template to a shape and write the result."""
-
-    def work() -> None:
-        store = task.store
-        path = task.shape.path if store is None else find_file(task.shape, store)
-        template, scan = read_mesh(task.template), read_mesh(path)
-        landmarks = task.landmarks if len(task.landmarks) else None
-        given = match(template, scan, landmarks=landmarks, barycentric=True)
-        found = register(template, scan, given)
-        keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
-        write_registration(task.mesh, found, like=task.template if keeps_lines else None)
-        fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
-        with atomic_write(task.result) as file:
-            np.savez(file, vertices=found.mesh.vertices, landmarks=task.landmarks, **fields)
-
-    return attempt(task.name, work)
+    store = task.store
+    path = task.shape.path if store is None else find_file(task.shape, store)
+    template, scan = read_mesh(task.template), read_mesh(path)
+    landmarks = task.landmarks if len(task.landmarks) else None
+    given = match(template, scan, landmarks=landmarks, barycentric=True)
+    found = register(template, scan, given)
+    keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
+    write_registration(task.mesh, found, like=task.template if keeps_lines else None)
+    fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
+    with atomic_write(task.result) as file:
+        np.savez(file, vertices=found.mesh.vertices, landmarks=task.landmarks, **fields)
 
 
 def _load(path: Path, template: Mesh, name: str) -> Registration:
@@ -182,14 +177,9 @@ def _write_tables(
             found = _load(task.result, template, task.name)
             file.write(found.mesh.vertices.astype("<f8").tobytes())
             distances = found.distances[np.isfinite(found.distances)]
-            numbers = (
-                found.confidence,
-                found.coverage,
-                distances.mean(),
-                np.quantile(distances, 0.95),
-            )
-            files = task.result.stem, task.name, task.mesh.name
-            shapes.append(RegisteredShape(*files, *map(float, numbers)))
+            middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
+            numbers = float(found.confidence), float(found.coverage), middle, most
+            shapes.append(RegisteredShape(task.result.stem, task.name, task.mesh.name, *numbers))
     head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
     rows = [(*vars(one).values(), "doubtful" if one.doubtful else "registered") for one in shapes]
     bad = [(Path(one.path).stem, one.path, *[""] * 5, f"failed: {one.reason}") for one in failures]

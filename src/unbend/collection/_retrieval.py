@@ -1,9 +1,11 @@
-"""How well a search by distance finds the shapes of a class: the field's measures."""
+"""Classes of shapes, and how well a search finds them: the field's measures."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,15 @@ import numpy.typing as npt
 from unbend._arrays import array_of, numbers_of
 from unbend._display import Brief
 from unbend._types import FloatArray
-from unbend.errors import InputError
+from unbend.errors import FileError, InputError, warn
+from unbend.io import read_table
 
 # The first page of results that the E-measure looks at.
 _FIRST_PAGE = 32
 # Shares of a class found at which precision is told.
 _RECALL_LEVELS = np.arange(1, 21) / 20
+
+_File = tuple[int, str]  # number of its shape, and path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,10 +64,9 @@ class Retrieval(Brief):
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as numbers and lists, ready for JSON."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in values.items()
+            for name, value in vars(self).items()
         }
 
 
@@ -127,18 +131,8 @@ def retrieval_measures(
     if not len(kept):
         raise InputError("no shape has another one of its class: there is nothing to find")
     means = kept.mean(axis=0)
-    nearest, first, second, e_measure, dcg, mean_precision = means[:6].tolist()
-    return Retrieval(
-        nearest_neighbor=nearest,
-        first_tier=first,
-        second_tier=second,
-        e_measure=e_measure,
-        dcg=dcg,
-        map=mean_precision,
-        recall=_RECALL_LEVELS.copy(),
-        precision=means[6:],
-        n_queries=len(kept),
-    )
+    found: list[Any] = [*means[:6].tolist(), _RECALL_LEVELS.copy(), means[6:], len(kept)]
+    return Retrieval(*found)
 
 
 def _of_query(distances: FloatArray, alike: npt.NDArray[np.bool_]) -> FloatArray | None:
@@ -152,17 +146,96 @@ def _of_query(distances: FloatArray, alike: npt.NDArray[np.bool_]) -> FloatArray
     count = np.arange(1, n + 1)
     page = min(_FIRST_PAGE, len(order))
     precisions = count / ranks
+    gains = 1 / np.log2(np.maximum(np.arange(len(order)) + 1, 2))
     levels = np.ceil(_RECALL_LEVELS * n - 1e-9).astype(int) - 1
     measures = [
         ranks[0] == 1,
         (ranks <= n).sum() / n,
         (ranks <= 2 * n).sum() / n,
         2 * (ranks <= page).sum() / (page + n),
-        _gains(ranks).sum() / _gains(count).sum(),
+        gains[ranks - 1].sum() / gains[:n].sum(),
         precisions.mean(),
     ]
     return np.concatenate([measures, precisions[levels]])
 
 
-def _gains(ranks: npt.NDArray[np.int64]) -> FloatArray:
-    return np.asarray(1 / np.log2(np.maximum(ranks, 2)))
+def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) -> list[str | None]:
+    r"""Read the class of each shape.
+
+    Parameters
+    ----------
+    table : path
+        A CSV file with the columns path and label, in any order and among others. A path is meant
+        from the folder we are in or from the table's; where nothing is there, its end will do (as
+        `cats/cat0.off`), if it is that of a single shape.
+    shapes : sequence of sequence of str
+        The paths of each shape; a shape has several where files are identical.
+
+    Returns
+    -------
+    list of str or None
+        A label for each shape; None where the table has none, or different ones for its files.
+
+    Raises
+    ------
+    FileError
+        If the table cannot be read or lacks a column, if a path is that of no shape or of several,
+        or a file has two labels.
+
+    Warns
+    -----
+    UnbendWarning
+        If files of one shape have different labels.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from unbend.collection import read_labels
+    >>> table = Path(tempfile.mkdtemp()) / "labels.csv"
+    >>> _ = table.write_text("path,label\ncat0.off,cat\n")
+    >>> read_labels(table, [["/shapes/cat0.off", "/copies/cat0.off"], ["/shapes/dog1.off"]])
+    ['cat', None]
+    """
+    table = Path(table)
+    rows = read_table(table, ("path", "label"))
+    files = {os.path.abspath(path): (i, path) for i, some in enumerate(shapes) for path in some}
+    ends: dict[str, list[_File]] = {}
+    for file in files.values():
+        parts = Path(file[1]).parts
+        for start in range(len(parts)):
+            ends.setdefault("/".join(parts[start:]), []).append(file)
+    labels: list[dict[str, str]] = [{} for _ in shapes]  # by path
+    for line, (path, label) in enumerate(rows, start=2):
+        i, path = _find(path, table, files, ends, line)
+        if labels[i].setdefault(path, label) != label:
+            raise FileError(
+                f"{table}: line {line} calls {path} a {label}, an earlier one a {labels[i][path]}"
+            )
+    return [_agreed(one, table) for one in labels]
+
+
+def _find(
+    path: str, table: Path, files: dict[str, _File], ends: dict[str, list[_File]], line: int
+) -> _File:
+    for folder in (Path(), table.parent):
+        absolute = os.path.abspath(folder / path)
+        if absolute in files:
+            return files[absolute]
+    found = ends.get("/".join(Path(path).parts), [])
+    if len({i for i, _ in found}) != 1:
+        what = "several shapes" if found else "no shape"
+        raise FileError(f"{table}: line {line}: {path} is {what} of the collection")
+    return found[0]
+
+
+def _agreed(labels: dict[str, str], table: Path) -> str | None:
+    """Label that all files of a shape have, if there is one."""
+    names: dict[str, str] = {}
+    for path, label in labels.items():
+        names.setdefault(label, path)
+    if len(names) > 1:
+        said = " and ".join(f"{path} a {label}" for label, path in names.items())
+        warn(f"{table} calls {said}, but these files are identical: their shape is left out")
+        return None
+    return next(iter(names), None)

@@ -16,15 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._parallel import n_cores
-from unbend.collection._descriptor import DESCRIPTOR_VERSION
-from unbend.collection._entry import FORM_COMPONENTS, FORM_POINTS, PARAMETERS
-from unbend.collection._rows import Entry, Hit
+from unbend.collection._descriptor import DESCRIPTOR_VERSION, FORM_COMPONENTS, FORM_POINTS
+from unbend.collection._rows import Entry, Hit, Info
 from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
+from unbend.io import atomic_write
 
 _TABLE = "shapes"
 # With this key, two processes that add one path at once get one row.
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
-SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
+_SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
 # Readers may still use a version of the table this old; older ones are removed.
 _KEPT_VERSIONS = timedelta(minutes=15)
 # Small commits are merged into one file after this many, but merging, which takes longer for
@@ -34,6 +34,14 @@ _ROWS_AT_ONCE = 4096
 _FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
 _PROBES = 20  # cells, of some thousand rows each, in an approximate search
 _WAITS = 0.05, 0.2, 0.5  # seconds to wait for a table that another process creates
+# What the rows were computed with. Rows with other parameters cannot be compared.
+_PARAMETERS = {
+    "descriptor": DESCRIPTOR_VERSION,
+    "form_points": FORM_POINTS,
+    "form_components": FORM_COMPONENTS,
+    "form_distance": "biharmonic",
+    "form_weighting": "area",
+}
 
 
 class Store:
@@ -51,7 +59,6 @@ class Store:
             raise MissingExtraError("lancedb", "dask", "distributed") from None
         self.path = os.fspath(path)
         self._commits, self._next_tidy = 0, 0.0
-        self._table: Any = None
         self._connect = functools.partial(
             lancedb.connect,
             read_consistency_interval=timedelta(0),  # see commits of other processes at once
@@ -59,12 +66,31 @@ class Store:
         )
         if "://" not in self.path:
             _check_folder(Path(self.path))
-            if not _begun(Path(self.path)):
-                return
         with self._explained():
-            database = self._connect(self.path)
-            if _TABLE in database.list_tables().tables:
-                self._table = _opened(database)
+            self._table = self._open()
+
+    def _open(self) -> Any:
+        """Open the table; None if there is none.
+
+        A full disk leaves empty folders, as does, for a moment, another process that creates the
+        table.
+        """
+        folder, local = Path(self.path, f"{_TABLE}.lance"), "://" not in self.path
+        if local and not folder.exists():  # to connect would make the collection's folder
+            return None
+        database = self._connect(self.path)
+        if _TABLE not in database.list_tables().tables:
+            return None
+        for wait in _WAITS:
+            try:
+                return database.open_table(_TABLE)
+            except ValueError as error:
+                if "not found" not in str(error):
+                    raise
+                time.sleep(wait)
+        if local and not any(files for _, _, files in os.walk(folder)):
+            return None
+        return database.open_table(_TABLE)
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -136,11 +162,6 @@ class Store:
         return self._table.schema
 
     @property
-    def width(self) -> int:
-        """Length of a descriptor."""
-        return int(self.schema.field("descriptor").type.list_size)
-
-    @property
     def indexed(self) -> bool:
         """Whether there is an index of the descriptors."""
         with self._explained():
@@ -152,10 +173,19 @@ class Store:
             return None
         return sum(one.stat().st_size for one in Path(self.path).rglob("*") if one.is_file())
 
-    def parameters(self) -> dict[str, Any]:
-        """Read the parameters that the rows were computed with."""
-        found: dict[str, Any] = json.loads(self.schema.metadata[b"parameters"])
-        return found
+    def info(self) -> Info:
+        """Say what is in the collection; see `Collection.info`."""
+        if not self.exists:
+            self.check_filled()
+        return Info(
+            n_shapes=self.n_shapes(),
+            n_files=len(self),
+            n_bytes=self.n_bytes(),
+            version=self.version() or DESCRIPTOR_VERSION,
+            descriptor_length=int(self.schema.field("descriptor").type.list_size),
+            indexed=self.indexed,
+            parameters=json.loads(self.schema.metadata[b"parameters"]),
+        )
 
     def version(self) -> str | None:
         """Version of the descriptors; None where there are none."""
@@ -215,7 +245,7 @@ class Store:
 
     def entries(self, where: str | None = None) -> Iterator[Entry]:
         """Shapes with all their paths, in bounded memory; a condition may be on ids alone."""
-        for batch in self.batches(SMALL, where):
+        for batch in self.batches(_SMALL, where):
             rows = batch.to_pylist()
             paths = self.paths_of({row["id"] for row in rows})
             for row in rows:
@@ -279,23 +309,36 @@ class Store:
                 self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
         self.tidy()
 
+    def export(self, path: str | os.PathLike[str]) -> int:
+        """Write every row to a .parquet or .csv file, a batch at a time; return how many."""
+        import pyarrow as pa
+        from pyarrow import csv
+        from pyarrow.parquet import ParquetWriter
+
+        count = 0
+        with atomic_write(path) as file:
+            if Path(path).suffix.lower() == ".parquet":
+                with ParquetWriter(file, self.schema) as writer:
+                    for batch in self.batches(self.schema.names):
+                        writer.write_batch(batch)
+                        count += len(batch)
+                return count
+            for batch in self.batches([*_SMALL, "version", "descriptor"]):
+                table = pa.Table.from_batches([batch])
+                numbers = table["descriptor"].combine_chunks()
+                flat = numbers.flatten().to_numpy().reshape(-1, numbers.type.list_size)
+                table = table.drop_columns(["descriptor"])
+                for i, column in enumerate(flat.T):
+                    table = table.append_column(f"descriptor_{i}", [column])
+                csv.write_csv(table, file, csv.WriteOptions(include_header=not count))
+                count += len(batch)
+        return count
+
 
 def among(column: str, values: Iterable[str]) -> str:
     """Condition that a column has one of some values."""
     quoted = ", ".join("'" + value.replace("'", "''") + "'" for value in values)
     return f"{column} IN ({quoted})" if quoted else "false"
-
-
-def _opened(database: Any) -> Any:
-    """Open the table; for a moment, one that another process creates has a folder only."""
-    for wait in _WAITS:
-        try:
-            return database.open_table(_TABLE)
-        except ValueError as error:
-            if "not found" not in str(error):
-                raise
-            time.sleep(wait)
-    return database.open_table(_TABLE)
 
 
 def check_outside(store: str, out: str | os.PathLike[str]) -> None:
@@ -306,23 +349,6 @@ def check_outside(store: str, out: str | os.PathLike[str]) -> None:
             raise FileError(
                 f"cannot write {out}: the folder {store} is the collection's alone; write elsewhere"
             )
-
-
-def _begun(path: Path) -> bool:
-    """Whether the table has files.
-
-    A full disk leaves empty folders, as does, for a moment, another process that creates the table.
-    """
-    folder = path / f"{_TABLE}.lance"
-    for wait in _WAITS:
-        if not folder.exists() or _has_files(folder):
-            break
-        time.sleep(wait)
-    return _has_files(folder)
-
-
-def _has_files(folder: Path) -> bool:
-    return any(files for _, _, files in os.walk(folder))
 
 
 def _check_folder(path: Path) -> None:
@@ -360,6 +386,6 @@ def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
             ("form", fixed(FORM_POINTS * FORM_COMPONENTS)),
             ("thumbnail", pa.binary()),
         ],
-        metadata={"parameters": json.dumps(dict(PARAMETERS))},
+        metadata={"parameters": json.dumps(_PARAMETERS)},
     )
     return pa.Table.from_pylist(list(rows), schema=schema)

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from unbend._arrays import first_equal_row
+from unbend._arrays import first_equal_row, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError
 from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces, vertex_areas
@@ -141,7 +141,7 @@ def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
     lengths = np.linalg.norm(vertices[boundary[:, 0]] - vertices[boundary[:, 1]], axis=1)
     middles = lengths[:, None] * vertices[boundary].mean(axis=1)
     total = np.bincount(group, lengths)
-    tips = np.stack([np.bincount(group, axis) for axis in middles.T], axis=1) / total[:, None]
+    tips = sum_rows(group, middles, len(total)) / total[:, None]
     fans = np.column_stack([boundary, len(vertices) + group])
     vertices = np.concatenate([vertices, tips])
     fans = fans[face_areas(vertices, fans) > 0]

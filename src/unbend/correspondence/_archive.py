@@ -7,17 +7,16 @@ import math
 import os
 import re
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.correspondence._belonging import check_mesh, mesh_hashes
 from unbend.errors import FileError, InputError
 from unbend.io import (
     MeshLike,
@@ -25,22 +24,17 @@ from unbend.io import (
     atomic_write,
     check_writable,
     counted_from_zero,
+    prefixed,
     read_bytes,
     whole_numbers,
 )
 from unbend.io.formats.npy import read_array, read_header
 from unbend.matching import Hypothesis, Match
+from unbend.mesh import Mesh
 
 _Arrays = dict[str, npt.NDArray[Any]]
 
-_REQUIRED = (
-    "source_to_target",
-    "target_to_source",
-    "functional_map",
-    "orientation",
-    "residual",
-    "confidence",
-)
+_REQUIRED = tuple(one.name for one in fields(Match) if one.default is MISSING)
 _RANGES = {
     "orientation": (-1, 1),
     "residual": (0, np.inf),
@@ -50,13 +44,8 @@ _RANGES = {
     "confidence_bound": (0, 1),
     "disorder": (0, 2),
 }
-_OPTIONAL = (
-    "faces", "weights", "mirrored", "overlap_source", "overlap_target", "confidence_bound",
-    "disorder", "expected_error",
-)  # fmt: skip
 _MESHES = ("source_mesh", "target_mesh")  # hashes
-_TUPLES = ("missed_landmarks", "landmark_hints")
-_LISTS = ("hypotheses", *_TUPLES)
+_KNOWN = {*(one.name for one in fields(Match)), *_MESHES} - {"alternatives"}
 _ALTERNATIVE = re.compile(r"alternatives/\d+/")  # comes before the names of its arrays
 # Compression makes a match about ten times smaller. An archive that would grow more than a
 # hundredfold, and to more than 64 MiB, is not unpacked.
@@ -88,10 +77,6 @@ def write_match(
         If the file cannot be written.
     InputError
         If it is not a match.
-
-    See Also
-    --------
-    read_match : The reverse.
     """
     if not isinstance(match, Match):
         raise InputError(f"a {type(match).__name__} is no Match; write_map writes point maps")
@@ -105,19 +90,18 @@ def write_match(
 
 
 def _arrays_of(match: Match) -> _Arrays:
-    arrays = {name: np.asarray(getattr(match, name)) for name in _REQUIRED}
-    arrays["hypotheses"] = np.reshape(
-        [(one.energy, one.orientation) for one in match.hypotheses], (-1, 2)
-    )
-    for name in _TUPLES:
-        if getattr(match, name):
-            arrays[name] = np.array(getattr(match, name))
-    for name in _OPTIONAL:
-        if getattr(match, name) is not None:
-            arrays[name] = np.asarray(getattr(match, name))
-    for i, alternative in enumerate(match.alternatives):
-        for name, array in _arrays_of(alternative).items():
-            arrays[f"alternatives/{i}/{name}"] = array
+    """Turn all fields into arrays, except for what is empty or None."""
+    arrays: _Arrays = {}
+    for name, value in vars(match).items():
+        if name == "hypotheses":
+            rows = [(one.energy, one.orientation) for one in value]
+            arrays[name] = np.reshape(rows, (-1, 2))
+        elif name == "alternatives":
+            for i, one in enumerate(value):
+                for inner, array in _arrays_of(one).items():
+                    arrays[f"alternatives/{i}/{inner}"] = array
+        elif value is not None and not (isinstance(value, tuple) and not value):
+            arrays[name] = np.asarray(value)
     return arrays
 
 
@@ -159,7 +143,7 @@ def read_match(
     162
     """
     data = read_bytes(Path(path), (".npz",))
-    with _prefixed(Path(path).name):
+    with prefixed(Path(path).name):
         folders: dict[str, _Arrays] = {"": {}}
         arrays = _load(data)
         hashes = [arrays.pop(name, None) for name in _MESHES]
@@ -173,18 +157,18 @@ def read_match(
         sizes = len(match.source_to_target), len(match.target_to_source)
         for mesh, size, known in zip((source, target), sizes, hashes, strict=True):
             if mesh is not None:
-                check_mesh(as_mesh(mesh), size, known)
+                _check_mesh(as_mesh(mesh), size, known)
         return replace(match, alternatives=tuple(alternatives))
 
 
 def _checked_match(arrays: _Arrays) -> Match:
     n, m = arrays["source_to_target"].size, arrays["target_to_source"].size
-    fields: dict[str, Any] = {
+    found: dict[str, Any] = {
         "source_to_target": _vertices(arrays, "source_to_target", n, m),
         "target_to_source": _vertices(arrays, "target_to_source", m, n),
-        "functional_map": _numbers(arrays, "functional_map", (None, None)),
+        "functional_map": _numbers(arrays, "functional_map", 2),
     }
-    rows, columns = fields["functional_map"].shape
+    rows, columns = found["functional_map"].shape
     if rows > n or columns > m:
         raise FileError(
             f"its functional_map of {rows} x {columns} is more than {n} and {m} vertices can have"
@@ -192,32 +176,35 @@ def _checked_match(arrays: _Arrays) -> Match:
     for name in filter(arrays.__contains__, _RANGES):
         is_float = arrays[name].dtype.kind == "f"
         if name == "confidence" and is_float and np.array_equal(arrays[name], np.nan, True):
-            fields[name] = np.nan
+            found[name] = np.nan
         else:
-            fields[name] = float(_numbers(arrays, name, (), *_RANGES[name]))
+            found[name] = float(_numbers(arrays, name, 0, *_RANGES[name]))
     if "mirrored" in arrays:
-        fields["mirrored"] = _vertices(arrays, "mirrored", n, m)
+        found["mirrored"] = _vertices(arrays, "mirrored", n, m)
     if "expected_error" in arrays:
-        fields["expected_error"] = _errors(arrays["expected_error"], fields["source_to_target"])
+        partners = found["source_to_target"]
+        found["expected_error"] = _row_numbers(arrays, "expected_error", partners, "vertex")
     for name, other in (("faces", "weights"), ("weights", "faces")):
         if name in arrays and other not in arrays:
             raise FileError(f"its {name} mean nothing without {other}")
     if "faces" in arrays:
-        fields["faces"] = _vertices(arrays, "faces", n, None)
-        fields["weights"] = _weights(arrays["weights"], fields["faces"])
+        found["faces"] = _vertices(arrays, "faces", n, None)
+        found["weights"] = _row_numbers(arrays, "weights", found["faces"], "face", 3)
     if "hypotheses" in arrays:
-        known = _numbers(arrays, "hypotheses", (None, 2))
+        known = _numbers(arrays, "hypotheses", 2)
+        if known.shape[1] != 2:
+            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 2")
         _check_range("hypotheses", known[:, 1], -1, 1)
-        fields["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
-    for name in filter(arrays.__contains__, _TUPLES):
-        below = n if name == "landmark_hints" else None
-        fields[name] = tuple(_vertices(arrays, name, None, below).tolist())
-    return Match(**fields)
+        found["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
+    for name, below in (("missed_landmarks", None), ("landmark_hints", n)):
+        if name in arrays:
+            found[name] = tuple(_vertices(arrays, name, None, below).tolist())
+    return Match(**found)
 
 
 def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> IntArray:
     """Check a list of n vertices or faces, -1 for none; None allows any length."""
-    with _prefixed(f"its {name}"):
+    with prefixed(f"its {name}"):
         found = counted_from_zero(whole_numbers(arrays[name]), 0, below)
     if n is not None and len(found) != n:
         raise FileError(f"its {name} has {len(found)} rows, but its source_to_target {n}")
@@ -225,19 +212,12 @@ def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> I
 
 
 def _numbers(
-    arrays: _Arrays,
-    name: str,
-    shape: tuple[int | None, ...],
-    least: float = -np.inf,
-    most: float = np.inf,
+    arrays: _Arrays, name: str, n_dimensions: int, least: float = -np.inf, most: float = np.inf
 ) -> FloatArray:
-    """Check finite numbers in a range; None in the shape allows any length."""
+    """Check finite numbers in a range."""
     array = arrays[name]
-    fits = len(shape) == array.ndim and all(
-        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
-    )
-    if not fits or array.dtype.kind not in "fiu":
-        what = "a number" if shape == () else f"a table of {len(shape)} dimensions"
+    if array.ndim != n_dimensions or array.dtype.kind not in "fiu":
+        what = f"a table of {n_dimensions} dimensions" if n_dimensions else "a number"
         raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {what}")
     if not np.isfinite(array).all():
         raise FileError(f"its {name} holds what is not finite")
@@ -250,39 +230,23 @@ def _check_range(name: str, array: npt.NDArray[Any], least: float, most: float) 
         raise FileError(f"its {name} is not from {least:g} to {most:g}")
 
 
-def _weights(array: npt.NDArray[Any], faces: IntArray) -> FloatArray:
-    """Check barycentric coordinates: NaN without a face, otherwise with sum one."""
-    on_face = faces >= 0
-    if array.shape != (len(faces), 3) or array.dtype.kind != "f":
-        raise FileError(f"its weights are not {len(faces)} rows of 3 numbers")
-    wrong = np.isnan(array).all(axis=1) == on_face
-    positive = (array[on_face] >= -_ROUNDING).all(axis=1)
-    wrong[on_face] |= ~(positive & (np.abs(array[on_face].sum(axis=1) - 1) <= _ROUNDING))
+def _row_numbers(
+    arrays: _Arrays, name: str, partners: IntArray, what: str, *width: int
+) -> FloatArray:
+    """Check numbers, none negative, for each row; NaN without a partner. Weights sum to one."""
+    array = arrays[name]
+    shape = len(partners), *width
+    if array.shape != shape or array.dtype.kind != "f":
+        raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {shape}")
+    rows = array.reshape(len(partners), -1)
+    right = (np.isfinite(rows) & (rows >= -_ROUNDING)).all(axis=1)
+    if name == "weights":
+        right &= np.abs(rows.sum(axis=1) - 1) <= _ROUNDING
+    wrong = ~np.where(partners >= 0, right, np.isnan(rows).all(axis=1))
     if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise FileError(f"its weights in row {row} do not go with face {faces[row]}")
+        row = int(wrong.argmax())
+        raise FileError(f"its {name} in row {row} cannot go with {what} {partners[row]}")
     return np.asarray(array, dtype=np.float64)
-
-
-def _errors(array: npt.NDArray[Any], partners: IntArray) -> FloatArray:
-    """Check expected errors: NaN without a partner, otherwise finite and not negative."""
-    there = partners >= 0
-    if array.shape != partners.shape or array.dtype.kind != "f":
-        raise FileError(f"its expected_error is not {len(partners)} numbers")
-    right = np.where(there, np.isfinite(array) & (array >= 0), np.isnan(array))
-    if not right.all():
-        row = int(np.flatnonzero(~right)[0])
-        raise FileError(f"its expected_error in row {row} does not go with vertex {partners[row]}")
-    return np.asarray(array, dtype=np.float64)
-
-
-@contextmanager
-def _prefixed(prefix: str) -> Iterator[None]:
-    """Put a prefix before the message of a FileError."""
-    try:
-        yield
-    except FileError as error:
-        raise FileError(f"{prefix}: {error}") from error.__cause__
 
 
 def _load(data: bytes) -> _Arrays:
@@ -296,9 +260,10 @@ def _load(data: bytes) -> _Arrays:
                     raise FileError(f"holds no {name}; it was not written by unbend match")
             if len(found) < len(members):
                 raise FileError("holds two arrays of one name; it was not written by unbend")
-            known = (*_REQUIRED, *_OPTIONAL, *_LISTS, *_MESHES)
             wanted = {
-                name: info for name, info in found.items() if _ALTERNATIVE.sub("", name, 1) in known
+                name: info
+                for name, info in found.items()
+                if _ALTERNATIVE.sub("", name, count=1) in _KNOWN
             }
             _check_sizes(archive, wanted, len(data))
             return {name: read_array(archive.read(info)) for name, info in wanted.items()}
@@ -314,7 +279,7 @@ def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], p
         # Other compressions are unpacked whole, whatever size the archive says.
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise FileError(f"its {name} is packed in a way that NumPy does not use")
-        with archive.open(info) as stream, _prefixed(f"its {name}"):
+        with archive.open(info) as stream, prefixed(f"its {name}"):
             shape, _, dtype = read_header(stream)
             size = stream.tell() + math.prod(shape) * dtype.itemsize
         if size != info.file_size:
@@ -327,4 +292,26 @@ def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], p
         raise FileError(
             f"its {largest} would grow from {wanted[largest].compress_size} bytes to "
             f"{wanted[largest].file_size}: no match does"
+        )
+
+
+def mesh_hashes(mesh: Mesh) -> list[int]:
+    """Hash positions and faces, apart: of one mesh either may change, by rounding or by a pose."""
+    arrays = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
+    return [
+        int.from_bytes(blake2b(array.tobytes(), digest_size=8).digest(), "little")
+        for array in arrays
+    ]
+
+
+def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:
+    """Raise FileError unless a mesh has so many vertices and, if they are known, these hashes."""
+    if mesh.n_vertices != n_vertices:
+        raise FileError(
+            f"belongs to a mesh of {plural(n_vertices, 'vertex')}, but {mesh.name} has "
+            f"{mesh.n_vertices}"
+        )
+    if hashes is not None and set(mesh_hashes(mesh)).isdisjoint(hashes.ravel().tolist()):
+        raise FileError(
+            f"belongs to another mesh than {mesh.name}, of as many vertices; match the shapes again"
         )

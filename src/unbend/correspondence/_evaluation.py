@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of
 from unbend._display import Brief, table
-from unbend._types import BoolArray, FloatArray, IntArray
+from unbend._types import FloatArray, IntArray
 from unbend.choices import GeodesicKind
-from unbend.correspondence._belonging import mesh_hashes
+from unbend.correspondence._archive import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
 from unbend.distances import GEODESIC, geodesic_solver
 from unbend.errors import InputError, MeshError
-from unbend.io import MeshLike, as_mesh
+from unbend.io import MeshLike, as_mesh, checked_map
 from unbend.matching import Match
-from unbend.mesh import Mesh, vertex_areas
+from unbend.mesh import Mesh, vertex_areas, vertex_ids
 
 THRESHOLDS = np.arange(17) / 80
 """Error thresholds of the paper's curves (Table 1, Fig. 2), in units of sqrt(target area)."""
@@ -194,7 +193,7 @@ def evaluate(
     if target.is_point_cloud:
         raise MeshError(f"{target.name}: errors are measured along faces; this is a point cloud")
     images = as_point_map(match, target=target)
-    sources = _indices(source_points, len(images), "source_points")
+    sources = vertex_ids(source_points, len(images), "source_points")
     truth = _ground_truth(target_points, len(sources), target, "target_points")
     found = images[sources]
     rows = np.flatnonzero((found >= 0) & (truth >= 0))
@@ -208,28 +207,19 @@ def evaluate(
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
     areas = vertex_areas(target)
+    given, true = found >= 0, truth >= 0
+    hits = int((given & true).sum())
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
-        overlap=_overlap(found >= 0, truth >= 0),
+        overlap=Overlap(*(hits / int(some.sum()) for some in (given, true, given | true))),
     )
 
 
-def _indices(values: Any, n: int, name: str, least: int = 0) -> IntArray:
-    array = array_of(values, name)
-    if array.ndim != 1 or not np.issubdtype(array.dtype, np.integer):
-        raise InputError(f"{name} must be a list of whole numbers, one for each row")
-    outside = (array < least) | (array >= n)
-    if outside.any():
-        row = int(np.flatnonzero(outside)[0])
-        raise InputError(f"{name}: row {row} is {array[row]}, but vertices are 0 to {n - 1}")
-    return array.astype(np.int64)
-
-
 def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray:
-    truth = _indices(values, target.n_vertices, name, least=-1)
+    truth = checked_map(values, target.n_vertices, name)
     if len(truth) != n_rows:
         raise InputError(f"the ground truth has {n_rows} source and {len(truth)} target vertices")
     return truth
@@ -272,8 +262,3 @@ def _forget() -> None:
 
     while len(_kept) > 1 and size() > _KEPT_BYTES:
         _kept.pop(next(iter(_kept)), None)
-
-
-def _overlap(given: BoolArray, true: BoolArray) -> Overlap:
-    both = int((given & true).sum())
-    return Overlap(*(both / int(one.sum()) for one in (given, true, given | true)))

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from unbend._arrays import is_number
+from unbend._arrays import is_number, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_rotation, procrustes
 from unbend.correspondence._transfer import positions_on_target
@@ -139,7 +139,7 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     # Without its end's rotation, an edge's image differs from the edge by stretch alone.
     still = Rotation.from_rotvec(turns).apply(images, inverse=True)
     wanted = Rotation.from_rotvec(t * turns).apply(edges + t * (still - edges))
-    pull = _summed(j, wanted, len(start)) - _summed(i, wanted, len(start))
+    pull = sum_rows(j, wanted, len(start)) - sum_rows(i, wanted, len(start))
     line = np.where(used[:, None], straight, 0)
     tie = _TIE * max(len(i) / len(start), 1.0)
     fitted = surface.system_of(np.full(len(start), tie / 2)).solve((pull + tie * line) / 2)
@@ -156,11 +156,6 @@ def _evenly_weighted(points: FloatArray, faces: IntArray) -> tuple[ElasticSurfac
     i, j = edge_ends(faces, n).T
     links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
     return surface.with_edge_weights(sp.csr_matrix(links + links.T)), used
-
-
-def _summed(at: IntArray, rows: FloatArray, n: int) -> FloatArray:
-    """Sum rows by their index, (n, d)."""
-    return np.stack([np.bincount(at, column, n) for column in rows.T], axis=1)
 
 
 def _rotation_vectors(surface: ElasticSurface, places: FloatArray) -> FloatArray:

@@ -7,13 +7,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, is_whole
+from unbend._arrays import is_whole
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind
 from unbend.distances import SPECTRAL, check_kind
 from unbend.errors import InputError
-from unbend.io import as_mesh
+from unbend.io import as_mesh, checked_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, vertex_areas
 
@@ -181,9 +181,7 @@ def _pairs(
 
 
 def _images(values: Any, n: int, m: int) -> IntArray:
-    array = array_of(values, "the match")
-    if array.shape != (n,) or array.dtype.kind not in "iu":
+    images = checked_map(values, m, "a map that is no Match")
+    if len(images) != n:
         raise InputError(f"the match must have one vertex number for each of {n} vertices")
-    if array.min() < -1 or array.max() >= m:
-        raise InputError(f"the match names a vertex that is not among the {m} of the other shape")
-    return array.astype(np.int64)
+    return images

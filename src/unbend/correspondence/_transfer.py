@@ -7,12 +7,12 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, first_largest, point_map_of
+from unbend._arrays import array_of, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.deformation import closest_faces
 from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh, invert_map
+from unbend.io import MeshLike, as_mesh, checked_map, invert_map
 from unbend.matching import Match, warn_of_disorder
 from unbend.mesh import Mesh, faces_around
 
@@ -196,9 +196,8 @@ def as_point_map(
 
     Raises InputError unless it is a map between these meshes, where they are given.
     """
-    images = point_map_of(match.source_to_target if isinstance(match, Match) else match, "a map")
-    if images is None:
-        raise InputError("a map must be a Match or a list of vertex numbers, -1 for none")
+    given = match.source_to_target if isinstance(match, Match) else match
+    images = checked_map(given, what="a map that is no Match")
     sizes = [("source", len(images), source)]
     if isinstance(match, Match):
         sizes.append(("target", len(match.target_to_source), target))
@@ -207,12 +206,7 @@ def as_point_map(
             raise InputError(
                 f"the map has {n} {side} vertices, but {mesh.name} has {mesh.n_vertices}"
             )
-    if target is not None and images.max(initial=-1) >= target.n_vertices:
-        raise InputError(
-            f"the map names target vertex {images.max()}, but {target.name} has "
-            f"{target.n_vertices} vertices"
-        )
-    return images
+    return images if target is None else checked_map(images, target.n_vertices, "the map")
 
 
 def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:

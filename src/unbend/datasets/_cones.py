@@ -10,6 +10,9 @@ from scipy.spatial.distance import cdist
 
 from unbend._types import FloatArray, IntArray
 
+# From points (n, 3) to the values there, negative inside, and their gradients.
+Field = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
 _CHUNK = 200_000  # point-cone pairs measured at once: what keeps the arrays in cache
 _CREASE = 0.2  # blend within a chain, as a share of the blend between chains
 
@@ -77,13 +80,10 @@ class Cones:
         ]
         return np.concatenate(parts, axis=1)
 
-    def local_field(
-        self, near: FloatArray
-    ) -> tuple[Callable[[FloatArray], tuple[FloatArray, FloatArray]], FloatArray]:
+    def local_field(self, near: FloatArray) -> tuple[Field, FloatArray]:
         """Blend the cones into one function that holds for points that stay close to ``near``.
 
-        Returns a function of (n, 3) points that gives its value (negative inside) and gradient;
-        and the body's thickness at each point, the radius of the nearest cone there.
+        Returns it, and the body's thickness at each point, the radius of the nearest cone there.
         """
         cone, point = self._candidates(near, 7 * self.blend + 0.02)
         distances, _, radii = self.measure(cone, near[point])
@@ -110,8 +110,7 @@ class Cones:
     def _candidates(self, points: FloatArray, margin: float) -> tuple[IntArray, IntArray]:
         """Pairs of a cone and a point that may be within ``margin`` of the closest pair.
 
-        Sorted by point and, within a point, by chain: what reduceat needs. Balls around and
-        within the cones decide, which is far cheaper than distances to the cones.
+        They are sorted by point, then by chain. Balls around and within the cones decide.
         """
         middles = (self.heads + self.tails) / 2
         radii = np.maximum(self.head_radii, self.tail_radii)
@@ -122,6 +121,13 @@ class Cones:
         by_chain = np.argsort(self.chains, kind="stable")
         point, position = np.nonzero((apart - outer < highest + margin)[:, by_chain])
         return by_chain[position], point
+
+
+def newton_step(field: Field, points: FloatArray) -> FloatArray:
+    """Move points towards the surface of a field, along its gradient."""
+    values, gradients = field(points)
+    step = values / np.einsum("ni,ni->n", gradients, gradients)
+    return np.asarray(points - np.clip(step, -0.02, 0.02)[:, None] * gradients)
 
 
 def _soft_min(

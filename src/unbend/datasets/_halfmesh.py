@@ -19,11 +19,7 @@ def collapse_short_edges(
     sizes: FloatArray,
     excess: int,
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Remove up to ``excess`` vertices of the whole surface by collapsing short edges.
-
-    ``sizes`` (n,) is the edge length in keeping with each vertex: edges that are short for
-    their place go first.
-    """
+    """Remove up to ``excess`` vertices of the whole surface; edges short for their ``sizes`` go."""
     edges = edge_ends(faces, len(vertices))
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     lengths /= sizes[edges].mean(axis=1)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from unbend._types import FloatArray
+from unbend.datasets._cones import newton_step
 from unbend.datasets._skeleton import Bone, cones_of, skin_weights
 
 _N_STEPS = 16
@@ -31,20 +32,9 @@ def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> Fl
 
 
 def _between(one: Bone, other: Bone, share: float) -> Bone:
-    def mix(a: float, b: float) -> float:
-        return (1 - share) * a + share * b
-
-    def point(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, float, float]:
-        x, y, z = (mix(*pair) for pair in zip(a, b, strict=True))
-        return x, y, z
-
-    return one._replace(
-        head=point(one.head, other.head),
-        tail=point(one.tail, other.tail),
-        head_radius=mix(one.head_radius, other.head_radius),
-        tail_radius=mix(one.tail_radius, other.tail_radius),
-        flat=point(one.flat, other.flat),
-    )
+    sizes = ("head", "tail", "head_radius", "tail_radius", "flat")
+    pairs = {name: np.array([getattr(one, name), getattr(other, name)]) for name in sizes}
+    return one._replace(**{name: (1 - share) * a + share * b for name, (a, b) in pairs.items()})
 
 
 def _go_along(now: Sequence[Bone], after: Sequence[Bone], points: FloatArray) -> FloatArray:
@@ -73,10 +63,7 @@ def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
-    """Newton's steps along the gradient of the body's implicit function."""
     field, _ = cones_of(bones).local_field(points)
     for _ in range(3):
-        values, gradients = field(points)
-        step = values / np.einsum("ni,ni->n", gradients, gradients)
-        points = points - np.clip(step, -0.02, 0.02)[:, None] * gradients
+        points = newton_step(field, points)
     return points

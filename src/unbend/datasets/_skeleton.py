@@ -6,17 +6,23 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, IntArray
+from unbend.alignment import nearest_rotation
 from unbend.datasets._cones import Cones
+from unbend.deformation import ElasticSurface
 from unbend.errors import InputError
+from unbend.mesh import measure_corners
 
 Point = tuple[float, float, float]
-Pose = Mapping[str, Point]
+Pose = Mapping[str, Sequence[float]]
 
 _BLEND = 0.016  # how far two parts reach to flow into each other
 _SPREAD = 0.03  # the same for the motion of two bones
+_REACH = 0.2  # features of a pose larger than this keep their places where lengths are restored
+_N_STEPS = 12
 
 
 class Bone(NamedTuple):
@@ -35,6 +41,18 @@ class Bone(NamedTuple):
     part: str
     flat: Point = (1.0, 0.0, 0.0)
     chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
+
+
+def chain_of(
+    name: str, parent: str, joints: Sequence[Point], radii: Sequence[float], part: str
+) -> list[Bone]:
+    """Make a chain of bones between joints: ``name_1``, ``name_2`` and so on."""
+    names = [parent, *(f"{name}_{i + 1}" for i in range(len(joints) - 1))]
+    ends = zip(joints, joints[1:], radii, radii[1:], strict=False)
+    return [
+        Bone(names[i + 1], names[i], head, tail, r, s, part, chain=name)
+        for i, (head, tail, r, s) in enumerate(ends)
+    ]
 
 
 def mirrored(bone: Bone) -> Bone:
@@ -86,10 +104,7 @@ def cones_of(bones: Sequence[Bone], *, for_motion: bool = False) -> Cones:
 
 
 def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
-    """How much each bone moves each point of the resting skin, (n_points, n_bones); rows sum to 1.
-
-    A function of position alone, so that every meshing of a body moves in the same way.
-    """
+    """Shares of bones in the motion of points on the resting skin, (n_points, n_bones)."""
     distances = cones_of(bones, for_motion=True).distances(points)
     weights = np.exp((distances.min(axis=0) - distances) / _SPREAD)
     weights = np.maximum(weights - 0.01, 0).T
@@ -118,11 +133,7 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
 
 
 def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
-    """Carry points of the resting skin into a pose.
-
-    The bones' rigid motions are blended as dual quaternions (Kavan et al. 2007), which keeps
-    the limbs' volume at bends and twists.
-    """
+    """Carry points of the resting skin into a pose, by dual quaternions (Kavan et al. 2007)."""
     own = joint_rotations(bones, pose)
     index = {bone.name: i for i, bone in enumerate(bones)}
     turns = np.empty((len(bones), 3, 3))
@@ -154,3 +165,25 @@ def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:
     b, v = q[:, :1], q[:, 1:]
     scalar = a * b - np.einsum("ni,ni->n", u, v)[:, None]
     return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+
+
+def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> FloatArray:
+    """Move posed vertices (n, 3) so that edges come closer to their resting lengths.
+
+    Blended motions bend a limb like rubber. A few steps of as-rigid-as-possible deformation, held
+    close to the posed skin, take out most of the stretch.
+    """
+    n = len(rest)
+    dots, _, double_areas = measure_corners(rest, faces)
+    cotangents = np.clip(dots / (2 * np.maximum(double_areas, 1e-12))[:, None], 0.02, 5).ravel()
+    ends = [faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()]
+    weights = sp.csr_matrix((np.tile(cotangents, 2), np.hstack([ends, ends[::-1]])), shape=(n, n))
+    areas: FloatArray = np.bincount(faces.ravel(), np.repeat(double_areas, 3), n) / 6
+    surface = ElasticSurface(rest, faces, areas).with_edge_weights(weights)
+    system = surface.system(1 / _REACH**2)
+    force = areas[:, None] * posed / _REACH**2
+    moved = posed
+    for _ in range(_N_STEPS):
+        turns = nearest_rotation(surface.covariances(moved).transpose(0, 2, 1))
+        moved = surface.fit_places(system, force, turns)
+    return moved

@@ -12,10 +12,10 @@ from scipy import ndimage, sparse
 from scipy.spatial.transform import Rotation
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.datasets._cones import Cones
+from unbend.datasets._cones import Cones, newton_step
 from unbend.datasets._halfmesh import collapse_short_edges, delaunay_flips
 from unbend.errors import InputError
-from unbend.mesh import edge_ends
+from unbend.mesh import edge_ends, face_normals
 
 _COARSEST = 0.025  # grid spacing that no part of a body slips through
 
@@ -23,14 +23,13 @@ _COARSEST = 0.025  # grid spacing that no part of a body slips through
 def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Mesh the skin of a body with exactly so many vertices; also return its mirror map.
 
-    The body is symmetric about x = 0: one side is meshed and reflected. `meshing` is the seed of
-    the grid's orientation and offset. Raises InputError if no grid tried gives a surface without
-    handles.
+    `meshing` is the seed of the grid's orientation and offset. Raises InputError if no grid gives a
+    surface without handles.
     """
     rng = np.random.default_rng(meshing)
     # A turn about x keeps the left-right symmetry; so does any shift in y and z.
-    turns = [0.0, 0.0, 0.0] if meshing == 0 else [rng.uniform(0.2, 1.3), 0.0, 0.0]
-    rotation = Rotation.from_euler("xyz", turns).as_matrix()
+    turn = 0.0 if meshing == 0 else rng.uniform(0.2, 1.3)
+    rotation = Rotation.from_euler("x", turn).as_matrix()
     shift = rng.uniform(0, 0.01, 3) * [0, 1, 1]
     turned = cones.turned(rotation, shift)
     spacing = _COARSEST
@@ -112,9 +111,8 @@ def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, F
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         distance = np.full(len(points.reshape(-1, 3)), np.inf)
         for member in members:
-            np.minimum(
-                distance, cones.distances(points.reshape(-1, 3), [int(member)])[0], out=distance
-            )
+            own = cones.distances(points.reshape(-1, 3), [int(member)])[0]
+            np.minimum(distance, own, out=distance)
         box = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
         total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(points.shape[:3])
     return total > 1, origin
@@ -149,23 +147,16 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
     pieces, n_pieces = ndimage.label(inside)
     if n_pieces > 1:
         inside = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
-    return ndimage.binary_fill_holes(inside) if not symmetric else _fill(inside)
-
-
-def _fill(inside: BoolArray) -> BoolArray:
+    if not symmetric:
+        return np.asarray(ndimage.binary_fill_holes(inside))
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
     return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 
 
 def _even_out(
-    cones: Cones,
-    vertices: FloatArray,
-    faces: IntArray,
-    on_plane: BoolArray,
-    n_vertices: int,
+    cones: Cones, vertices: FloatArray, faces: IntArray, on_plane: BoolArray, n_vertices: int
 ) -> tuple[FloatArray, IntArray]:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(np.linalg.norm(face_normals(vertices, faces), axis=1).sum())
     even = (1.15 * area / n_vertices) ** 0.5  # edge length if all triangles were equilateral
     vertices, thickness = _relax(cones, vertices, faces, on_plane, 4)
     while True:
@@ -216,9 +207,7 @@ def _relax(
         vertices = vertices + step_size[:, None] * move
         vertices[on_plane, 0] = 0
         for _ in range(2):
-            values, gradients = field(vertices)
-            step = values / np.einsum("ni,ni->n", gradients, gradients)
-            vertices = vertices - np.clip(step, -0.02, 0.02)[:, None] * gradients
+            vertices = newton_step(field, vertices)
             vertices[on_plane, 0] = 0
     return vertices, thickness
 

@@ -85,8 +85,7 @@ def fetch_tosca_remeshed(
 def fetch_files(registry: Mapping[str, str], folder: Path, base_url: str, terms: str) -> Path:
     """Download files that are missing from a folder, or whose SHA-256 is not that of the registry.
 
-    The registry has the paths of files below `base_url` and `folder`. The terms are printed on
-    standard error before the first download. See :func:`fetch_tosca_remeshed` for errors.
+    See :func:`fetch_tosca_remeshed` for errors.
     """
     try:
         import pooch

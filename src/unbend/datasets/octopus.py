@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chain_of
 from unbend.datasets.shape import Maker, Shape, make_shape
 
 _SPECIES: dict[str, dict[str, float]] = {
@@ -20,12 +20,11 @@ _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees 
 
 
 def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Point) -> Pose:
-    """Make a pose from a rule for the arms.
+    """Make a pose from a rule for the arms, 1 (front) to 4 (back), on the side +1 (left) or -1.
 
-    ``bend(s, arm, side)`` gives the droop and the turn towards the back, in degrees, of the segment
-    at share ``s`` of the arm 1 (front) to 4 (back), on the side +1 (left) or -1.
+    ``bend(s, arm, side)`` gives droop and turn to the back, in degrees, at share s of an arm.
     """
-    pose: dict[str, Point] = dict(others)
+    pose: dict[str, Sequence[float]] = dict(others)
     for side, word in ((1, "left"), (-1, "right")):
         for arm, azimuth in _AZIMUTHS.items():
             angle = np.deg2rad(azimuth) * side
@@ -33,8 +32,7 @@ def _curled(bend: Callable[[float, int, int], tuple[float, float]], **others: Po
             for segment in range(_N_SEGMENTS):
                 droop, turn = bend(segment / (_N_SEGMENTS - 1), arm, side)
                 rotation = Rotation.from_rotvec(np.deg2rad(droop * axis + [0, turn * side, 0]))
-                x, y, z = rotation.as_euler("xyz", degrees=True)
-                pose[f"{word}_arm_{arm}_{segment + 1}"] = (float(x), float(y), float(z))
+                pose[f"{word}_arm_{arm}_{segment + 1}"] = rotation.as_euler("xyz", degrees=True)
     return pose
 
 
@@ -145,16 +143,4 @@ def _arm(name: str, azimuth: float, length: float, thickness: float) -> list[Bon
     joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * length * share)[:, None] * outward
     radii = thickness * (0.07 - 0.044 * share**0.8)
     points: list[Point] = [(float(x), float(y), float(z)) for x, y, z in joints]
-    return [
-        Bone(
-            f"{name}_{i + 1}",
-            f"{name}_{i}" if i else "body",
-            points[i],
-            points[i + 1],
-            float(radii[i]),
-            float(radii[i + 1]),
-            name,
-            chain=name,
-        )
-        for i in range(_N_SEGMENTS)
-    ]
+    return chain_of(name, "body", points, radii.tolist(), name)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chain_of
 from unbend.datasets.shape import Maker, Shape, make_shape
 
 # Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
 _SPECIES: dict[str, dict[str, float]] = {
-    "dog": {"tail_lift": 35.0},
+    "dog": {},
     "cat": {
         "legs": 0.8, "neck": 0.6, "tail": 1.6, "ears": 0.6, "muzzle": 0.42, "girth": 0.88,
         "paws": 0.85, "tail_lift": 20.0, "ear_spread": 1.15, "head": 1.05, "body": 0.92,
@@ -230,21 +230,9 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
 def _tail(root: Point, p: Mapping[str, float]) -> list[Bone]:
     lift = np.deg2rad(p["tail_lift"])
     step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
-    joints = [np.array(root) + i * step for i in range(5)]
+    joints = [_point(np.array(root) + i * step) for i in range(5)]
     radii = np.linspace(0.034, 0.022, 5)
-    return [
-        Bone(
-            f"tail_{i + 1}",
-            f"tail_{i}" if i else "pelvis",
-            _point(joints[i]),
-            _point(joints[i + 1]),
-            float(radii[i]),
-            float(radii[i + 1]),
-            "tail",
-            chain="tail",
-        )
-        for i in range(4)
-    ]
+    return chain_of("tail", "pelvis", joints, radii.tolist(), "tail")
 
 
 def _ahead(point: Point, length: float) -> Point:

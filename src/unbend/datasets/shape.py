@@ -13,8 +13,7 @@ from unbend._arrays import nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._reference import carry
-from unbend.datasets._rigidity import restore_lengths
-from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin
+from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin, restore_lengths
 from unbend.datasets._surface import skin
 from unbend.errors import InputError
 from unbend.mesh import Mesh
@@ -157,12 +156,10 @@ def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
     first, second = rng.choice(len(names), 2, replace=False)
     share = rng.uniform(0.2, 0.8)
     joints = sorted({joint for given in poses.values() for joint in given})
-    angles: dict[str, tuple[float, float, float]] = {}
+    angles = {}
     for joint in joints:
-        a = np.array(poses[names[first]].get(joint, (0, 0, 0)), dtype=np.float64)
-        b = np.array(poses[names[second]].get(joint, (0, 0, 0)), dtype=np.float64)
-        turn = share * a + (1 - share) * b + rng.normal(0, 4, 3)
-        angles[joint] = (float(turn[0]), float(turn[1]), float(turn[2]))
+        a, b = (np.array(poses[names[i]].get(joint, (0, 0, 0))) for i in (first, second))
+        angles[joint] = (share * a + (1 - share) * b + rng.normal(0, 4, 3)).tolist()
     return angles
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from unbend._compiled import compiled
-from unbend._parallel import run_all
+from unbend._parallel import run_all, slices
 from unbend._types import FloatArray, IntArray, SparseMatrix
 
 _ROWS = 8192  # vertices that a task works on
@@ -22,15 +22,10 @@ _TURNS = 2  # of a rotation in a step at most; it starts near where it ends
 
 
 def over_rows(n: int, width: int, kernel: Callable[..., None], *arguments: Any) -> None:
-    """Call a kernel for all ranges of rows, in threads; its last two arguments are the range.
-
-    A row is so many vertices wide.
-    """
+    """Call a kernel for all ranges of rows, so many vertices wide, in threads."""
     step = max(_ROWS // max(width, 1), 1)
-    run_all(
-        functools.partial(kernel, *arguments, first, min(first + step, n))
-        for first in range(0, n, step)
-    )
+    parts = slices(n, step)
+    run_all(functools.partial(kernel, *arguments, part.start, part.stop) for part in parts)
 
 
 def edge_covariances(edge_weights: SparseMatrix, rest: FloatArray, posed: FloatArray) -> FloatArray:
@@ -78,10 +73,7 @@ def edge_squares(edge_weights: SparseMatrix, points: FloatArray) -> FloatArray:
 def rotated_divergence(
     edge_weights: SparseMatrix, rest: FloatArray, rotations: FloatArray
 ) -> FloatArray:
-    """Right-hand side (n, ..., 3) of the as-rigid-as-possible system (Sorkine & Alexa 2007, Eq. 8).
-
-    ``rotations`` (n, ..., 3, 3) may be those of several poses.
-    """
+    """Right-hand side (n, ..., 3) of the as-rigid-as-possible system (Sorkine & Alexa 2007)."""
     turns = rotations.reshape(len(rotations), -1, 3, 3)
     result = np.empty(turns.shape[:3])
     graph = edge_weights.indptr, edge_weights.indices, edge_weights.data
@@ -125,8 +117,7 @@ def normals_into(
 ) -> None:
     """Put the unit normals of surfaces into three columns of ``rows`` (n, m, d).
 
-    The surfaces are m poses, ``places`` (n, m, 3), of one mesh, whose faces around each vertex are
-    given in compressed rows. A normal is 0 where no face has an area.
+    The surfaces are m poses, ``places`` (n, m, 3). A normal is 0 where no face has an area.
     """
     around = faces, start, ring
     over_rows(len(places), places.shape[1], _normals_into, rows, column, places, *around)
@@ -171,8 +162,7 @@ def scatter(
 def turn_rotations(covariances: FloatArray, rotations: FloatArray) -> None:
     """Turn rotations (..., 3, 3), in place, to those that maximise the trace of R C.
 
-    The fixed-point iteration of Müller, Bender, Chentanez & Macklin ("A robust method to extract
-    the rotational part of deformations", 2016).
+    The fixed-point iteration of Müller, Bender, Chentanez and Macklin (MIG 2016).
     """
     turned = rotations.reshape(-1, 3, 3)
     over_rows(len(turned), 1, _turn_rotations, covariances.reshape(turned.shape), turned)

@@ -81,8 +81,7 @@ def closest_faces(
 ) -> tuple[IntArray, FloatArray]:
     """Nearest point to each given point (n, d) on the faces around a given vertex of a surface.
 
-    The surface has vertices `positions` (m, d), and the faces around each in compressed rows,
-    `fans`. Returns faces (n,) and barycentric coordinates (n, 3).
+    The surface has `positions` (m, d). Returns faces (n,) and barycentric coordinates (n, 3).
     """
     return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
 

@@ -51,16 +51,9 @@ def cached(compute: Callable[[Any], _T]) -> _T:
 
 @dataclass(frozen=True, eq=False)
 class ElasticSurface:
-    """A surface at rest, of unit area.
+    """A surface at rest. Threads may share it: whatever is computed on demand is computed once.
 
-    Threads may share it: whatever is computed on demand is computed once.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float64
-    faces : (m, 3) ndarray of int64
-    areas : (n,) ndarray of float64
-        Sum to one.
+    Lengths are in the square root of its area, for the `areas` (n,) of vertices to sum to one.
     """
 
     vertices: FloatArray
@@ -127,10 +120,7 @@ class ElasticSurface:
         return self.averaging(length).solve(flat).reshape(values.shape)
 
     def covariances(self, places: FloatArray, rest: FloatArray | None = None) -> FloatArray:
-        """Weighted covariances (n, ..., 3, 3) of the edges at rest and in poses (n, ..., 3).
-
-        ``rest`` (n, 3) may differ from the vertices.
-        """
+        """Weighted covariances (n, ..., 3, 3) of the edges at rest and in poses (n, ..., 3)."""
         return edge_covariances(self.edge_weights, self.vertices if rest is None else rest, places)
 
     def fit_places(

@@ -9,6 +9,8 @@ import numpy as np
 from unbend._arrays import is_number
 from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
+from unbend.distances._geodesic import geodesic_metric
+from unbend.distances._gram import gram_metric, truncated_metric
 from unbend.distances._metric import (
     GEODESIC,
     Metric,
@@ -19,30 +21,21 @@ from unbend.distances._metric import (
 )
 from unbend.errors import InputError
 from unbend.io import MeshLike
-from unbend.spectral import Surface, local_ids, make_surface
+from unbend.spectral import Surface, eigenpairs, local_ids, make_surface
 
 
 def make_metric(
-    kind: DistanceKind,
-    surface: Surface,
-    *,
-    time: float = DIFFUSION_TIME,
-    sources: bool = False,
+    kind: DistanceKind, surface: Surface, *, time: float = DIFFUSION_TIME, sources: bool = False
 ) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
-    `time` is the diffusion time in units of the area; `sources` says that distances from sources
-    will be asked for, which spares a factorisation.
+    `sources` says that distances from sources will be asked for: one factorisation then serves all.
     """
     check_kind(kind)
     if not is_number(time) or not 0 < time < np.inf:
         raise InputError(f"the diffusion time must be positive, not {time!r}")
     if kind in GEODESIC:
-        from unbend.distances._geodesic import geodesic_metric
-
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
-    from unbend.distances._gram import gram_metric
-
     return gram_metric(kind, surface, time, sources=sources)
 
 
@@ -119,9 +112,6 @@ def distance(
     if n_eigenpairs is None:
         metric = make_metric(distance, surface, time=diffused, sources=True)
     else:
-        from unbend.distances._gram import truncated_metric
-        from unbend.spectral import eigenpairs
-
         if n_eigenpairs == 1:
             raise InputError(
                 "n_eigenpairs must be at least 2: the first eigenfunction is constant and has no "

@@ -49,10 +49,7 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
     """Geodesic distances from any vertex of a mesh with faces, which may have several components.
 
     Returns a function from a vertex to the distances (n,) in the mesh's unit of length, infinite
-    where no path leads. Raises MeshError if exact geodesics are not defined. The function raises
-    MeshError if a component is less than 1e-60 or more than 1e60 across, SolverError if the exact
-    solver does not get to a vertex that a path leads to; it warns, once for each component, of
-    distances that cannot be right.
+    where no path leads. It warns, once for each component, of distances that cannot be right.
     """
     twice = has_earlier_twin(mesh.faces)
     if twice.any():  # they add no surface

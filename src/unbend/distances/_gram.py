@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from unbend._memory import check_memory
-from unbend._parallel import by_columns, one_blas_thread
+from unbend._parallel import by_columns, one_blas_thread, slices
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
 from unbend.distances._metric import Metric
@@ -71,34 +71,23 @@ def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Met
 
 
 def gram_metric(
-    kind: DistanceKind,
-    surface: Surface,
-    time: float,
-    *,
-    sources: bool = False,
+    kind: DistanceKind, surface: Surface, time: float, *, sources: bool = False
 ) -> Metric:
-    """Set up the distance with nothing left out (Eq. 6 and 7 for the biharmonic one).
-
-    `sources` says that distances from sources will be computed: one factorisation then serves the
-    whole metric.
-    """
+    """Set up the distance with nothing left out (Eq. 6 and 7); see :func:`make_metric`."""
     if kind == "diffusion":
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     stiffness, areas = surface.operator.stiffness, surface.operator.areas
     biharmonic = kind == "biharmonic"
 
+    check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
+
     @functools.cache
     def with_diagonal() -> tuple[_Green, FloatArray]:
-        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
         with named(surface):
             return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
 
-    if sources:
-        green = with_diagonal()[0]
-    else:
-        check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
-        with named(surface):
-            green = green_operator(stiffness, areas)
+    with named(surface):
+        green = with_diagonal()[0] if sources else green_operator(stiffness, areas)
 
     def product(green: _Green, block: FloatArray) -> FloatArray:
         once = green(block)
@@ -110,8 +99,7 @@ def gram_metric(
     def between(samples: IntArray) -> FloatArray:
         n = len(areas)
         column = np.empty((n if biharmonic else len(samples), len(samples)))
-        for start in range(0, len(samples), _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
+        for part in slices(len(samples), _AT_ONCE):
             some = by_columns(green, _indicators(samples[part], n))
             # K A K = (sqrt(A) K)^T (sqrt(A) K) needs the weights once.
             column[:, part] = some * np.sqrt(areas)[:, None] if biharmonic else some[samples]

@@ -1,9 +1,17 @@
 """Files: meshes, maps between them and values on them. Whatever is a mesh becomes a `Mesh` here."""
 
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, read_bytes
+from unbend.io._files import (
+    atomic_write,
+    check_writable,
+    prefixed,
+    read_bytes,
+    read_table,
+    write_table,
+)
 from unbend.io._maps import (
     MAP_SUFFIXES,
+    checked_map,
     counted_from_zero,
     invert_map,
     read_landmarks,
@@ -19,7 +27,6 @@ from unbend.io._markups import (
 )
 from unbend.io._meshes import as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
-from unbend.io._tables import read_table, write_table
 from unbend.io._values import (
     VALUE_SUFFIXES,
     check_storable,
@@ -40,9 +47,11 @@ __all__ = [
     "atomic_write",
     "check_storable",
     "check_writable",
+    "checked_map",
     "counted_from_zero",
     "file_extras",
     "invert_map",
+    "prefixed",
     "read_bytes",
     "read_landmarks",
     "read_map",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -40,10 +38,11 @@ def value_colors(
     InputError if there are several numbers for each vertex.
     """
     array = np.asarray(values)
+    known = None
     if kind == "weights":
         weights = array.reshape(len(array), -1)
-        unknown = ~np.isfinite(weights).all(axis=1)
-        return _of_labels(np.arange(weights.shape[1]), weights.argmax(axis=1), unknown)
+        known, kind = np.arange(weights.shape[1]), "label"
+        array = np.where(np.isfinite(weights).all(axis=1), weights.argmax(axis=1), -1)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim != 1:
@@ -52,22 +51,16 @@ def value_colors(
         )
     if kind == "label":
         unknown = array == ("" if array.dtype.kind == "U" else -1)
-        return _of_labels(np.unique(array[~unknown]), array, unknown)
+        known = np.unique(array[~unknown]) if known is None else known
+        of_labels: npt.NDArray[np.uint8] = _LABELS[np.searchsorted(known, array) % len(_LABELS)]
+        of_labels[unknown] = _GREY
+        return of_labels
     numbers = array.astype(np.float64)
     finite = np.isfinite(numbers)
-    known = numbers[finite] if finite.any() else np.zeros(1)
-    low, high = limits or (known.min(), known.max())
+    shown = numbers[finite] if finite.any() else np.zeros(1)
+    low, high = limits or (shown.min(), shown.max())
     shares = (np.where(finite, numbers, low) - low) / max(high - low, 1e-300)
     marks = np.linspace(0, 1, len(_VIRIDIS))
     colors = np.stack([np.interp(shares, marks, one) for one in _VIRIDIS.T], axis=1)
     colors[~finite] = _GREY
     return np.asarray(np.rint(colors), dtype=np.uint8)
-
-
-def _of_labels(
-    known: npt.NDArray[Any], labels: npt.NDArray[Any], unknown: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.uint8]:
-    """Give each label the colour of its place among those known, which ascend."""
-    colors: npt.NDArray[np.uint8] = _LABELS[np.searchsorted(known, labels) % len(_LABELS)]
-    colors[unknown] = _GREY
-    return colors

@@ -1,16 +1,18 @@
-"""Whole files: read at once, or written so that nobody ever sees half of one."""
+"""Whole files and tables: read at once, or written so that nobody ever sees half of one."""
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from unbend._memory import available_memory
 from unbend.errors import FileError, MeshError
@@ -44,15 +46,14 @@ def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> P
     return path
 
 
-def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> str:
-    """Return the suffix in lower case, or say which ones are known."""
+def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
+    """Raise FileError if the suffix is none of these; empty: any."""
     suffix = path.suffix.lower()
     if suffixes and suffix not in suffixes:
         *most, last = suffixes
         known = f"{', '.join(most)} or {last}" if most else last
         found = f'unknown suffix "{path.suffix}"' if suffix else "its name has no suffix"
         raise FileError(f"cannot {verb} {path}: {found}; use {known}")
-    return suffix
 
 
 def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
@@ -85,12 +86,12 @@ def read_bytes(path: Path, suffixes: Collection[str]) -> bytes:
 
 
 @contextmanager
-def named(path: Path) -> Iterator[None]:
-    """Put the file's name in front of errors that readers raise without it."""
+def prefixed(prefix: str) -> Iterator[None]:
+    """Put a prefix, such as the file's name, in front of errors that readers raise without it."""
     try:
         yield
     except (FileError, MeshError) as error:
-        raise type(error)(f"{path.name}: {error}") from error.__cause__
+        raise type(error)(f"{prefix}: {error}") from error.__cause__
 
 
 @contextmanager
@@ -117,3 +118,42 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     finally:
         with suppress(OSError):  # usually it was renamed
             temporary.unlink()
+
+
+def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[list[str]]:
+    """Read the values of these columns, in any order and among others; the first line names them.
+
+    Row i is line i + 2 of a file without empty lines. Raises FileError if the file cannot be read,
+    or lacks a column or a value.
+    """
+    path = Path(path)
+    data = read_bytes(path, (".csv", ".txt"))
+    try:
+        reader = csv.DictReader(
+            io.StringIO(data.decode("utf-8-sig"), newline=""), skipinitialspace=True
+        )
+        for name in columns:
+            if name not in (reader.fieldnames or ()):
+                raise FileError(
+                    f"{path}: there is no column {name}; the first line must name the columns "
+                    f"{', '.join(columns)}"
+                )
+        rows = [[row[name] for name in columns] for row in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {path}: {error}") from None
+    for line, row in enumerate(rows, start=2):
+        for name, value in zip(columns, row, strict=True):
+            if not value:
+                raise FileError(f"{path}: line {line} has no {name}")
+    return rows
+
+
+def write_table(
+    path: str | os.PathLike[str], rows: Iterable[Iterable[Any]], *, quote_all: bool = False
+) -> None:
+    """Write rows, the first being the names of the columns; the file appears once complete."""
+    with atomic_write(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        options: dict[str, Any] = {"quoting": csv.QUOTE_ALL} if quote_all else {}
+        csv.writer(text, lineterminator="\n", **options).writerows(rows)
+        text.detach()

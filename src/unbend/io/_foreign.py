@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_equal_row
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io._objects import mesh_of
-from unbend.io.formats.contents import NO_FACES, Contents
+from unbend.io.formats.contents import NO_FACES, Contents, weld
 
 _TRIMESH = (".glb", ".gltf", ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
@@ -27,21 +26,19 @@ def read_foreign(path: Path, data: bytes) -> Contents:
     if find_spec(program) is None:
         raise MissingExtraError(program)
     try:
-        return _by_trimesh(suffix, data) if suffix in _TRIMESH else _by_meshio(path)
+        if suffix in _TRIMESH:
+            return _by_trimesh(suffix, data)
+        import meshio
+
+        given = meshio.read(path)
+        mesh = mesh_of(given)
+        assert mesh is not None
+        values = {name: np.asarray(array) for name, array in given.point_data.items()}
+        return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # their readers raise anything; meshio exits
         raise FileError(f"{program} cannot read it: {error}") from error
-
-
-def _by_meshio(path: Path) -> Contents:
-    import meshio
-
-    given = meshio.read(path)
-    mesh = mesh_of(given)
-    assert mesh is not None
-    values = {name: np.asarray(array) for name, array in given.point_data.items()}
-    return Contents(mesh.vertices, mesh.faces, ("read by meshio", *mesh.notes), lambda: values)
 
 
 def _by_trimesh(suffix: str, data: bytes) -> Contents:
@@ -72,14 +69,13 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     notes = ["read by trimesh"]
     if b'"generator":"unbend"' not in data:
         # Others repeat a vertex for each of its texture coordinates, normals and materials.
-        first = first_equal_row(places)
-        kept = np.flatnonzero(first == np.arange(len(first)))
-        if len(kept) < len(first):
+        kept, number = weld(places)
+        if len(kept) < len(number):
             notes.append(
-                f"{len(first)} vertices welded into {len(kept)} where their positions are equal "
+                f"{len(number)} vertices welded into {len(kept)} where their positions are equal "
                 "(the format repeats them at seams)"
             )
-            corners = np.searchsorted(kept, first)[corners]
+            corners = number[corners]
             places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
     return Contents(places, corners, tuple(notes), lambda: shared)
 

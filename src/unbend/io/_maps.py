@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,11 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from unbend._arrays import is_whole, point_map_of, snap
+from unbend._arrays import array_of, is_whole, snap
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import are_numbers, data_lines
@@ -24,9 +23,6 @@ from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
 
 MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
-# The number of a file's first vertex, by default.
-_BASES = {".npy": 0, ".txt": 0, ".csv": 0, ".vts": 1}
-_CSV_HEADER = "target_vertex"
 
 
 def read_map(
@@ -66,7 +62,6 @@ def read_map(
 
     See Also
     --------
-    write_map : The reverse.
     unbend.read_match : A whole match, from a .npz file.
 
     Examples
@@ -83,7 +78,7 @@ def read_map(
     data = read_bytes(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    with named(path):
+    with prefixed(path.name):
         values = whole_numbers(read_array(data)) if suffix == ".npy" else _numbers(data, suffix)
         if n_source is not None and len(values) != n_source:
             raise FileError(
@@ -115,10 +110,6 @@ def write_map(
         If the map is empty or not a list of whole numbers of at least -1, or `base` is neither
         0 nor 1.
 
-    See Also
-    --------
-    read_map : The reverse.
-
     Examples
     --------
     >>> import tempfile
@@ -132,17 +123,15 @@ def write_map(
     path = check_writable(path, MAP_SUFFIXES)
     suffix = path.suffix.lower()
     first = _base(base, suffix)
-    images = point_map_of(point_map, "a point map")
-    if images is None or not len(images):
-        raise InputError(
-            "a point map must be a list of whole numbers, counted from 0, or -1 for no image"
-        )
+    images = checked_map(point_map)
+    if not len(images):
+        raise InputError("a map of no vertices cannot be written")
     rows = np.where(images < 0, -1, images + first)
     with atomic_write(path) as file:
         if suffix == ".npy":
             np.save(file, rows)
         else:
-            lines = [_CSV_HEADER] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
+            lines = ["target_vertex"] * (suffix == ".csv") + [str(row) for row in rows.tolist()]
             file.write(("\n".join(lines) + "\n").encode())
 
 
@@ -157,30 +146,47 @@ def read_landmarks(
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
-    with named(path):
-        return _landmarks(data, path.suffix.lower(), (n_source, n_target))
-
-
-def _landmarks(data: bytes, suffix: str, n_vertices: Sequence[int | None]) -> IntArray:
-    lines = data_lines(data, suffix[1:])
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
-    if rows and suffix == ".csv" and not any(are_numbers([word]) for word in rows[0]):
-        rows = rows[1:]
-    if not rows:
-        raise FileError("holds no landmarks")
-    for index, row in enumerate(rows):
-        if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
-            raise FileError(
-                f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, of "
-                "the source and of the target, counted from 0"
-            )
-        for word, n, which in zip(row, n_vertices, ("source", "target"), strict=True):
-            if n is not None and int(word) >= n:
+    with prefixed(path.name):
+        lines = data_lines(data, path.suffix[1:])
+        rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+        is_csv = path.suffix.lower() == ".csv"
+        if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
+            rows = rows[1:]
+        if not rows:
+            raise FileError("holds no landmarks")
+        for index, row in enumerate(rows):
+            if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
                 raise FileError(
-                    f"row {index} names vertex {word}, but the {which} has {plural(n, 'vertex')}, "
-                    "counted from 0"
+                    f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, "
+                    "of the source and of the target, counted from 0"
                 )
+            for word, n, side in zip(row, (n_source, n_target), ("source", "target"), strict=True):
+                if n is not None and int(word) >= n:
+                    raise FileError(
+                        f"row {index} names vertex {word}, but the {side} has "
+                        f"{plural(n, 'vertex')}, counted from 0"
+                    )
     return np.array(rows, dtype=np.int64)
+
+
+def checked_map(
+    values: npt.ArrayLike, n_target: int | None = None, what: str = "a map"
+) -> IntArray:
+    """Turn a map of any whole type into an array of int64.
+
+    Raises InputError if it is no map, or names a vertex that the target does not have.
+    """
+    array = array_of(values, what)
+    is_list = array.ndim == 1 and array.dtype.kind in "iu"
+    images = array.astype(np.int64) if is_list else np.array([-2])
+    if images.min(initial=-1) < -1:  # of uint64, what is too large turns negative
+        raise InputError(f"{what} must be a list of vertex numbers, from 0, or -1 for none")
+    if n_target is not None and images.max(initial=-1) >= n_target:
+        raise InputError(
+            f"{what} names target vertex {images.max()}, but the target has "
+            f"{plural(n_target, 'vertex')}"
+        )
+    return images
 
 
 def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
@@ -213,12 +219,8 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     array([1, 1, 0])
     """
     mesh = as_mesh(target)
-    images = point_map_of(point_map, "a map")
-    if images is None:
-        raise InputError("a map must be a list of vertex numbers, -1 for none")
     n = mesh.n_vertices
-    if images.max(initial=-1) >= n:
-        raise InputError(f"the map names target vertex {images.max()}, but there are {n} vertices")
+    images = checked_map(point_map, n)
     hit, first = np.unique(images, return_index=True)
     hit, first = hit[hit >= 0], first[hit >= 0]
     inverse = np.full(n, -1, dtype=np.int64)
@@ -238,7 +240,7 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
 def _base(base: int | None, suffix: str) -> int:
     if base is not None and (not is_whole(base) or base not in (0, 1)):
         raise InputError(f"base must be 0 or 1, not {base!r}")
-    return _BASES[suffix] if base is None else base
+    return int(suffix == ".vts") if base is None else base
 
 
 def _numbers(data: bytes, suffix: str) -> IntArray:

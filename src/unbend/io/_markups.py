@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from unbend._text import plural
 from unbend._types import IntArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import text_lines
@@ -61,7 +61,7 @@ def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str
     tree = cKDTree(used[there])
     farthest = _FARTHEST * np.linalg.norm(np.ptp(used[there], axis=0))
     vertices = []
-    with named(path):
+    with prefixed(path.name):
         try:
             points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as e:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from unbend.errors import FileError, InputError
-from unbend.io._files import named, read_bytes
+from unbend.io._files import prefixed, read_bytes
 from unbend.io._foreign import FOREIGN_SUFFIXES, read_foreign
 from unbend.io._objects import MeshLike, mesh_of
 from unbend.io.formats import obj, off, ply, points, stl
@@ -58,10 +58,6 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     MissingExtraError
         If trimesh or meshio is needed and not installed.
 
-    See Also
-    --------
-    write_mesh : The reverse.
-
     Examples
     --------
     >>> import tempfile
@@ -84,7 +80,7 @@ def read_contents(path: str | os.PathLike[str]) -> Contents:
     path = Path(path)
     data = read_bytes(path, READ_SUFFIXES)
     suffix = path.suffix.lower()
-    with named(path):
+    with prefixed(path.name):
         foreign = suffix in FOREIGN_SUFFIXES
         contents = read_foreign(path, data) if foreign else _READERS[suffix](data)
         if len(contents.vertices) == 0:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import re
 from itertools import count, takewhile
@@ -18,13 +17,12 @@ from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
 from unbend.io._objects import MeshLike
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
 from unbend.io.formats.contents import are_numbers, text_lines
 from unbend.io.formats.npy import read_array
-from unbend.mesh import Mesh
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _MOST_LETTERS = 1000
@@ -81,11 +79,11 @@ def read_values(
     if suffix in VALUE_SUFFIXES and name is not None:
         raise InputError(f"{path.name} is no mesh file: it has no values of the name {name}")
     if suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES:
-        columns = read_contents(path).values()
-        with named(path):
-            return _checked_rows(_of_mesh(columns, name), n_vertices)
+        contents = read_contents(path)
+        with prefixed(path.name):
+            return _checked_rows(_of_mesh(contents.values(), name), n_vertices)
     data = read_bytes(path, (*VALUE_SUFFIXES, *READ_SUFFIXES))
-    with named(path):
+    with prefixed(path.name):
         values = read_array(data) if suffix == ".npy" else _table(data, suffix, n_vertices)
         return _checked_rows(values, n_vertices)
 
@@ -183,22 +181,37 @@ def write_values(
     if kind == "auto" or kind not in get_args(ValueKind):
         raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
     array = array_of(values, "values")
-    if array.ndim == 0 or len(array) != mesh.n_vertices:
+    if array.size == 0 or array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
-    if suffix in COLOR_SUFFIXES:
-        _write_mesh(path, array, mesh, kind, like)
-        return
-    with atomic_write(path) as file:
-        if suffix == ".npy":
+    columns = array.reshape(len(array), -1)
+    word = kind if kind in ("label", "color", "uv") else "value"
+    names = [f"{word}_{i}" for i in range(columns.shape[1])] if columns.shape[1] > 1 else [word]
+    rows = columns.tolist()
+    if suffix == ".npy":
+        with atomic_write(path) as file:
             np.save(file, array)
-            return
-        columns = array.reshape(len(array), -1)
-        rows = [[str(one) for one in row] for row in columns.tolist()]
-        if suffix == ".csv":
-            file.write(_csv([_names(kind, columns.shape[1]), *rows]))
-        else:
-            file.write("".join(f"{' '.join(row)}\n" for row in rows).encode())
+    elif suffix == ".csv":
+        # Quoted, a row that begins with # is not read as a comment.
+        marked = any(str(row[0]).startswith("#") for row in rows)
+        write_table(path, [names, *rows], quote_all=marked)
+    elif suffix == ".txt":
+        with atomic_write(path) as file:
+            file.write("".join(f"{' '.join(map(str, row))}\n" for row in rows).encode())
+    elif kind == "color":
+        write_mesh(path, mesh, colors=array[:, :3], like=like)
+    elif kind == "uv":
+        # A vertex without texture coordinates still needs numbers to be drawn at all.
+        write_mesh(path, mesh, uvs=np.nan_to_num(array))
+    else:
+        shown = len(names) == 1 or kind == "weights"
+        write_mesh(
+            path,
+            mesh,
+            scalars=dict(zip(names, columns.T, strict=True)) if suffix in SCALAR_SUFFIXES else None,
+            colors=value_colors(array, kind=kind) if shown else None,
+            like=like,
+        )
 
 
 def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
@@ -221,50 +234,12 @@ def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind:
         raise InputError(f"{suffix} files hold one or two dimensions; write .npy")
 
 
-def _csv(rows: list[list[str]]) -> bytes:
-    text = io.StringIO()
-    # Quoted, a row that begins with # is not read as a comment.
-    options: dict[str, Any] = {"lineterminator": "\n"}
-    if any(row[0].startswith("#") for row in rows):
-        options["quoting"] = csv.QUOTE_ALL
-    csv.writer(text, **options).writerows(rows)
-    return text.getvalue().encode()
-
-
-def _names(kind: str, count: int) -> list[str]:
-    name = kind if kind in ("label", "color", "uv") else "value"
-    return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
-
-
-def _write_mesh(
-    path: Path,
-    array: npt.NDArray[Any],
-    mesh: Mesh,
-    kind: str,
-    like: str | os.PathLike[str] | None,
-) -> None:
-    if kind == "color":
-        write_mesh(path, mesh, colors=array[:, :3], like=like)
-    elif kind == "uv":
-        # A vertex without texture coordinates still needs numbers to be drawn at all.
-        write_mesh(path, mesh, uvs=np.nan_to_num(array))
-    else:
-        columns = array.reshape(len(array), -1).T
-        scalars = dict(zip(_names(kind, len(columns)), columns, strict=True))
-        shown = len(columns) == 1 or kind == "weights"
-        write_mesh(
-            path,
-            mesh,
-            scalars=scalars if path.suffix.lower() in SCALAR_SUFFIXES else None,
-            colors=value_colors(array, kind=kind) if shown else None,
-            like=like,
-        )
-
-
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
     lines = text_lines(data, suffix[1:])
     lines = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
-    if suffix == ".csv":
+    if suffix == ".txt":
+        rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
+    else:
         try:
             cells = csv.reader(f"{line}\n" for line in lines)
             rows = [[word.strip() for word in row] for row in cells]
@@ -274,33 +249,30 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         header = rows[0] if rows else []
         if len(header) > 1 and header[0].lower() == "vertex":
             rows = _in_order(rows[1:])
-        elif rows and not are_numbers(header) and len(rows) != n_vertices:
+        elif not are_numbers(header) and len(rows) != n_vertices:
             rows = rows[1:]
-    else:
-        rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
-    widths = {len(row) for row in rows}
-    if len(widths) > 1:
-        row = next(i for i, one in enumerate(rows) if len(one) != len(rows[0]))
-        raise FileError(f"row {row} has {len(rows[row])} entries, but row 0 has {len(rows[0])}")
     if not rows:
         return np.empty(0)
-    for i, words in enumerate(rows):
+    for i, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise FileError(f"row {i} has {len(row)} entries, but row 0 has {len(rows[0])}")
         # An array of words gives each as much room as the longest.
-        if max(map(len, words)) > _MOST_LETTERS:
+        if max(map(len, row)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
     table = np.array(rows)
-    if all(map(are_numbers, rows)):
+    numeric = [are_numbers(row) for row in rows]
+    if all(numeric):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
         try:
             table = table.astype(np.int64 if whole else np.float64)
         except OverflowError:
-            large = next(i for i, one in enumerate(rows) if any(len(word) > 18 for word in one))
+            large = next(i for i, row in enumerate(rows) if any(len(word) > 18 for word in row))
             raise FileError(
                 f"row {large} holds {' '.join(rows[large])[:40]!r}, more than 64 bits can hold"
             ) from None
     elif table.shape[1] > 1:
-        row = next(i for i, one in enumerate(rows) if not are_numbers(one))
-        raise FileError(f"row {row} holds {' '.join(rows[row])[:40]!r}, not numbers")
+        bad = numeric.index(False)
+        raise FileError(f"row {bad} holds {' '.join(rows[bad])[:40]!r}, not numbers")
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
@@ -314,10 +286,11 @@ def _in_order(rows: list[list[str]]) -> list[list[str]]:
             problem = "again" if words else "without a value"
             raise FileError(f"row {i} holds vertex {vertex[:20]!r} {problem}")
         found[vertex] = words
-    for vertex in map(str, range(len(rows))):
+    numbers = [str(i) for i in range(len(rows))]
+    for vertex in numbers:
         if vertex not in found:
             raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
-    return [found[str(vertex)] for vertex in range(len(rows))]
+    return [found[vertex] for vertex in numbers]
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:

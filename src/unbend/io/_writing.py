@@ -15,7 +15,7 @@ from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray
 from unbend.errors import FileError, InputError
-from unbend.io._files import atomic_write, check_writable, named, read_bytes
+from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats import glb, obj, off, ply, points, stl, vtp
@@ -79,10 +79,6 @@ def write_mesh(
     InputError
         If the format cannot hold what was given, or arrays do not match the mesh.
 
-    See Also
-    --------
-    read_mesh : The reverse.
-
     Examples
     --------
     >>> import tempfile
@@ -113,7 +109,9 @@ def write_mesh(
     if colors is not None:
         extras["colors"] = _colors(colors, mesh.n_vertices)
     if uvs is not None:
-        extras["uvs"] = _uvs(uvs, mesh.n_vertices)
+        extras["uvs"] = numbers_of(uvs, "uvs")
+        if extras["uvs"].shape != (mesh.n_vertices, 2) or not np.isfinite(extras["uvs"]).all():
+            raise InputError(f"uvs must be finite numbers of shape ({mesh.n_vertices}, 2)")
     if like is not None:
         if uvs is not None or suffix != ".obj":
             raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
@@ -133,7 +131,7 @@ def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8]
         prefix = os.path.relpath(source, folder)
     except ValueError:  # another drive of Windows
         prefix = source
-    with named(like):
+    with prefixed(like.name):
         contents = obj.read(data)
         if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
             contents.faces, mesh.faces
@@ -149,7 +147,7 @@ def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str,
         raise InputError("scalars must be a dictionary of names and values")
     for name, values in scalars.items():
         word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
-        if not word or name in (*"xyz", *_COLOR_NAMES):
+        if not word or name in (*"xyz", "red", "green", "blue"):
             raise InputError(
                 f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
                 "and none of x, y, z, red, green, blue"
@@ -162,16 +160,6 @@ def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str,
             )
         arrays[name] = array
     return arrays
-
-
-def _uvs(uvs: npt.ArrayLike, n_vertices: int) -> FloatArray:
-    array = numbers_of(uvs, "uvs")
-    if array.shape != (n_vertices, 2) or not np.isfinite(array).all():
-        raise InputError(f"uvs must be finite numbers of shape ({n_vertices}, 2)")
-    return array
-
-
-_COLOR_NAMES = ("red", "green", "blue")
 
 
 def _colors(colors: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.uint8]:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from unbend._parallel import column_slices, run_all
+from unbend._parallel import COLUMNS, run_all, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
 from unbend.linalg._krylov import KrylovBasis
@@ -26,18 +26,10 @@ _STALLED = 0.95  # a correction that leaves more has nothing left but rounding
 ROUNDING = 20 * float(np.finfo(np.float64).eps)  # relative, of a product with the matrix
 
 
-def inverse_lanczos(
-    matrix: SparseMatrix,
-    k: int,
-    tol: float,
-    random_state: int,
-    progress: Callable[[float], None] | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the k smallest eigenpairs of a sparse positive semi-definite matrix.
+def inverse_lanczos(matrix: SparseMatrix, k: int, tol: float) -> tuple[FloatArray, FloatArray]:
+    """Compute the k smallest eigenpairs of a positive semi-definite matrix in compressed columns.
 
-    The matrix is in compressed columns, and scaled such that the mean distance of the first
-    eigenvalues is about 4 pi. Otherwise like :func:`unbend.linalg.lanczos.smallest_eigenpairs`, but
-    with orthonormal vectors.
+    It is scaled such that the mean distance of the first eigenvalues is about 4 pi.
     """
     n = matrix.shape[0]
     shift, factor = _first_shift(matrix, k)
@@ -46,15 +38,13 @@ def inverse_lanczos(
     diagonal = matrix.diagonal()
     wanted = max(k, below)
     usual = 1.6 * wanted + 75  # columns that surfaces need, measured
-    rng = np.random.default_rng(random_state)
+    rng = np.random.default_rng(0)
     basis = KrylovBasis(factor.solve, n, block_size, rng, int(1.4 * usual))
     check = min(wanted + 40, n)
     # Above the shift pairs must be counted; where all lie below it, that is done.
     goal, counted, reached = tol / 2, below >= k, np.inf
     while basis.done < min(n, _LIMIT + 10 * wanted):
         basis.grow()
-        if progress is not None:
-            progress(min(basis.done / usual, 1.0) * 0.95)
         if basis.done < check and basis.done < basis.size:
             continue
         check = basis.done + 2 * block_size
@@ -111,9 +101,8 @@ def least_that_counts(values: FloatArray, diagonal: FloatArray) -> float:
 def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
     """Choose the shift by Weyl's law (unit area), corrected by the count of what lies below it.
 
-    Pairs near the shift are found first. For many pairs it lies in their middle; a second count
-    above them costs a factorisation. For few, it lies above them, where the count comes free. (A
-    little above the middle the basis is smaller, but corrections of the lowest pairs stall.)
+    For many pairs it lies in their middle; a second count above them costs a factorisation. For
+    few, it lies above them, where the count comes free.
     """
     share = 1.1 if k <= _FEW else 0.5
     size = abs(matrix).max()
@@ -142,11 +131,7 @@ def _first_shift(matrix: SparseMatrix, k: int) -> tuple[float, Factorization]:
 def _clear_of_eigenvalues(
     matrix: SparseMatrix, shift: float, factor: Factorization
 ) -> tuple[float, Factorization]:
-    """Move a shift that has an eigenvalue very near.
-
-    The inverse is as large as that eigenvalue is near, and rounding errors of that size drown
-    the pairs far from the shift.
-    """
+    """Move a shift with an eigenvalue so near that rounding errors drown the pairs far from it."""
     spacing = min(4 * np.pi, shift)
     found = [(_nearest(matrix.shape[0], factor), shift, factor)]
     for step in (0.3, 0.6, -0.3):
@@ -180,9 +165,8 @@ def _near_pairs(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give Ritz values of the matrix around the shift, ascending: ``below`` of them below it.
 
-    With the values (r,) come the coordinates (size, r) of the Ritz vectors after one more
-    application of the inverse, which costs nothing here, and their residuals (r,) with the matrix
-    itself: |residual of the inverse| / value^2.
+    With them come the coordinates (size, r) of the Ritz vectors after one more application of the
+    inverse, which costs nothing here, and their residuals with the matrix itself.
     """
     inverse, vectors, coupling = basis.ritz()
     # The inverse maps what is below the shift to its negative end, the rest to its positive one.
@@ -224,11 +208,9 @@ def _polish(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Make k orthonormal Ritz vectors of the matrix; measure their largest residual.
 
-    All that is known near the shift takes part, or the corrections would bring it back in.
-
-    Sliver triangles have huge entries, and a solve's rounding errors, however small, are rough:
-    the matrix makes much of them. A step of inverse iteration, written as a correction so that
-    only the correction is rounded, removes them where the residual falls short.
+    All that is known near the shift takes part, or the corrections would bring it back in. They are
+    steps of inverse iteration, written such that only the correction is rounded: the matrix makes
+    much of rounding errors where sliver triangles have huge entries.
     """
     rows = matrix.T  # the same, in compressed rows
     # Large arrays are kept: memory fresh from the system costs as much as the work.
@@ -262,4 +244,4 @@ def _correct(vectors: FloatArray, factor: Factorization, image: FloatArray) -> N
     def work(part: slice) -> None:
         vectors[:, part] -= factor.solve(np.ascontiguousarray(image[:, part]))
 
-    run_all(functools.partial(work, part) for part in column_slices(image.shape[1]))
+    run_all(functools.partial(work, part) for part in slices(image.shape[1], COLUMNS))

@@ -22,9 +22,8 @@ class KrylovBasis:
     """Orthonormal columns Q and the projection T = Q^T op(Q) of a symmetric operator.
 
     Block Lanczos without restarts and with full orthogonalisation. The operator has been applied
-    to the first ``done`` columns, so ``op(Q[:, :done]) = Q T[:, :done]`` holds to rounding; the
-    columns after them are the next block. T is kept whole, not as a band, which lets a random
-    block enter at any time. There is room for ``capacity`` columns; more is made when needed.
+    to the first ``done`` columns: ``op(Q[:, :done]) = Q T[:, :done]``; those after them are the
+    next block. T is kept whole, not as a band, which lets a random block enter at any time.
 
     One pass of orthogonalisation against a basis with Q^T Q = I + E leaves errors of E times the
     coefficients, over the length of what remains. These products of small matrices are carried
@@ -63,11 +62,9 @@ class KrylovBasis:
         self._projection[: self.size, block] = coefficients
 
     def ritz(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Diagonalise the projection.
+        """Diagonalise the projection: values (done,), ascending, and coordinates of the vectors.
 
-        Returns the values (done,), ascending, the coordinates (done, done) of the Ritz vectors in
-        the basis, and those of the residuals ``op(x) - value * x`` in the next block (size - done,
-        done).
+        Last come those of the residuals ``op(x) - value * x`` in the next block.
         """
         square = self._projection[: self.done, : self.done]
         if np.abs(square - square.T).max() > 1e-6 * np.abs(square).max():

@@ -35,8 +35,7 @@ _ROWS = 128  # of a symmetric product computed at once: half of it is not needed
 def inverse_diagonals(found: Factor, weights: FloatArray | None = None) -> FloatArray:
     """Compute the diagonal of the inverse B of a factorised matrix and, for weights A, of B A B.
 
-    Erisman and Tinney, "On computing certain elements of the inverse of a sparse matrix", CACM 18,
-    1975; Lin et al., "SelInv", ACM TOMS 37, 2011.
+    Erisman and Tinney, CACM 18, 1975; Lin et al., "SelInv", ACM TOMS 37, 2011.
     """
     nodes = found.nodes
     widths, heights = np.diff(nodes.starts), np.diff(nodes.row_starts)

@@ -71,11 +71,7 @@ def _subtract_row(
 
 @compiled
 def solve_chunk(starts, rows, entries, inverse_pivots, chunk, lanes):  # type: ignore[no-untyped-def]
-    """Solve with L D L^T, in place, for a chunk of right-hand sides.
-
-    The strictly lower factor is in compressed columns. The length of ``lanes`` is the width of the
-    chunk.
-    """
+    """Solve with L D L^T, in place; the strictly lower factor is in compressed columns."""
     n = inverse_pivots.size
     for j in range(n):
         for p in range(starts[j], starts[j + 1]):

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from unbend._parallel import in_chunks
 from unbend._types import FloatArray, SparseMatrix
-from unbend.errors import InputError, SolverError
+from unbend.errors import SolverError
 
 _Solve = Callable[[FloatArray], FloatArray]
 _NUMBA_PAYS = 2_000  # below, importing Numba takes longer than all solves of a usual run
@@ -41,33 +41,26 @@ class Factorization:
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solve for one right-hand side (n,) or, which is faster, for a block of them (n, r).
 
-        Safe to call from several threads. Raises InputError if the right-hand side has the wrong
-        shape or is not finite, SolverError if the solution overflows.
+        Safe to call from several threads. Raises SolverError if the solution overflows.
         """
-        rhs = np.asarray(rhs, dtype=np.float64)
-        n = self._matrix.shape[0]
-        if rhs.ndim not in (1, 2) or rhs.shape[0] != n:
-            raise InputError(
-                f"the right-hand side has shape {rhs.shape}; it must be ({n},) or ({n}, r)"
-            )
         if rhs.size == 0:
-            return rhs.copy()
-        block = np.ascontiguousarray(rhs.reshape(n, -1))
-        if not _all_finite(block):
-            raise InputError("the right-hand side holds NaN or infinite values")
+            return np.zeros(rhs.shape)
+        block = np.ascontiguousarray(rhs, dtype=np.float64).reshape(len(rhs), -1)
         solution: FloatArray = self._solve(block)
         for _ in range(self._n_refinements):
             solution = solution + self._solve(block - self._matrix @ solution)
-        if not _all_finite(solution):
+        # The sum is one pass without a temporary; only an overflow needs the second look.
+        with np.errstate(all="ignore"):
+            finite = np.isfinite(solution.sum()) or np.isfinite(solution).all()
+        if not finite:
             raise SolverError("the solution overflows; scale the matrix or the right-hand side")
         return solution.reshape(rhs.shape)
 
     def inverse_diagonals(self, weights: FloatArray | None = None) -> FloatArray:
         """Compute the diagonal (1, n) of the inverse B, or (2, n) also of B A B, A diagonal.
 
-        This takes about as long as the factorisation, which must have been made with
-        ``diagonal=True``. Raises SolverError if the matrix is so close to singular that its solves
-        must be refined.
+        This takes about as long as the factorisation, made with ``diagonal=True``. Raises
+        SolverError if the matrix is so close to singular that its solves must be refined.
         """
         from unbend.linalg._selected_inverse import inverse_diagonals
 
@@ -79,32 +72,22 @@ class Factorization:
 
 
 def factorize(
-    matrix: SparseMatrix,
-    *,
-    refine: bool = True,
-    many: bool = False,
-    diagonal: bool = False,
+    matrix: SparseMatrix, *, refine: bool = True, many: bool = False, diagonal: bool = False
 ) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix, definite or not.
 
-    Pivots are taken from the diagonal in an order that keeps the factor sparse, which for an
-    indefinite matrix may go wrong. So every factorisation is tried out: two solves with a known
-    solution measure which share of an error a step of iterative refinement leaves. A small share
-    proves that the matrix is far from singular and that the inertia is right (all matrices between
-    the given one and the one factorised are non-singular then); a larger one leads to a new try
-    with a slightly shifted diagonal, refined in every solve, and at last to a SolverError.
+    Without pivoting, an indefinite matrix may go wrong. So every factorisation is tried out: two
+    solves with a known solution measure which share of an error a step of iterative refinement
+    leaves. A small share proves that the matrix is far from singular and that the inertia is right
+    (all matrices between this one and the one factorised are non-singular then); a larger one
+    leads to a new try with a shifted diagonal, refined in every solve, and then to a SolverError.
 
     Without `refine`, a relative error of up to 1e-8 may stay in solves, which halves their time.
-    `many` says that so much will be solved for that compiled solves pay for a small matrix too;
-    `diagonal`, that :meth:`Factorization.inverse_diagonals` will be called, which needs the
-    multifrontal factor.
+    `many` says that compiled solves will pay for a small matrix too; `diagonal`, that
+    :meth:`Factorization.inverse_diagonals` will be called.
     """
     matrix = sp.csc_matrix(matrix, dtype=np.float64)
     n = matrix.shape[0]
-    if matrix.shape != (n, n) or n == 0:
-        raise InputError(f"the matrix has shape {matrix.shape}; it must be square and not empty")
-    if not _all_finite(matrix.data):
-        raise InputError("the matrix holds NaN or infinite values")
     size = abs(matrix).sum(axis=0).max()
     name, decompose = _backend(n, many, diagonal)
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
@@ -182,9 +165,3 @@ def _probe(matrix: SparseMatrix, solve: _Solve) -> tuple[float, float]:
         floor = 1e-15 * np.linalg.norm(known)
         share = float(np.linalg.norm(second) / max(size, floor))
         return share, float(np.abs(residual).max())
-
-
-def _all_finite(values: FloatArray) -> bool:
-    # The sum is one pass without a temporary; only an overflow needs the second look.
-    with np.errstate(all="ignore"):
-        return bool(np.isfinite(values.sum()) or np.isfinite(values).all())

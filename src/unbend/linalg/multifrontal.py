@@ -35,9 +35,8 @@ class Factor(NamedTuple):
 def factor(matrix: SparseMatrix) -> Factor:
     """Factorise a symmetric matrix in compressed columns, of which both halves are stored.
 
-    Duff and Reid, "The multifrontal solution of indefinite sparse symmetric linear equations", ACM
-    TOMS 9, 1983. Raises ArithmeticError at a pivot that is zero or not finite, or at an entry that
-    has no mirror image.
+    Duff and Reid, ACM TOMS 9, 1983. Raises ArithmeticError at a pivot that is zero or not finite,
+    or at an entry that has no mirror image.
     """
     starts, indices = matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32)
     nodes = dissect(starts, indices)
@@ -95,8 +94,7 @@ def _solve_chunk(found: Factor, values: FloatArray) -> None:
 def _stack_updates(nodes, depths, offsets, first, last, room):  # type: ignore[no-untyped-def]
     """Place the update matrices of a range of supernodes in two stacks; give where they end.
 
-    Those of even depth are in one, those of odd depth in the other: when a supernode's own is put
-    on one, its children's, which it takes up, are the last on the other.
+    Even depths are in one, odd ones in the other: a supernode's children are the last on the other.
     """
     sizes = (nodes.row_starts[1:] - nodes.row_starts[:-1]) ** 2
     for i in range(last - 1, first - 1, -1):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from unbend._parallel import by_columns
+from unbend._parallel import by_columns, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.linalg.factorization import factorize
 
@@ -22,8 +22,7 @@ def green_operator(
 
     ``x = K b`` solves ``W x = b - a (1^T b) / sum(a)`` with ``a^T x = 0``; equally ``K = sum_{i >=
     1} phi_i phi_i^T / lambda_i`` over all eigenpairs but the constant one (Lipman, Rustamov and
-    Funkhouser, "Biharmonic distance", ACM TOG 29(3), 2010, section 4). The constants must be the
-    only null space of the stiffness matrix W, as of a connected mesh; a are the vertex areas.
+    Funkhouser 2010, section 4). The mesh must be connected; a are the vertex areas.
     """
     return on_zero_means(factorize(pinned(stiffness)).solve, areas)
 
@@ -33,9 +32,8 @@ def green_and_diagonal(
 ) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
     """Green's operator K, and the diagonal (n,) of K or, if `biharmonic`, of K A K.
 
-    A is the diagonal matrix of the areas. The diagonal is exact. It comes from the factor itself,
-    by selected inversion, which takes about as long as the factorisation. Small meshes solve for
-    every column of K instead.
+    A is the diagonal matrix of the areas. The diagonal comes from the factor, by selected
+    inversion. Small meshes solve for every column of K instead.
 
     Notes
     -----
@@ -47,9 +45,8 @@ def green_and_diagonal(
     if n < _COMPILED_PAYS:
         green = green_operator(stiffness, areas)
         diagonal = np.empty(n)
-        for start in range(0, n, _AT_ONCE):
-            part = slice(start, min(start + _AT_ONCE, n))
-            columns = by_columns(green, np.eye(n, part.stop - start, -start))
+        for part in slices(n, _AT_ONCE):
+            columns = by_columns(green, np.eye(n, part.stop - part.start, -part.start))
             diagonal[part] = areas @ columns**2 if biharmonic else columns[part].diagonal()
         return green, diagonal
     factor = factorize(pinned(stiffness), diagonal=True)
@@ -65,11 +62,7 @@ def green_and_diagonal(
 
 
 def pinned(stiffness: SparseMatrix) -> SparseMatrix:
-    """Enlarge one diagonal entry of W, which makes it definite, as compressed columns.
-
-    A consistent system stays true: the equations add up to zero, hence that vertex is at zero.
-    The solution differs from the one wanted by a constant.
-    """
+    """Enlarge one diagonal entry of W, which makes it definite; solutions move by a constant."""
     fixed = sp.csr_array(stiffness, dtype=np.float64).T  # symmetric, and now in compressed columns
     return fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
 

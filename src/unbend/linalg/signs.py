@@ -17,9 +17,8 @@ def fix_basis(vectors: FloatArray, values: FloatArray, tolerance: Any) -> FloatA
     """Give the eigenvectors (n, k) of equal eigenvalues a basis that depends on their space alone.
 
     Neighbouring values (k,) that differ by no more than the tolerance are equal. The first vector
-    is the one that reaches the highest entry of all unit vectors in the space; each next one does
-    so among those orthogonal to it. Where several entries could be the highest, as on a symmetric
-    shape, it is the first of them. Signs are left to :func:`fix_signs`.
+    reaches the highest entry of all unit vectors in the space; each next one does so among those
+    orthogonal to it. Of several entries that could be the highest, the first decides.
     """
     ends = np.append(np.flatnonzero(np.abs(np.diff(values)) > tolerance) + 1, len(values))
     fixed = vectors
@@ -47,9 +46,8 @@ def _rotation(vectors: FloatArray) -> FloatArray:
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     """Give every column (n, k) the sign that makes its weighted third moment positive.
 
-    The third moment does not depend on the order of the vertices. Where it vanishes, as for a
-    function that is odd under a symmetry of the shape, the first entry whose magnitude is
-    within rounding of the largest is made positive.
+    Where it vanishes, as for a function that is odd under a symmetry, the first entry whose
+    magnitude is within rounding of the largest is made positive.
     """
     size = np.abs(vectors)
     third = weights @ (size * size * vectors)

@@ -24,6 +24,7 @@ from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._extrapolation import extrapolate, patches_to_hold
 from unbend.matching._extremities import Guess, find_extremities, guess_limbs, limb_maps
+from unbend.matching._motions import find_motions, laid_starts
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._registration import (
     Registered,
@@ -240,6 +241,21 @@ def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return _from_guesses(sides, guesses, maps, BEAM)
 
 
+def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from motions that lay one shape onto the other as they stand.
+
+    At the least data weight shapes hardly bend, and most motions prove wrong.
+    """
+    coarse = sides.at(COARSE)
+    sizes = [2 ** (step / 4) for step in sizes_to_try(*coarse)[::2]]
+    poses = laid_starts(*coarse, find_motions(*coarse, sizes, 6 * BEAM))
+    for i, data_weight in enumerate(constants.DATA_WEIGHTS[:5]):
+        begun = registered(sides, COARSE, poses, (data_weight,), resize=False)
+        found = best(sides, COARSE, begun)[: BEAM if i else 2 * BEAM]
+        poses = [one.registered for one in found]
+    return found
+
+
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best again from small data weights, which let parts slide."""
     starts = [one.registered for one in found[: BEAM // 2]]
@@ -300,6 +316,7 @@ PLAN = [
     Step(COARSE, from_spectra, always, BEAM // 2),
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_points, ambiguous_part, BEAM // 2),
+    Step(COARSE, from_motions, ambiguous_part, BEAM // 2),
     Step(MEDIUM, relaxed, part, BEAM // 2),
     Step(MEDIUM, extrapolated, ambiguous_part, BEAM),
 ]

@@ -1,6 +1,6 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
-from unbend.mesh._corners import measure_corners
+from unbend.mesh._corners import face_normals, measure_corners
 from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, vertex_normals
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
@@ -26,6 +26,7 @@ __all__ = [
     "Mesh",
     "count_non_manifold_vertices",
     "edge_ends",
+    "face_normals",
     "faces_around",
     "find_components",
     "find_edges",

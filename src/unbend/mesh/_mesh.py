@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import array_of
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
+from unbend.mesh._corners import face_normals
 from unbend.mesh._topology import has_earlier_twin
 
 
@@ -69,13 +71,7 @@ class Mesh:
         _check_finite(vertices, faces, name)
         vertices.setflags(write=False)
         faces.setflags(write=False)
-        for field, value in (
-            ("vertices", vertices),
-            ("faces", faces),
-            ("name", name),
-            ("notes", tuple(notes)),
-        ):
-            object.__setattr__(self, field, value)
+        self.__dict__.update(vertices=vertices, faces=faces, name=name, notes=tuple(notes))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Read-only after copying and pickling, too: both give arrays that may be written."""
@@ -150,37 +146,31 @@ def _face_array(faces: Any, name: str) -> IntArray:
 def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
     outside = (faces < 0) | (faces >= n_vertices)
     if outside.any():
-        face = int(np.flatnonzero(outside.any(axis=1))[0])
-        index = int(faces[face][outside[face]][0])
+        face = np.flatnonzero(outside)[0] // 3
         raise MeshError(
-            f"{name}: face {face} names vertex {index}, but the vertices are numbered "
+            f"{name}: face {face} names vertex {faces[outside][0]}, but the vertices are numbered "
             f"0 to {n_vertices - 1}; correct or remove that face"
         )
 
 
 def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
-    finite = np.isfinite(vertices).all(axis=1)
-    bad = ~finite
-    if len(faces):
-        used = np.zeros(len(vertices), dtype=bool)
-        used[faces] = True
-        bad = bad & used
+    infinite = ~np.isfinite(vertices).all(axis=1)
+    used = np.full(len(vertices), len(faces) == 0)
+    used[faces] = True
+    bad = infinite & used
     if bad.any():
-        vertex = int(np.flatnonzero(bad)[0])
+        vertex = int(bad.argmax())
         position = ", ".join(f"{x:g}" for x in vertices[vertex])
         raise MeshError(
             f"{name}: vertex {vertex} is at ({position}), which is not a finite position; "
             "correct or remove that vertex"
         )
-    vertices[~finite] = np.nan
+    vertices[infinite] = np.nan
 
 
 def vertex_ids(vertices: Any, n: int, name: str) -> IntArray:
-    """Check vertex numbers, one or a list, from 0 to ``n - 1``; return them as (s,) int64.
-
-    Raises InputError if they are something else.
-    """
-    ids = np.atleast_1d(np.asarray(vertices))
+    """Check vertex numbers, one or a list, from 0 to ``n - 1``; return them as (s,) int64."""
+    ids = np.atleast_1d(array_of(vertices, f"{name}: vertex ids"))
     if ids.ndim != 1 or not np.issubdtype(ids.dtype, np.integer):
         raise InputError(f"{name}: vertex ids must be a list of whole numbers, counted from 0")
     outside = (ids < 0) | (ids >= n)
@@ -201,30 +191,21 @@ def used_vertices(mesh: Mesh) -> FloatArray:
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
-    """Give each vertex, (n,), a third of the area of the faces around it.
+    """Give each vertex, (n,), a third of the area of the faces around it; 1 in a point cloud.
 
-    Repeated faces count once. The areas are 0 at vertices that no face uses, and 1 for a point
-    cloud.
+    Repeated faces count once.
     """
     if mesh.is_point_cloud:
         return np.ones(mesh.n_vertices)
     faces = mesh.faces[~has_earlier_twin(mesh.faces)]
-    corners = mesh.vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    shares = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
+    shares = np.repeat(np.linalg.norm(face_normals(mesh.vertices, faces), axis=1) / 6, 3)
     return np.asarray(np.bincount(faces.ravel(), shares, mesh.n_vertices))
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Average the faces' normals, weighted by area, at each vertex: (n, 3).
-
-    They are of unit length; 0 where no face has an area.
-    """
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    n = len(vertices)
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(normal[:, c], 3), n) for c in range(3)], axis=1
-    )
+    """Average the faces' normals, by area, at each vertex: (n, 3) of unit length, or 0."""
+    corners, n = faces.ravel(), len(vertices)
+    columns = face_normals(vertices, faces).T
+    total = np.stack([np.bincount(corners, np.repeat(x, 3), n) for x in columns], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(total / np.maximum(length, np.finfo(float).tiny))

@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from unbend._arrays import first_equal_row
+from unbend._parallel import slices
 from unbend._types import BoolArray, FloatArray, IntArray
 
 # A face is degenerate when its height over its longest edge is at most this fraction of that
@@ -157,8 +158,7 @@ def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
 def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
     """Size of one fan at each vertex of an oriented mesh: of the open one, if there is any.
 
-    A corner has the number of the side that leaves it. The next corner of its fan lies across
-    that side.
+    A corner has the number of the side that leaves it; the next one lies across that side.
     """
     at_vertex = faces.ravel()
     side = np.arange(len(at_vertex))
@@ -199,15 +199,10 @@ def proper_faces(faces: IntArray) -> IntArray:
 
 
 def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
-    """Which faces are degenerate (see ``DEGENERATE_HEIGHT``), and the area of all.
-
-    Lengths are measured in units of the longest, so that no product overflows or vanishes in
-    whatever unit of length the mesh comes.
-    """
+    """Which faces are degenerate (see ``DEGENERATE_HEIGHT``), and the area of all, in any unit."""
     degenerate = np.empty(len(faces), dtype=bool)
     area = 0.0
-    for start in range(0, len(faces), FACES_AT_ONCE):
-        part = slice(start, start + FACES_AT_ONCE)
+    for part in slices(len(faces), FACES_AT_ONCE):
         degenerate[part], part_area = _measure(vertices, faces[part])
         area += part_area
     return degenerate, area
@@ -215,7 +210,7 @@ def measure_faces(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, flo
 
 def _measure(vertices: FloatArray, faces: IntArray) -> tuple[BoolArray, float]:
     a, b, c = (vertices[faces[:, k]] / 4 for k in range(3))  # / 4: no difference overflows
-    u, v = b - a, c - a
+    u, v = b - a, c - a  # in units of the longest, so that no product overflows or vanishes
     scale = float(max(u.max(), -u.min(), v.max(), -v.min()))
     if scale > 0:
         u /= scale

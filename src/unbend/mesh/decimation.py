@@ -13,6 +13,7 @@ import numpy as np
 
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
+from unbend.mesh._corners import face_normals
 from unbend.mesh._topology import Edges, faces_around, find_edges
 
 # Beside the squared distance from the planes around it, a vertex pays this share of the squared
@@ -31,10 +32,7 @@ class Decimated(NamedTuple):
 
 
 def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
-    """Collapse edges until `count` vertices are left, or no collapse is allowed.
-
-    Every vertex must be in use.
-    """
+    """Collapse edges until `count` vertices, all in use, are left, or no collapse is allowed."""
     n = len(vertices)
     faces = np.array(faces, dtype=np.int64)
     edges = find_edges(faces, n)
@@ -69,11 +67,10 @@ def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray
     The distances are from the planes of the faces and, along the boundary, from planes that stand
     on it, by area and by squared length.
     """
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = face_normals(vertices, faces)
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, np.finfo(float).tiny)[:, None]
-    own = np.column_stack([_squares(normal, corners[:, 0]), np.ones(len(faces))])
+    own = np.column_stack([_squares(normal, vertices[faces[:, 0]]), np.ones(len(faces))])
     rows, values = [faces.ravel()], [np.repeat(own * twice[:, None] / 6, 3, axis=0)]
     for i in range(3):
         open_edges = np.flatnonzero(edges.n_faces[edges.of_side[i::3]] == 1)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from unbend._arrays import count_repeats
-from unbend._types import FloatArray
 from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
-    Edges,
-    Mesh,
     count_non_manifold_vertices,
     find_components,
     find_edges,
@@ -70,8 +68,8 @@ class Diagnosis:
         Lengths of the edges; NaN without edges.
     robust_needed : bool
         Whether computations on the whole mesh take the robust Laplacian, because degenerate faces
-        or non-manifold edges or vertices remain in :func:`unbend.preparation.prepare`. False if
-        nothing can be computed.
+        or non-manifold edges or vertices remain once repeated faces are left out. False if nothing
+        can be computed.
     """
 
     n_vertices: int
@@ -120,14 +118,9 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     InputError, MeshError, FileError
         See :func:`unbend.as_mesh`.
 
-    See Also
-    --------
-    prepare : The part of the mesh that computations run on.
-
     Examples
     --------
-    >>> from unbend import Mesh
-    >>> from unbend import diagnose
+    >>> from unbend import Mesh, diagnose
     >>> tetrahedron = Mesh(
     ...     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
     ...     [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
@@ -154,9 +147,15 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         and not (non_manifold_edges or non_manifold_vertices or inconsistent)
         and len(proper) == len(faces)
     )
-    lengths = _lengths(vertices, edges)
+    lengths = np.full(1, np.nan)
+    if len(edges.ends):
+        x, y, z = (vertices[edges.ends[:, 1]] - vertices[edges.ends[:, 0]]).T
+        lengths = np.hypot(np.hypot(x, y), z)  # neither overflows nor vanishes
     n_degenerate = int(degenerate.sum())
-    suspect = n_degenerate or non_manifold_edges or non_manifold_vertices
+    robust_needed = False
+    if n_degenerate or non_manifold_edges or non_manifold_vertices:
+        with suppress(MeshError):
+            robust_needed = prepare(mesh, connected=False).robust_needed
     return Diagnosis(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
@@ -176,21 +175,8 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         closed=len(proper) > 0 and len(boundary) == 0,
         euler_characteristic=None if mesh.is_point_cloud else euler,
         genus=(2 - euler - loops) // 2 if surface else None,
-        edge_min=float(lengths.min()) if len(lengths) else np.nan,
-        edge_median=float(np.median(lengths)) if len(lengths) else np.nan,
-        edge_max=float(lengths.max()) if len(lengths) else np.nan,
-        robust_needed=bool(suspect) and _needs_robust(mesh),
+        edge_min=float(lengths.min()),
+        edge_median=float(np.median(lengths)),
+        edge_max=float(lengths.max()),
+        robust_needed=robust_needed,
     )
-
-
-def _needs_robust(mesh: Mesh) -> bool:
-    try:
-        return prepare(mesh, connected=False).robust_needed
-    except MeshError:
-        return False
-
-
-def _lengths(vertices: FloatArray, edges: Edges) -> FloatArray:
-    x, y, z = (vertices[edges.ends[:, 1]] - vertices[edges.ends[:, 0]]).T
-    lengths: FloatArray = np.hypot(np.hypot(x, y), z)  # neither overflows nor vanishes
-    return lengths

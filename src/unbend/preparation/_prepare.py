@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from unbend._arrays import count_repeats, is_whole
 from unbend._text import plural
@@ -29,59 +28,21 @@ _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision ca
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The part of a mesh that computations run on, as returned by :func:`prepare`.
+    """The part of a mesh that computations run on."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        The kept vertices, in their original order, and the faces between them. The mesh that was
-        given if all of it is kept.
-    kept : (n_kept,) ndarray of int64
-        Index in the original mesh of each kept vertex, increasing.
-    n_original : int
-        Vertices of the original mesh.
-    kept_faces : (m_kept,) ndarray of int64
-        Index in the original mesh of each kept face, increasing. None of a point cloud.
-    robust_needed : bool
-        Whether degenerate faces or non-manifold edges or vertices are kept, which the cotangent
-        Laplacian cannot take. False for a point cloud.
-    notes : tuple of str
-        One sentence for each thing that was done or found.
-    """
+    mesh: Mesh  # the mesh that was given if all of it is kept
+    kept: IntArray  # (n_kept,) vertices of the original mesh, increasing
+    kept_faces: IntArray  # (m_kept,) faces of the original mesh, increasing
+    n_original: int  # vertices
+    robust_needed: bool  # what is kept has flaws that the cotangent Laplacian cannot take
+    notes: tuple[str, ...] = ()  # a sentence for each thing that was done or found
 
-    mesh: Mesh
-    kept: IntArray
-    kept_faces: IntArray
-    n_original: int
-    robust_needed: bool
-    notes: tuple[str, ...] = ()
-
-    def expand(self, values: npt.ArrayLike) -> FloatArray:
-        """Give every original vertex a row: its value if it was kept, else NaN.
-
-        Parameters
-        ----------
-        values : (n_kept, ...) array_like of float
-
-        Returns
-        -------
-        (n_original, ...) ndarray of float64
-
-        Raises
-        ------
-        InputError
-            If there is not one row for each kept vertex.
-        """
-        array = np.asarray(values, dtype=np.float64)
-        if array.ndim == 0 or len(array) != len(self.kept):
-            raise InputError(
-                f"values of shape {array.shape} do not have one row for each of the "
-                f"{len(self.kept)} kept vertices"
-            )
+    def expand(self, values: FloatArray) -> FloatArray:
+        """Give every original vertex, (n_original, ...), its value if it was kept, else NaN."""
         if len(self.kept) == self.n_original:
-            return array
-        expanded = np.full((self.n_original, *array.shape[1:]), np.nan)
-        expanded[self.kept] = array
+            return values
+        expanded = np.full((self.n_original, *values.shape[1:]), np.nan)
+        expanded[self.kept] = values
         return expanded
 
 
@@ -92,43 +53,10 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
     name a vertex twice, and faces of the same vertices as an earlier one, which would count the
     surface twice. Nothing else is: other degenerate faces stay, and vertices keep their order.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A triangle mesh or a point cloud.
-    component : "largest" or int, optional
-        Which connected component to keep: the one with most vertices, or its place (0-based)
-        among the components sorted from the largest to the smallest.
-    connected : bool, default=True
-        Whether the computation needs a single component.
-
-    Returns
-    -------
-    Prepared
-
-    Raises
-    ------
-    MeshError
-        If no face has an area, fewer than 4 vertices are left, the mesh has several components
-        while one is needed and none was chosen, or it is less than 1e-60 or more than 1e60 across.
-    InputError
-        If there is no such component.
-
-    See Also
-    --------
-    diagnose : All there is to say about a mesh.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from unbend import Mesh
-    >>> from unbend.preparation import prepare
-    >>> vertices = [[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    >>> prepared = prepare(Mesh(vertices, [[0, 3, 2], [0, 2, 4], [0, 4, 3], [2, 3, 4]]))
-    >>> prepared.notes
-    ('1 unreferenced vertex is NaN in the result, -1 in a map',)
-    >>> prepared.expand([1, 2, 3, 4])
-    array([ 1., nan,  2.,  3.,  4.])
+    The component is "largest", or a number: 0 is the largest. `connected` says that the computation
+    needs a single one. Raises MeshError if no face has an area, fewer than 4 vertices are left,
+    there are several components while one is needed and none was chosen, or the mesh is less than
+    1e-60 or more than 1e60 across; InputError if there is no such component.
     """
     if mesh.is_point_cloud:
         return _prepare_points(mesh, component)
@@ -182,11 +110,7 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
 
 
 def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
-    """Keep the faces of one component, and every vertex: what was left out is unreferenced.
-
-    The component is "largest", a number (0 is the largest), or None for all of the mesh. Raises
-    MeshError or InputError if there is no such component, or it cannot be used.
-    """
+    """Keep the faces of one component, as for :func:`prepare`, and every vertex."""
     if component is None:
         return mesh
     kept = np.zeros(mesh.n_vertices, dtype=bool)
@@ -223,10 +147,7 @@ def check_area(mesh: Mesh) -> None:
 
 
 def check_size(mesh: Mesh) -> None:
-    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the fourth power.
-
-    Raises MeshError if it is less than 1e-60 or more than 1e60 across.
-    """
+    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the 4th power."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
     if not _LEAST_SIZE <= size <= _MOST_SIZE:

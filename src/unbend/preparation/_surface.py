@@ -2,8 +2,8 @@
 
 The winding number on a grid gives the points normals, and tells on which side of the surface a
 large empty ball is. Those balls give points normals that are right where parts nearly touch. Noisy
-points move along their normals. The surface is made of faces of their Delaunay tetrahedra, and
-what no points support is removed from it.
+points move along their normals. The surface is made of faces of their Delaunay tetrahedra. Thin
+rings of these are cut, and what no points support is removed.
 """
 
 from __future__ import annotations
@@ -140,9 +140,9 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     tetrahedra = make_tetrahedra(points)
     winding, normals = _sides(tetrahedra, points, spacing, grid, field - level)
     inside = find_inside(tetrahedra, points, normals, spacing, winding)
-    faces = boundary(tetrahedra, inside, len(points))
-    faces = faces[_supported(faces, points, normals, spacing)]
-    point, faces = split(faces, len(points))
+    faces, edges = boundary(tetrahedra, inside, points, spacing)
+    kept = _supported(faces, points, normals, spacing)
+    point, faces = split(faces[kept], edges[kept])
     while (pinched := _pinched(faces, len(point))).any():
         faces = faces[~pinched[faces].any(axis=1)]
     largest = find_components(faces, len(point)).of_vertex == 0

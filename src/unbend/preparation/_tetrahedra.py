@@ -4,16 +4,23 @@ Every tetrahedron is inside or outside. A minimum cut chooses, so that the faces
 as the normals of the points do and the surface is smooth (Lempitsky & Boykov, "Global optimization
 for shape fitting", CVPR 2007; Labatut, Pons & Keriven, "Robust and efficient surface
 reconstruction from range data", CGF 2009). Parts that nearly touch stay apart, because
-tetrahedra in the gap between them are as thin as the gap.
+tetrahedra in the gap between them are as thin as the gap. Where parts touch and tetrahedra join
+them to rings, the rings are cut where they are narrowest.
 """
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+from scipy.sparse.csgraph import (
+    breadth_first_order,
+    connected_components,
+    maximum_flow,
+    minimum_spanning_tree,
+)
 from scipy.spatial import Delaunay
 
 from unbend._types import BoolArray, FloatArray, IntArray
@@ -28,6 +35,7 @@ _SMOOTHNESS = 0.5  # weight of the area of the surface, beside its flux
 _LEVELS = 1000  # of the capacity of a face of mean area, which is a whole number
 _FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # wound outward
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+_SIDES = np.array([[3, 5, 4], [2, 5, 1], [0, 4, 2], [1, 3, 0]])  # edges of each face, as it winds
 
 
 class Tetrahedra(NamedTuple):
@@ -97,7 +105,7 @@ def find_inside(
     areas = np.cross(sides[1], sides[2]) / 2
     area = np.linalg.norm(areas, axis=2)
     directions = unit_vectors(areas)
-    length = np.max(np.linalg.norm(sides, axis=3), axis=0) / spacing[corners].mean(axis=2)
+    length = _lengths(tetrahedra, points, spacing)
     facing = np.einsum("tfi,tfi->tf", directions, normals[corners].mean(axis=2))
     flux = np.where(length <= LONGEST, facing * area, 0).sum(axis=1)
     certain = radii > _LARGE * spacing[tetrahedra.corners].mean(axis=1)
@@ -135,34 +143,135 @@ def find_inside(
     return inside[:n]
 
 
-def boundary(tetrahedra: Tetrahedra, inside: BoolArray, n: int) -> IntArray:
-    """Faces (m, 3) between inside and outside, at most two to an edge.
+def boundary(
+    tetrahedra: Tetrahedra, inside: BoolArray, points: FloatArray, spacing: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Find the faces between inside and outside, and where they meet.
 
-    Where more meet at an edge, the tetrahedra around it are taken from the inside.
+    Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
+    of tetrahedra are cut (:func:`_joined`) and stay open there.
+
+    Returns
+    -------
+    faces : (m, 3) ndarray of int64
+        Points, wound outward.
+    edges : (m, 3) ndarray of int64
+        The edge from each corner to the next. Two faces meet there, or one at a cut.
     """
     corners, beyond = tetrahedra.corners, tetrahedra.beyond
-    edges = np.sort(corners[:, _EDGES], axis=2)
-    keys = edges[..., 0] * n + edges[..., 1]
+    ends = np.sort(corners[:, _EDGES], axis=2)
+    keys = ends[..., 0] * len(points) + ends[..., 1]
     while True:
         of, face = np.nonzero(inside[:, None] & ~np.append(inside, False)[beyond])
         faces = corners[of[:, None], _FACES[face]]
-        found = find_edges(faces, n)
+        found = find_edges(faces, len(points))
         several = found.ends[found.n_faces > 2]
         if not len(several):
-            return np.asarray(faces)
-        inside = inside & ~np.isin(keys, several[:, 0] * n + several[:, 1]).any(axis=1)
+            break
+        several = several[:, 0] * len(points) + several[:, 1]
+        inside = inside & ~np.isin(keys, several).any(axis=1)
+    number = np.unique(keys, return_inverse=True)[1].reshape(-1, 6)
+    joined = _joined(tetrahedra, inside, _lengths(tetrahedra, points, spacing), number)
+    # Around an edge, tetrahedra that are joined lead from one face to the next.
+    first, through = np.nonzero(joined)
+    second, sides = beyond[first, through], _SIDES[through]
+    place = (number[second][:, None] == number[first[:, None], sides][..., None]).argmax(axis=2)
+    links = (6 * first[:, None] + sides).ravel(), (6 * second[:, None] + place).ravel()
+    graph = sp.coo_array((np.ones(len(links[0])), links), shape=(number.size,) * 2)
+    edge = connected_components(graph, directed=False)[1]
+    return faces, edge[6 * of[:, None] + _SIDES[face]]
 
 
-def split(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Give each fan of faces a vertex of its own: the point of each vertex, and the faces."""
+def _lengths(tetrahedra: Tetrahedra, points: FloatArray, spacing: FloatArray) -> FloatArray:
+    """Longest edge (t, 4) of each face, in spacings."""
+    corners = tetrahedra.corners[:, _FACES]
+    sides = points[corners] - points[np.roll(corners, 1, axis=2)]
+    return np.asarray(np.linalg.norm(sides, axis=3).max(axis=2) / spacing[corners].mean(axis=2))
+
+
+def _joined(
+    tetrahedra: Tetrahedra, inside: BoolArray, length: FloatArray, number: IntArray
+) -> BoolArray:
+    """Join the tetrahedra inside through faces, without rings unless they are thick.
+
+    First a tree joins them through the longest faces. A face then joins two tetrahedra if all
+    others around one of its edges do so, the longest ones first, and at last if others around one
+    of its corners join them. The faces that are left cut each ring of tetrahedra where it is
+    narrowest. A face that is too long for the surface is not left.
+
+    Parameters
+    ----------
+    tetrahedra : Tetrahedra
+    inside : (t,) ndarray of bool
+    length : (t, 4) ndarray of float64
+    number : (t, 6) ndarray of int64
+        Of each edge.
+
+    Returns
+    -------
+    (t, 4) ndarray of bool
+        Which faces join a tetrahedron to the one beyond.
+    """
+    corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(inside)
+    within = inside[:, None] & np.append(inside, False)[beyond]
+    first, face = np.nonzero(within & (beyond > np.arange(n)[:, None]))
+    order = np.argsort(-length[first, face], kind="stable")
+    first, face = first[order], face[order]  # from now on the longest faces come first
+    second = beyond[first, face]
+    ranks = sp.csr_array((np.arange(1.0, len(first) + 1), (first, second)), shape=(n, n))
+    joins = np.zeros(len(first), dtype=bool)
+    joins[minimum_spanning_tree(ranks).data.astype(np.int64) - 1] = True
+    around = number[first[:, None], _SIDES[face]]
+    # Of the faces around an edge that do not join: how many, and the sum of their indices.
+    rest = np.flatnonzero(~joins)
+    missing = np.bincount(around[rest].ravel(), minlength=number.max() + 1)
+    total = np.bincount(around[rest].ravel(), np.repeat(rest, 3), minlength=number.max() + 1)
+    of, outer = np.nonzero(inside[:, None] & ~within)
+    missing[number[of[:, None], _SIDES[outer]]] += 2  # edges of the surface never lack one only
+    ready = (length[first, face] > LONGEST) | (missing[around] == 1).any(axis=1)
+    queue = np.flatnonzero(~joins & ready).tolist()
+    heapify(queue)
+    lacking, last = missing.tolist(), total.astype(np.int64).tolist()
+    while queue:
+        one = heappop(queue)
+        if joins[one]:
+            continue
+        joins[one] = True
+        for edge in around[one].tolist():
+            lacking[edge] -= 1
+            last[edge] -= one
+            if lacking[edge] == 1:
+                heappush(queue, last[edge])
+    # A ring around a corner is filled: fans of the surface there get vertices of their own.
+    here = corners[first[:, None], _FACES[face]]
+    place = (corners[second][:, None] == here[..., None]).argmax(axis=2)
+    ends = 4 * first[:, None] + _FACES[face], 4 * second[:, None] + place
+    while True:
+        links = ends[0][joins].ravel(), ends[1][joins].ravel()
+        graph = sp.coo_array((np.ones(len(links[0])), links), shape=(corners.size,) * 2)
+        around_corner = connected_components(graph, directed=False)[1]
+        ready = ~joins & (around_corner[ends[0]] == around_corner[ends[1]]).any(axis=1)
+        if not ready.any():
+            break
+        joins |= ready
+    joined = np.zeros(beyond.shape, dtype=bool)
+    joined[first[joins], face[joins]] = True
+    joined[second[joins], (beyond[second] == first[:, None]).argmax(axis=1)[joins]] = True
+    return joined
+
+
+def split(faces: IntArray, edges: IntArray) -> tuple[IntArray, IntArray]:
+    """Give each fan of faces a vertex of its own: the point of each vertex, and the faces.
+
+    ``edges`` are those from each corner (m, 3) to the next.
+    """
     corners = np.arange(3 * len(faces)).reshape(-1, 3)
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     own = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     swapped = ends[:, 0] > ends[:, 1]
     own[swapped] = own[swapped, ::-1]
-    keys = ends.min(axis=1) * n + ends.max(axis=1)
-    order = np.argsort(keys, kind="stable")
-    same = np.flatnonzero(np.diff(keys[order]) == 0)
+    order = np.argsort(edges, axis=None, kind="stable")
+    same = np.flatnonzero(np.diff(edges.ravel()[order]) == 0)
     pairs = np.concatenate([own[order[same]].T, own[order[same + 1]].T], axis=0)
     joined = np.concatenate([pairs[[0, 2]], pairs[[1, 3]]], axis=1)
     graph = sp.coo_array((np.ones(joined.shape[1]), joined), shape=(faces.size,) * 2)

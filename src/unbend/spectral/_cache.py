@@ -13,8 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend._types import FloatArray
 from unbend.errors import FileError
@@ -92,11 +94,14 @@ def _most_bytes() -> int:
 
 def cache_key(mesh: Mesh, *how: str | float) -> str:
     """Name under which a mesh's spectrum is kept: a hash of the mesh and of how it was computed."""
-    digest = hashlib.blake2b(digest_size=20)
-    digest.update(f"{how!r} {mesh.vertices.shape}".encode())
-    digest.update(mesh.vertices.data)
-    digest.update(mesh.faces.data)
-    return digest.hexdigest()
+    return _hash(f"{how!r} {mesh.vertices.shape}", mesh.vertices, mesh.faces).hex()
+
+
+def _hash(text: str, *arrays: npt.NDArray[Any]) -> bytes:
+    digest = hashlib.blake2b(text.encode(), digest_size=20)
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.digest()
 
 
 def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
@@ -155,11 +160,7 @@ def _path(key: str) -> Path:
 
 
 def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:
-    digest = hashlib.blake2b(digest_size=20)
-    digest.update(f"{key} {values.shape} {functions.shape}".encode())
-    digest.update(np.ascontiguousarray(values).data)
-    digest.update(np.ascontiguousarray(functions).data)
-    return digest.digest()
+    return _hash(f"{key} {values.shape} {functions.shape}", values, functions)
 
 
 def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:

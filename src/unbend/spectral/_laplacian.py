@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from unbend._display import Brief
 from unbend._memory import check_robust_memory
-from unbend._parallel import run_all
+from unbend._parallel import run_all, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.choices import AreaKind, LaplacianKind
 from unbend.errors import InputError, MeshError, SolverError, warn
@@ -160,13 +160,12 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
     faces, n = mesh.faces, mesh.n_vertices
     cotangents, corner_areas = np.empty(faces.shape), np.empty(faces.shape)
 
-    def measure(start: int) -> float:
-        part = slice(start, start + FACES_AT_ONCE)
+    def measure(part: slice) -> float:
         with np.errstate(over="ignore", invalid="ignore"):
             cotangents[part], corner_areas[part], area = _measure_corners(mesh, part, area_kind)
         return area
 
-    area = sum(run_all(partial(measure, start) for start in range(0, len(faces), FACES_AT_ONCE)))
+    area = sum(run_all(partial(measure, part) for part in slices(len(faces), FACES_AT_ONCE)))
     if not 0 < area < np.inf:
         raise MeshError(f"{mesh.name}: its area is {area:g}; give coordinates in a sensible unit")
     vertex_areas: FloatArray = np.bincount(faces.ravel(), corner_areas.ravel(), n).astype(float)

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 
 from unbend._arrays import first_equal_row, unit_of
-from unbend._parallel import run_all
+from unbend._parallel import run_all, slices
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError, SolverError, warn
 from unbend.mesh import Mesh, measure_corners
@@ -47,11 +47,7 @@ class Triangulation(NamedTuple):
 
 
 def triangulate_points(mesh: Mesh) -> Triangulation:
-    """Find the Delaunay triangles around each point of a cloud.
-
-    Raises MeshError if a point is in no triangle, or the cloud is less than 1e-60 or more than 1e60
-    across.
-    """
+    """Find the Delaunay triangles around each point of a cloud; MeshError if there are none."""
     check_size(mesh)
     placed = (mesh.vertices - mesh.vertices.min(axis=0)) / unit_of(mesh.vertices)
     first = _first_at_place(placed)
@@ -77,9 +73,7 @@ def triangulate_points(mesh: Mesh) -> Triangulation:
 def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     """Stiffness matrix and areas of a point cloud, as this module describes them.
 
-    Points at one place share its area, and links between them keep functions equal there. Raises
-    the errors of :func:`triangulate_points` and :func:`check_energy`; warns if the triangles around
-    neighbouring points disagree on much of the surface.
+    Points at one place share its area, and links between them keep functions equal there.
     """
     faces, weights, first = triangulate_points(mesh)
     n, unit = mesh.n_vertices, unit_of(mesh.vertices)
@@ -165,8 +159,6 @@ def _first_at_place(points: FloatArray) -> IntArray:
     first = first_equal_row(points)
     distinct, of_point = np.unique(first, return_inverse=True)
     close = cKDTree(points[distinct]).query_pairs(_PLACE, output_type="ndarray")
-    if not len(close):
-        return first
     n = len(distinct)
     graph = sp.coo_array((np.ones(len(close)), close.T), shape=(n, n))
     place = csgraph.connected_components(graph, directed=False)[1]
@@ -189,8 +181,7 @@ def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArra
     n, tree = len(points), cKDTree(points)
     k = min(_NEIGHBOURS, n - 1)
 
-    def around(start: int) -> tuple[IntArray, FloatArray, BoolArray, IntArray]:
-        rows = np.arange(start, min(start + _ROWS, n))
+    def around(rows: slice) -> tuple[IntArray, FloatArray, BoolArray, IntArray]:
         distances, near = tree.query(points[rows], k + 1)  # the nearest is the point itself
         offsets = points[near[:, 1:]] - points[rows, None]
         squared = distances[:, 1:, None] ** 2
@@ -198,7 +189,7 @@ def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArra
         triangles, is_open = fans(planar / squared, near, _FLAT)
         return triangles, distances[:, -1], is_open, near[is_open]
 
-    parts = run_all(partial(around, start) for start in range(0, n, _ROWS))
+    parts = run_all(partial(around, rows) for rows in slices(n, _ROWS))
     triangles, reach, is_open, near = (np.concatenate(part) for part in zip(*parts, strict=True))
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)

@@ -148,10 +148,7 @@ def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spe
 
 
 def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, FloatArray]:
-    """Eigenpairs that depend on the surface, `k` and `tolerance`, whatever the cache holds.
-
-    One of a few numbers of pairs is computed, and each has a file of its own.
-    """
+    """Eigenpairs that are the same whatever the cache holds: one of a few numbers is computed."""
     operator, wanted = surface.operator, k
     while True:
         count = _number_to_compute(wanted, surface.n_vertices)
@@ -176,10 +173,9 @@ def _number_to_compute(k: int, n: int) -> int:
 def whole_eigenpairs(
     operator: Laplacian, count: int, tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues (k,) and eigenfunctions (n, k) of a Laplacian at unit area, one for each input.
+    """Of the first `count` eigenpairs at unit area, those whose spaces are known to be whole.
 
-    Of the first `count`, those whose spaces are known to be whole: all but the last value's, or
-    all there are. Null space, bases and signs are fixed.
+    That is all but the last value's, or all there are. Null space, bases and signs are fixed.
     """
     null = null_space(operator, count)
     c = null.shape[1]
@@ -221,10 +217,7 @@ def _lacking(
 
 
 def null_space(operator: Laplacian, most: int) -> FloatArray:
-    """Area-orthonormal functions constant on each component, (n, c); the first is on all.
-
-    There are as many as components, but no more than `most`.
-    """
+    """At most so many area-orthonormal functions constant on components; the first is on all."""
     count, label = csgraph.connected_components(operator.stiffness, directed=False)
     component_areas = np.bincount(label, operator.areas)
     # Columns of an orthogonal matrix. The first is the constant, in units of each component.

@@ -50,8 +50,7 @@ def make_surface(
 ) -> Surface:
     """Check a mesh, choose its component, and build its Laplacian at unit area.
 
-    `connected` says that a single component is needed. Raises MeshError if the mesh cannot be used;
-    warns of each thing that was done to it.
+    `connected` says that a single component is needed. Warns of each thing that was done to it.
     """
     prepared = prepare(as_mesh(mesh), component=component, connected=connected)
     for note in prepared.notes:
@@ -87,10 +86,7 @@ def named(surface: Surface) -> Iterator[None]:
 
 
 def local_ids(surface: Surface, vertices: Any) -> IntArray:
-    """Turn vertex ids of the whole mesh into ids among the vertices in use.
-
-    Raises InputError if an id is not a whole number, out of range, or not in use, or there is none.
-    """
+    """Turn vertex ids of the whole mesh, at least one, into ids among the vertices in use."""
     kept = surface.prepared.kept
     ids = vertex_ids(vertices, surface.prepared.n_original, surface.mesh.name)
     if not len(ids):

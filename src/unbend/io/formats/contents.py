@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import first_equal_row
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
@@ -54,13 +55,9 @@ def data_lines(data: bytes, format_name: str) -> list[str]:
 
 def count(token: str, what: str) -> int:
     """Read a count written in a header."""
-    try:
-        value = int(token)
-    except ValueError:
-        value = -1
-    if value < 0 or "_" in token:
+    if not token.isdecimal() or len(token) > 4000:  # Python reads no longer ones
         raise FileError(f"{token[:40]!r} is not a number of {what}; correct the header")
-    return value
+    return int(token)
 
 
 def left_over(data: bytes) -> int:
@@ -109,14 +106,11 @@ def _converted(words: list[str], dtype: Any) -> npt.NDArray[Any] | None:
         return None
 
 
-def _indices(rows: Sequence[Sequence[str]]) -> IntArray:
-    return numbers_in(rows, np.int64, "vertex index", "face")
-
-
 def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArray, list[str]]:
     """Triangles from rows that hold a count, that many vertex indices, and perhaps more."""
     if all(row[0] == "3" and len(row) > 3 for row in rows):
-        return _indices([row[1:4] for row in rows]).reshape(-1, 3), []
+        triangles = [row[1:4] for row in rows]
+        return numbers_in(triangles, np.int64, "vertex index", "face").reshape(-1, 3), []
     sizes = []
     for index, row in enumerate(rows):
         size = int(row[0]) if row[0].isdecimal() and len(row[0]) < 10 else -1
@@ -125,23 +119,27 @@ def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArr
         if len(row) <= size:
             raise FileError(f"face {index} promises {size} vertices but names {len(row) - 1}")
         sizes.append(size)
-    corners = _indices([row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)])
+    polygons = [row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)]
+    corners = numbers_in(polygons, np.int64, "vertex index", "face")
     return triangulate(np.array(sizes, dtype=np.int64), corners, n_vertices)
 
 
-def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[IntArray, list[str]]:
+def triangulate(
+    sizes: IntArray, corners: IntArray, n_vertices: int, first: int = 0
+) -> tuple[IntArray, list[str]]:
     """Split polygons into fans of triangles, in order, and say so in notes.
 
     Polygons are given by their sizes (m,) and by the corners of all, one after the other. Vertex
-    numbers are checked here, because the triangles are counted differently from the file's faces.
+    numbers are checked here, because the triangles are counted differently from the file's faces;
+    the file counts vertices from `first`.
     """
     starts = np.cumsum(sizes) - sizes
     outside = np.flatnonzero((corners < 0) | (corners >= n_vertices))
     if len(outside):
         face = int(np.searchsorted(starts + sizes, outside[0], side="right"))
         raise MeshError(
-            f"face {face} names vertex {corners[outside[0]]}, but the vertices are numbered "
-            f"0 to {n_vertices - 1}; correct or remove that face"
+            f"face {face} names vertex {corners[outside[0]] + first}, but the vertices are "
+            f"numbered {first} to {n_vertices - 1 + first}; correct or remove that face"
         )
     n_triangles = np.maximum(sizes - 2, 0)
     owner = np.repeat(np.arange(len(sizes)), n_triangles)
@@ -154,6 +152,13 @@ def triangulate(sizes: IntArray, corners: IntArray, n_vertices: int) -> tuple[In
     if n_lines := int((sizes < 3).sum()):
         notes.append(f"{plural(n_lines, 'face')} with fewer than 3 vertices left out")
     return faces.reshape(-1, 3), notes
+
+
+def weld(points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Index of the first point at each position, and for each point its place among these."""
+    first = first_equal_row(points)
+    is_first = first == np.arange(len(first))
+    return np.flatnonzero(is_first), (np.cumsum(is_first) - 1)[first]
 
 
 def table(array: npt.NDArray[Any], prefix: str = "") -> bytes:

@@ -9,6 +9,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import sum_rows
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
@@ -60,9 +61,8 @@ def read(data: bytes) -> Contents:
     if not rows:
         raise FileError("holds no vertices: no line of it starts with v")
     vertices = positions(rows)
-    indices = np.array(corners, dtype=np.int64)
-    _check(np.array(sizes, dtype=np.int64), indices, len(rows))
-    faces, notes = triangulate(np.array(sizes, dtype=np.int64), indices, len(rows))
+    polygons = np.array(sizes, dtype=np.int64), np.array(corners, dtype=np.int64)
+    faces, notes = triangulate(*polygons, len(rows), first=1)
     if strange:
         notes.append(f"{plural(strange, 'line')} that OBJ does not know left out")
     return Contents(vertices, faces, tuple(notes), lambda: _colors(rows))
@@ -103,17 +103,6 @@ def _corners(words: list[str], n_so_far: int, face: int) -> list[int]:
                 "precede it; correct or remove that face"
             )
     return result
-
-
-def _check(sizes: np.ndarray, corners: np.ndarray, n_vertices: int) -> None:
-    """Say an index that is too large in the file's own numbering."""
-    outside = np.flatnonzero(corners >= n_vertices)
-    if len(outside):
-        face = int(np.searchsorted(np.cumsum(sizes), outside[0], side="right"))
-        raise MeshError(
-            f"face {face} names vertex {corners[outside[0]] + 1}, but the file's vertices are "
-            f"numbered 1 to {n_vertices}; correct or remove that face"
-        )
 
 
 def write(
@@ -209,12 +198,8 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
     following[ends - 1] = ends - sizes
     # Newell: the cross products along a polygon's boundary sum to twice its area.
     places = (vertices - np.nanmean(vertices, axis=0))[corners]
-    of_faces = _sums(face, np.cross(places, places[following]), len(sizes))
+    of_faces = sum_rows(face, np.cross(places, places[following]), len(sizes))
     normal = np.minimum(shared, n_normals)  # those that do not exist share the last row
-    sums = _sums(normal, of_faces[face], n_normals)[:n_normals]
+    sums = sum_rows(normal, of_faces[face], n_normals)[:n_normals]
     with np.errstate(invalid="ignore"):
         return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
-
-
-def _sums(owners: IntArray, rows: FloatArray, count: int) -> FloatArray:
-    return np.column_stack([np.bincount(owners, column, count) for column in rows.T])

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import chain
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
@@ -36,177 +34,160 @@ _TYPES = {
 }  # fmt: skip
 _INDICES = ("vertex_indices", "vertex_index")
 _SHAPE = (*"xyz", *_INDICES)
-
-
-@dataclass
-class _Property:
-    name: str
-    dtype: str
-    size_dtype: str | None = None  # of a list's length; None: not a list
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass
 class _Element:
     name: str
     count: int
-    properties: list[_Property] = field(default_factory=list)
-
-    def index(self, name: str) -> int:
-        """Which property has this name, -1 if none."""
-        return next((i for i, p in enumerate(self.properties) if p.name == name), -1)
+    # Of each property the type, and that of a list's length; None: not a list.
+    types: dict[str, tuple[str, str | None]] = field(default_factory=dict)
 
     @property
-    def least_bytes(self) -> int:
-        """Bytes of a row whose lists are all empty."""
-        return sum(np.dtype(p.size_dtype or p.dtype).itemsize for p in self.properties)
+    def indices(self) -> str:
+        """Name of the list of vertex numbers."""
+        return next((name for name in _INDICES if name in self.types), "")
+
+    @property
+    def scalars(self) -> list[str]:
+        """Names of the numbers besides positions."""
+        return [name for name, (_, size) in self.types.items() if not size and name not in _SHAPE]
+
+    def truncated(self, left: str) -> FileError:
+        """Make the error for a file that ends in this element."""
+        rows = plural(self.count, f"{self.name} row")
+        return FileError(f"truncated or damaged: it promises {rows}, but holds {left}")
 
 
 def read(data: bytes) -> Contents:
     """Read the positions and faces, and on demand the other numbers of vertices."""
-    encoding, elements, body = _header(data.removeprefix(BYTE_ORDER_MARK))
-    by_name = {element.name: element for element in elements}
-    vertex, face = by_name.get("vertex"), by_name.get("face")
-    if vertex is None or vertex.count == 0:
+    order, elements, body = _header(data.removeprefix(BYTE_ORDER_MARK))
+    if "vertex" not in elements or elements["vertex"].count == 0:
         raise FileError("holds no vertices")
-    if "tristrips" in by_name and by_name["tristrips"].count:
+    if "tristrips" in elements and elements["tristrips"].count:
         raise FileError("holds triangle strips, which unbend cannot read; save it as triangles")
-    columns = [vertex.index(axis) for axis in "xyz"]
-    if min(columns) < 0 or any(vertex.properties[i].size_dtype for i in columns):
+    types = elements["vertex"].types
+    if any(axis not in types or types[axis][1] for axis in "xyz"):
         raise FileError("has vertices without the properties x, y and z")
-    if face is not None and face.count:
-        listed = [i for name in _INDICES if (i := face.index(name)) >= 0]
-        if len(listed) > 1:
+    if "face" in elements and elements["face"].count:
+        types = elements["face"].types
+        if set(_INDICES) <= set(types):
             raise FileError(f"has faces with both {_INDICES[0]} and {_INDICES[1]}; keep one")
-        if not listed or face.properties[listed[0]].size_dtype is None:
+        index_type, size_type = types.get(elements["face"].indices, ("", None))
+        if size_type is None:
             raise FileError("has faces without the property list vertex_indices")
-        index_type = face.properties[listed[0]].dtype
         if index_type[0] == "f":
             raise FileError("has faces whose vertex indices are not whole numbers")
-    if encoding == "ascii":
-        return _read_text(body, elements)
-    return _read_binary(body, elements, ">" if encoding == "binary_big_endian" else "<")
+    return _read_binary(body, elements, order) if order else _read_text(body, elements)
 
 
 def extras(data: bytes) -> list[str]:
     """Name the properties of vertices and faces besides positions and vertex numbers."""
     _, elements, _ = _header(data.removeprefix(BYTE_ORDER_MARK))
-    return [p.name for element in elements for p in element.properties if p.name not in _SHAPE]
+    return [name for one in elements.values() for name in one.types if name not in _SHAPE]
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
+def _header(data: bytes) -> tuple[str, dict[str, _Element], bytes]:
+    """Read the byte order (text: none) and the elements; what follows is the body."""
     if not re.match(rb"ply\s*[\r\n]", data):
         raise FileError("not a PLY file: it does not start with the line ply")
     end = re.search(rb"[\r\n]end_header[ \t]*(\r\n|\n|\r)", data)
     if end is None:
         raise FileError("truncated, or not a PLY file: it has no line end_header")
     encoding = ""
-    elements: list[_Element] = []
+    elements: dict[str, _Element] = {}
+    types: dict[str, tuple[str, str | None]] | None = None  # of the element at hand
     for line in text_lines(data[: end.start()], "PLY")[1:]:
         words = line.split()
         match words:
             case [] | ["comment" | "obj_info", *_]:
-                pass
+                continue
             case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian"), _]:
                 encoding = words[1]
+                continue
             case ["element", name, number]:
-                elements.append(_Element(name, count(number, f"{name} rows")))
+                known, element = name in elements, _Element(name, count(number, f"{name} rows"))
+                elements[name], types = element, element.types
             case ["property", "list", size, kind, name] if (
-                elements and kind in _TYPES and _TYPES.get(size, "f")[0] != "f"
+                types is not None and kind in _TYPES and _TYPES.get(size, "f")[0] != "f"
             ):
-                elements[-1].properties.append(_Property(name, _TYPES[kind], _TYPES[size]))
-            case ["property", kind, name] if elements and kind in _TYPES:
-                elements[-1].properties.append(_Property(name, _TYPES[kind]))
+                known, types[name] = name in types, (_TYPES[kind], _TYPES[size])
+            case ["property", kind, name] if types is not None and kind in _TYPES:
+                known, types[name] = name in types, (_TYPES[kind], None)
             case _:
                 raise FileError(f"has a header line that PLY does not know: {line[:60]!r}")
+        if known:
+            what = (
+                f"the element {name}"
+                if words[0] == "element"
+                else f"a property of {[*elements][-1]}"
+            )
+            raise FileError(f"names {what} twice")
     if not encoding:
         raise FileError("has no format line (ascii, binary_little_endian or binary_big_endian)")
-    named = [element.name for element in elements]
-    for element in elements:
-        if named.count(element.name) > 1:
-            raise FileError(f"names the element {element.name} twice")
-        names = [p.name for p in element.properties]
-        if len(set(names)) != len(names):
-            raise FileError(f"names a property of {element.name} twice")
-    return encoding, elements, data[end.end() :]
+    return _ORDERS[encoding], elements, data[end.end() :]
 
 
-def _truncated(element: _Element, left: str) -> FileError:
-    rows = plural(element.count, f"{element.name} row")
-    return FileError(f"truncated or damaged: it promises {rows}, but holds {left}")
-
-
-def _indices_of(element: _Element) -> int:
-    return max(element.index(name) for name in _INDICES)
-
-
-def _read_text(body: bytes, elements: list[_Element]) -> Contents:
+def _read_text(body: bytes, elements: dict[str, _Element]) -> Contents:
     lines = [line for line in text_lines(body, "PLY") if line and not line.isspace()]
-    at, vertices, faces, notes = 0, np.empty((0, 3)), NO_FACES, list[str]()
-    values: Callable[[], dict[str, npt.NDArray[Any]]] = dict
-    face_rows: list[list[str]] = []
-    for element in elements:
-        if not element.properties:
+    at, rows = 0, dict[str, list[list[str]]]()
+    for element in elements.values():
+        if not element.types:
             continue  # its rows are empty lines, which were dropped
         if element.count > len(lines) - at:
-            raise _truncated(element, plural(len(lines) - at, "line"))
-        rows = [line.split() for line in lines[at : at + element.count]]
+            raise element.truncated(plural(len(lines) - at, "line"))
+        rows[element.name] = [line.split() for line in lines[at : at + element.count]]
         at += element.count
-        if element.name == "vertex":
-            values = partial(_text_columns, element, rows)
-            axes = [element.index(axis) for axis in "xyz"]
-            if axes != [0, 1, 2]:
-                rows = [_pick(element, row, axes, i) for i, row in enumerate(rows)]
-            vertices = positions(rows)
-        elif element.name == "face":
-            lists = _indices_of(element)
-            if lists > 0:
-                rows = [row[_offsets(element, row, i)[lists] :] for i, row in enumerate(rows)]
-            face_rows = rows
-    if face_rows:
-        faces, notes = polygon_rows(face_rows, len(vertices))
+    vertices = positions(_words(elements["vertex"], rows["vertex"], "xyz"))
+    faces, notes = NO_FACES, list[str]()
+    if rows.get("face"):
+        face = elements["face"]
+        faces, notes = polygon_rows(_words(face, rows["face"], [face.indices]), len(vertices))
     notes += _unread(len(lines) - at, "line")
+
+    def values() -> dict[str, npt.NDArray[Any]]:
+        element = elements["vertex"]
+        words = _words(element, rows["vertex"], element.scalars)
+        return {
+            name: numbers_in(
+                [[row[i]] for row in words], element.types[name][0], "number of its type", "vertex"
+            )
+            for i, name in enumerate(element.scalars)
+        }
+
     return Contents(vertices, faces, tuple(notes), values)
 
 
-def _text_columns(element: _Element, rows: list[list[str]]) -> dict[str, npt.NDArray[Any]]:
-    return {
-        prop.name: numbers_in(
-            [_pick(element, row, [i], k) for k, row in enumerate(rows)],
-            prop.dtype,
-            "number of its type",
-            "vertex",
-        )
-        for i, prop in enumerate(element.properties)
-        if prop.size_dtype is None and prop.name not in _SHAPE
-    }
+def _words(element: _Element, rows: list[list[str]], names: Sequence[str]) -> list[list[str]]:
+    """Words of some properties of each row, perhaps with more after them; a list's length first."""
+    if list(element.types)[: len(names)] == list(names):
+        return rows
+    found, wanted = [], set(names)
+    for index, row in enumerate(rows):
+        at, words = 0, {}
+        for name, (_, size_type) in element.types.items():
+            if at >= len(row):
+                raise FileError(f"{element.name} {index} has fewer numbers than properties")
+            end = at + 1
+            if size_type:
+                end += count(row[at], f"entries in {element.name} {index}")
+            if name in wanted:
+                words[name] = row[at:end]
+            at = end
+        found.append([word for name in names for word in words[name]])
+    return found
 
 
-def _pick(element: _Element, row: list[str], columns: list[int], index: int) -> list[str]:
-    offsets = _offsets(element, row, index)
-    return [row[offsets[column]] for column in columns]
-
-
-def _offsets(element: _Element, row: list[str], index: int) -> list[int]:
-    """Where each property starts in a row of words."""
-    at, offsets = 0, []
-    for prop in element.properties:
-        offsets.append(at)
-        if at >= len(row):
-            raise FileError(f"{element.name} {index} has fewer numbers than properties")
-        if prop.size_dtype:
-            at += count(row[at], f"entries in {element.name} {index}")
-        at += 1
-    return offsets
-
-
-def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
+def _read_binary(body: bytes, elements: dict[str, _Element], order: str) -> Contents:
     at, vertices, faces, notes = 0, np.empty((0, 3)), NO_FACES, list[str]()
     values: dict[str, npt.NDArray[Any]] = {}
     polygons: tuple[IntArray, IntArray] | None = None
-    for element in elements:
-        if element.count * element.least_bytes > len(body) - at:
-            raise _truncated(element, plural(len(body) - at, "byte"))
-        if not element.properties or not element.count:
+    for element in elements.values():
+        least_bytes = sum(np.dtype(size or kind).itemsize for kind, size in element.types.values())
+        if element.count * least_bytes > len(body) - at:
+            raise element.truncated(plural(len(body) - at, "byte"))
+        if not element.types or not element.count:
             continue
         rows = _uniform_rows(body, at, element, order)
         if rows is None:
@@ -218,21 +199,15 @@ def _read_binary(body: bytes, elements: list[_Element], order: str) -> Contents:
             continue
         at += rows.nbytes
         if element.name == "vertex":
-            xyz = [rows[f"p{element.index(axis)}"] for axis in "xyz"]
             with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
-                vertices = np.column_stack(xyz).astype(np.float64)
-            values = {
-                p.name: rows[f"p{i}"]
-                for i, p in enumerate(element.properties)
-                if p.size_dtype is None and p.name not in _SHAPE
-            }
+                vertices = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
+            values = {name: rows[name] for name in element.scalars}
         elif element.name == "face":
-            corners = rows[f"p{_indices_of(element)}"].astype(np.int64)
-            sizes = np.full(len(rows), corners.shape[1], dtype=np.int64)
+            corners = rows[element.indices].astype(np.int64)
             if corners.shape[1] == 3:
                 faces = corners
             else:
-                polygons = sizes, corners.ravel()
+                polygons = np.full(len(rows), corners.shape[1], dtype=np.int64), corners.ravel()
     if polygons is not None:
         faces, notes = triangulate(*polygons, len(vertices))
     notes += _unread(left_over(body[at:]), "byte")
@@ -246,27 +221,20 @@ def _unread(count: int, what: str) -> list[str]:
 def _uniform_rows(body: bytes, at: int, element: _Element, order: str) -> npt.NDArray[Any] | None:
     """All rows as one array if their lists are as long as the first row's, else None."""
     fields: list[Any] = []
-    size_fields: dict[str, int] = {}
-    offset = at
-    for i, prop in enumerate(element.properties):
-        if prop.size_dtype is None:
-            fields.append((f"p{i}", order + prop.dtype))
-            offset += np.dtype(prop.dtype).itemsize
-            continue
-        size_type = np.dtype(order + prop.size_dtype)
-        if offset + size_type.itemsize > len(body):
-            return None
-        size = int(np.frombuffer(body, size_type, 1, offset)[0])
-        offset += size_type.itemsize + size * np.dtype(prop.dtype).itemsize
-        if size < 0 or offset > len(body):
-            return None
-        fields += [(f"n{i}", size_type), (f"p{i}", order + prop.dtype, (size,))]
-        size_fields[f"n{i}"] = size
-    if element.count * (offset - at) > len(body) - at:
+    sizes: dict[str, int] = {}
+    try:
+        for name, (kind, size_kind) in element.types.items():
+            if size_kind is None:
+                fields.append((name, order + kind))
+                continue
+            length = f"length of {name}"  # no property has a name with blanks
+            fields.append((length, order + size_kind))
+            sizes[length] = int(np.frombuffer(body, np.dtype(fields), 1, at)[length][0])
+            fields.append((name, order + kind, (sizes[length],)))
+        rows = np.frombuffer(body, np.dtype(fields), element.count, at)
+    except (ValueError, OverflowError):  # a length is negative, or more than there is
         return None
-    rows = np.frombuffer(body, np.dtype(fields), element.count, at)
-    uniform = all((rows[name] == size).all() for name, size in size_fields.items())
-    return rows if uniform else None
+    return rows if all((rows[name] == size).all() for name, size in sizes.items()) else None
 
 
 def _ragged_rows(
@@ -274,31 +242,28 @@ def _ragged_rows(
 ) -> tuple[tuple[IntArray, IntArray], int]:
     """Walk rows whose lists differ in length; return the index list's sizes and entries."""
     types = [
-        (np.dtype(order + p.dtype), p.size_dtype and np.dtype(order + p.size_dtype))
-        for p in element.properties
+        (name, np.dtype(order + kind), size and np.dtype(order + size))
+        for name, (kind, size) in element.types.items()
     ]
-    wanted = _indices_of(element)
+    wanted = element.indices
     sizes: list[int] = []
-    corners: list[list[int]] = []
+    corners: list[int] = []
     byte_order: Literal["big", "little"] = "big" if order == ">" else "little"
     for _ in range(element.count):
-        for i, (dtype, size_type) in enumerate(types):
+        for name, dtype, size_type in types:
             size = 1
             if size_type:
-                end = at + size_type.itemsize
-                size = int.from_bytes(
-                    body[at:end], byte_order, signed=size_type.kind == "i"
-                )  # fmt: skip
-                at = end
+                bits, signed = body[at : at + size_type.itemsize], size_type.kind == "i"
+                size = int.from_bytes(bits, byte_order, signed=signed)
+                at += size_type.itemsize
             end = at + size * dtype.itemsize
             if size < 0 or end > len(body):
-                raise _truncated(element, "fewer")
-            if i == wanted:
+                raise element.truncated("fewer")
+            if name == wanted:
                 sizes.append(size)
-                corners.append(np.frombuffer(body, dtype, size, at).astype(np.int64).tolist())
+                corners += np.frombuffer(body, dtype, size, at).astype(np.int64).tolist()
             at = end
-    flat = np.fromiter(chain.from_iterable(corners), dtype=np.int64)
-    return (np.array(sizes, dtype=np.int64), flat), at
+    return (np.array(sizes, dtype=np.int64), np.array(corners, dtype=np.int64)), at
 
 
 def write(
@@ -310,23 +275,21 @@ def write(
     uvs: FloatArray | None = None,
 ) -> None:
     """Write binary little endian, numbers as double, texture coordinates as s and t."""
-    scalars = dict(scalars or {})
+    columns: dict[str, npt.NDArray[Any]] = dict(zip("xyz", vertices.T, strict=True))
+    columns |= scalars or {}
     if uvs is not None:
-        scalars |= {"s": uvs[:, 0], "t": uvs[:, 1]}
-    columns: list[tuple[str, str, npt.NDArray[Any]]] = [
-        (axis, "double", vertices[:, i]) for i, axis in enumerate("xyz")
-    ]
-    columns += [(name, "double", values) for name, values in scalars.items()]
+        columns |= {"s": uvs[:, 0], "t": uvs[:, 1]}
     if colors is not None:
-        names = ("red", "green", "blue")
-        columns += [(name, "uchar", colors[:, i]) for i, name in enumerate(names)]
+        columns |= dict(zip(("red", "green", "blue"), colors.T, strict=True))
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property {kind} {name}" for name, kind, _ in columns]
+    for name, values in columns.items():
+        header.append(f"property {'uchar' if values.dtype == np.uint8 else 'double'} {name}")
     if len(faces):
         header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
     file.write("\n".join([*header, "end_header", ""]).encode())
-    rows = np.empty(len(vertices), [(name, "<" + _TYPES[kind]) for name, kind, _ in columns])
-    for name, _, values in columns:
+    types = [(name, "u1" if one.dtype == np.uint8 else "<f8") for name, one in columns.items()]
+    rows = np.empty(len(vertices), types)
+    for name, values in columns.items():
         rows[name] = values
     file.write(rows.tobytes())
     triangles = np.empty(len(faces), [("n", "u1"), ("corners", "<i4", 3)])

@@ -6,7 +6,6 @@ from typing import BinaryIO
 
 import numpy as np
 
-from unbend._arrays import first_equal_row
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, InputError
@@ -16,6 +15,7 @@ from unbend.io.formats.contents import (
     data_lines,
     left_over,
     positions,
+    weld,
 )
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -32,17 +32,14 @@ def read(data: bytes) -> Contents:
         unread = left_over(data[_HEADER + len(corners) // 3 * _TRIANGLE.itemsize :])
     if len(corners) == 0:
         raise FileError("holds no triangles")
-    first = first_equal_row(corners)
-    kept = np.flatnonzero(first == np.arange(len(first)))
-    number = np.empty(len(first), dtype=np.int64)
-    number[kept] = np.arange(len(kept))
+    kept, faces = weld(corners)
     notes = [
-        f"{plural(len(first), 'corner')} of {plural(len(first) // 3, 'triangle')} welded into "
+        f"{plural(len(corners), 'corner')} of {plural(len(corners) // 3, 'triangle')} welded into "
         f"{len(kept)} vertices where their positions are equal (STL does not store vertices)"
     ]
     if unread:
         notes.append(f"{plural(unread, 'byte')} after the last triangle left out")
-    return Contents(corners[kept], number[first].reshape(-1, 3), tuple(notes))
+    return Contents(corners[kept], faces.reshape(-1, 3), tuple(notes))
 
 
 def _binary(data: bytes) -> FloatArray | None:

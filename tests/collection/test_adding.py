@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from unbend import Mesh, canonical_form, spectrum, write_mesh
-from unbend.collection import Failure, _entry
-from unbend.collection._descriptor import Basis
-from unbend.collection._entry import FORM_POINTS, make_row, sample_form
+from unbend.collection import Failure, _adding
+from unbend.collection._adding import make_row
+from unbend.collection._descriptor import FORM_POINTS, Basis, sample_form
 from unbend.datasets import make_sphere
 from unbend.errors import UnbendWarning
 from unbend.mesh import vertex_areas
@@ -52,7 +52,7 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
     path = str(tmp_path / "shape.ply")
 
     def described() -> dict | Failure:
-        return make_row(path, "0")
+        return make_row((path, "0"))
 
     for faces, area in ((BALL.faces, vertex_areas(BALL).sum()), (BALL.faces[:0], 0)):
         write_mesh(path, Mesh(BALL.vertices, faces))
@@ -66,7 +66,7 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
             warnings.warn("it is odd", UnbendWarning, stacklevel=1)
             return np.array(numbers)
 
-        monkeypatch.setattr(_entry, "describe", describe)
+        monkeypatch.setattr(_adding, "describe", describe)
         row = described()
         if np.isfinite(numbers).all():
             assert "it is odd" in row["notes"]

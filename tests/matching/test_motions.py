@@ -1,0 +1,100 @@
+"""Motions that lay a shape onto another: found whatever was cut off, and what starts from them."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testshapes.damage import Damaged, cut
+from unbend import Mesh
+from unbend.datasets import make_quadruped
+from unbend.matching import _constants as constants
+from unbend.matching._inputs import prepare_shape
+from unbend.matching._motions import Motions, find_motions, laid_starts
+from unbend.matching._shape import Shape, make_proxy
+
+BODY = make_quadruped("standing", n_vertices=900).mesh
+TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+SIZES = [2 ** (step / 2) for step in range(-2, 3)]
+
+
+def _shape(mesh: Mesh, *, partial: bool = True) -> Shape:
+    """A coarse copy, as the matcher lays it."""
+    return make_proxy(prepare_shape(mesh, 20, partial).shape, 400).shape
+
+
+def _moved(mesh: Mesh) -> Mesh:
+    return Mesh(5 * mesh.vertices @ TURN.T + [3.0, -2, 1], mesh.faces)
+
+
+def _front(share: float) -> Damaged:
+    return cut(BODY, BODY.vertices @ [0.0, 0.1, 1.0], share)
+
+
+def _angle(rotations: np.ndarray) -> np.ndarray:
+    """How far rotations are off the one by which the target was turned, in degrees."""
+    return np.degrees(Rotation.from_matrix(rotations @ TURN.T).magnitude())
+
+
+@pytest.fixture(scope="module")
+def sides() -> tuple[Shape, Shape]:
+    """Less than half of a body, and the whole of it, turned."""
+    return _shape(_front(0.55).mesh), _shape(_moved(BODY), partial=False)
+
+
+def test_inverse_motions_lead_back() -> None:
+    rng = np.random.default_rng(0)
+    rotations = Rotation.random(4, random_state=1).as_matrix()
+    motions = Motions(rotations, rng.standard_normal((4, 3)), rng.uniform(0.5, 2, 4))
+    points = rng.standard_normal((5, 3))
+    there = motions.moved(points)
+    expected = motions.sizes[2] * points @ rotations[2].T + motions.shifts[2]
+    np.testing.assert_allclose(there[2], expected)
+    for i in range(4):
+        back = motions.inverse().taken(np.array([i])).moved(there[i])[0]
+        np.testing.assert_allclose(back, points, atol=1e-12)
+
+
+def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape]) -> None:
+    source, target = sides
+    motions = find_motions(source, target, SIZES, 12)
+    assert len(motions.sizes) == 12
+    assert _angle(motions.rotations[:1])[0] < 25
+    # Of unit area both, the part is drawn larger than the same on the whole.
+    assert motions.sizes[0] == pytest.approx(SIZES[1])
+
+
+def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
+    middle = BODY.vertices @ [0.0, 0.1, 1.0]
+    front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
+    motions = find_motions(_shape(front), _shape(_moved(back)), SIZES, 8)
+    assert _angle(motions.rotations[:4]).min() < 25
+
+
+def test_motions_differ(sides: tuple[Shape, Shape]) -> None:
+    motions = find_motions(*sides, SIZES, 30)
+    places = motions.moved(sides[0].vertices)
+    apart = np.linalg.norm(places[:, None] - places, axis=3).mean(axis=2)
+    assert apart[~np.eye(len(places), dtype=bool)].min() > 1.5 * constants.PATCH
+
+
+def test_starts_are_the_shape_moved_and_pairs_of_nearest_points(
+    sides: tuple[Shape, Shape],
+) -> None:
+    source, target = sides
+    motions = find_motions(source, target, SIZES, 3)
+    start = laid_starts(source, target, motions)[1]
+    rotation, shift, size = (one[1] for one in motions)
+    np.testing.assert_allclose(start.source.places, size * source.vertices @ rotation.T + shift)
+    np.testing.assert_allclose(start.source.rotations, np.tile(rotation, (len(source.areas), 1, 1)))
+    np.testing.assert_allclose(start.target.rotations[0], rotation.T)
+    assert start.source.size == pytest.approx(1 / start.target.size)
+    there = size * start.target.places @ rotation.T + shift
+    np.testing.assert_allclose(there, target.vertices, atol=1e-12)
+    apart = np.linalg.norm(start.source.places[:, None] - target.vertices, axis=2)
+    reached = apart[np.arange(len(apart)), start.forward]
+    # Normals count a little, too.
+    assert (reached <= apart.min(axis=1) + 2 * constants.NORMAL_WEIGHT).all()
+    # What lands on the part's boundary has no partner there; the whole has none.
+    np.testing.assert_array_equal(start.target.overlap, ~source.on_boundary[start.backward])
+    assert not start.target.overlap.all()
+    assert start.source.overlap.all()
