@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._compiled import compiled
-from unbend._parallel import run_all
+from unbend._parallel import run_all, slices
 from unbend._types import FloatArray, IntArray
 
 _TASK = 500_000  # inner products that a thread computes and searches at a time
@@ -40,8 +40,7 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
         found = forward[some], ahead[some], backward[some], back[some]
         _find_nearest(products, (left[some] ** 2).sum(axis=2), right_squares, *found)
 
-    step = max(1, _TASK // (m * n))
-    run_all(functools.partial(search, slice(i, i + step)) for i in range(0, h, step))
+    run_all(functools.partial(search, some) for some in slices(h, max(1, _TASK // (m * n))))
     squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
     return Pairs(forward, backward, np.sqrt(squares / 2).astype(np.float64))
 

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from unbend._arrays import first_largest, snap
+from unbend._arrays import snap
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
 from unbend.matching._registration import Pose, Registered
-from unbend.matching._shape import Shape, farthest_points
+from unbend.matching._shape import Shape
 
 _POINTS = 16, 48  # of the source, and of the target, that are laid onto each other
 _TURNS = 16  # about a normal
@@ -60,7 +60,7 @@ def find_motions(source: Shape, target: Shape, sizes: Sequence[float], count: in
     motions = _motions_to_try(source, target, sizes)
     laid = _share_laid(source, target, motions) + _share_laid(target, source, motions.inverse())
     motions = motions.taken(np.argsort(-snap(laid), kind="stable")[:_COMPARED])
-    places = motions.moved(source.vertices[_far_apart(source, _POINTS[0])])
+    places = motions.moved(source.vertices[source.samples[: _POINTS[0]]])
     left = np.ones(len(places), dtype=bool)
     kept: list[int] = []
     while left.any() and len(kept) < count:
@@ -97,7 +97,7 @@ def _posed(places: FloatArray, motions: Motions, i: int, overlap: BoolArray) -> 
 
 def _motions_to_try(source: Shape, target: Shape, sizes: Sequence[float]) -> Motions:
     """Lay points onto points, normal onto normal, turned about it by every angle."""
-    ours, theirs = (_far_apart(*one) for one in zip((source, target), _POINTS, strict=True))
+    ours, theirs = source.samples[: _POINTS[0]], target.samples[: _POINTS[1]]
     mine, other = _frames(_smooth_normals(source)[ours]), _frames(_smooth_normals(target)[theirs])
     angles = 2 * np.pi * np.arange(_TURNS) / _TURNS
     turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
@@ -110,13 +110,6 @@ def _motions_to_try(source: Shape, target: Shape, sizes: Sequence[float]) -> Mot
         np.concatenate([onto - size * turned for size in sizes]),
         np.repeat(np.array(sizes, dtype=np.float64), len(rotations)),
     )
-
-
-def _far_apart(shape: Shape, count: int) -> IntArray:
-    points = snap(shape.vertices)
-    start = int(first_largest((points**2).sum(axis=1)))
-    chosen: IntArray = farthest_points(points, min(count, len(points)), start)
-    return chosen
 
 
 def _smooth_normals(shape: Shape) -> FloatArray:
@@ -135,7 +128,7 @@ def _frames(normals: FloatArray) -> FloatArray:
 
 def _share_laid(shape: Shape, goal: Shape, motions: Motions) -> FloatArray:
     """Share of a shape's area (h,) that motions lay near its goal, facing as the goal does."""
-    samples = _far_apart(shape, _SAMPLES)
+    samples = shape.samples[:_SAMPLES]
     nearest = cKDTree(shape.vertices[samples]).query(shape.vertices)[1]
     areas = np.bincount(nearest, shape.areas, len(samples))
     # The goal's nearest vertex is looked up in a grid around it; -1 on the boundary.
