@@ -6,10 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from testshapes.damage import Damaged, cut
 from unbend import Mesh
+from unbend.alignment import Motions, find_motions
 from unbend.datasets import make_quadruped
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
-from unbend.matching._motions import Motions, find_motions, laid_starts
+from unbend.matching._registration import laid_starts
 from unbend.matching._shape import Shape, make_proxy
 
 BODY = make_quadruped("standing", n_vertices=900).mesh
@@ -20,6 +21,11 @@ SIZES = [2 ** (step / 2) for step in range(-2, 3)]
 def _shape(mesh: Mesh, *, partial: bool = True) -> Shape:
     """A coarse copy, as the matcher lays it."""
     return make_proxy(prepare_shape(mesh, 20, partial).shape, 400).shape
+
+
+def _found(source: Shape, target: Shape, count: int) -> Motions:
+    ours, theirs = source.as_oriented(64), target.as_oriented(64)
+    return find_motions(ours, theirs, SIZES, count, constants.LIMB)
 
 
 def _moved(mesh: Mesh) -> Mesh:
@@ -56,7 +62,7 @@ def test_inverse_motions_lead_back() -> None:
 
 def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape]) -> None:
     source, target = sides
-    motions = find_motions(source, target, SIZES, 12)
+    motions = _found(source, target, 12)
     assert len(motions.sizes) == 12
     assert _angle(motions.rotations[:1])[0] < 25
     # Of unit area both, the part is drawn larger than the same on the whole.
@@ -66,12 +72,12 @@ def test_the_motion_of_a_part_is_found_with_its_size(sides: tuple[Shape, Shape])
 def test_two_parts_that_share_little_are_laid_where_they_are_the_same() -> None:
     middle = BODY.vertices @ [0.0, 0.1, 1.0]
     front, back = _front(0.3).mesh, cut(BODY, -middle, 0.3).mesh
-    motions = find_motions(_shape(front), _shape(_moved(back)), SIZES, 8)
+    motions = _found(_shape(front), _shape(_moved(back)), 8)
     assert _angle(motions.rotations[:4]).min() < 25
 
 
 def test_motions_differ(sides: tuple[Shape, Shape]) -> None:
-    motions = find_motions(*sides, SIZES, 30)
+    motions = _found(*sides, 30)
     places = motions.moved(sides[0].vertices)
     apart = np.linalg.norm(places[:, None] - places, axis=3).mean(axis=2)
     assert apart[~np.eye(len(places), dtype=bool)].min() > 1.5 * constants.PATCH
@@ -81,7 +87,7 @@ def test_starts_are_the_shape_moved_and_pairs_of_nearest_points(
     sides: tuple[Shape, Shape],
 ) -> None:
     source, target = sides
-    motions = find_motions(source, target, SIZES, 3)
+    motions = _found(source, target, 3)
     start = laid_starts(source, target, motions)[1]
     rotation, shift, size = (one[1] for one in motions)
     np.testing.assert_allclose(start.source.places, size * source.vertices @ rotation.T + shift)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of, unit_of
+from unbend._compiled import compiled
 from unbend._display import Brief
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
@@ -131,6 +132,44 @@ def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArr
         left[..., -1] *= np.sign(np.linalg.det(rotations))[..., None]
         rotations = left @ right
     return rotations
+
+
+@compiled
+def largest_traces(matrices):  # type: ignore[no-untyped-def]
+    """Largest trace (n,) that a rotation times each matrix (n, 3, 3) has.
+
+    It is the sum of the singular values, the least taken negative if the determinant is. The
+    greatest is found by Viète's formula; squares and product of the others follow from the
+    cofactors and the determinant.
+    """
+    found = np.zeros(len(matrices))
+    square, cofactors = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(len(matrices)):
+        c = matrices[i]
+        size = squares = 0.0
+        for a in range(3):
+            d, e = (a + 1) % 3, (a + 2) % 3
+            for b in range(3):
+                f, g = (b + 1) % 3, (b + 2) % 3
+                square[a, b] = c[0, a] * c[0, b] + c[1, a] * c[1, b] + c[2, a] * c[2, b]
+                cofactors[a, b] = c[d, f] * c[e, g] - c[d, g] * c[e, f]
+                squares += cofactors[a, b] ** 2
+            size += square[a, a] / 3
+        if size < 1e-140:
+            continue
+        determinant = 0.0
+        for b in range(3):
+            determinant += c[0, b] * cofactors[0, b]
+        x, y, z = square[0, 0] / size - 1, square[1, 1] / size - 1, square[2, 2] / size - 1
+        u, v, w = square[1, 2] / size, square[0, 2] / size, square[0, 1] / size
+        spread = np.sqrt((x * x + y * y + z * z + 2 * (u * u + v * v + w * w)) / 6)
+        half = (x * y * z + 2 * u * v * w - x * u * u - y * v * v - z * w * w) / 2
+        angle = np.arccos(min(1.0, max(-1.0, half / max(spread**3, 1e-300)))) / 3
+        greatest = size * (1 + 2 * spread * np.cos(angle))
+        others = (squares - determinant**2 / greatest) / greatest
+        both = others + 2 * determinant / np.sqrt(greatest)
+        found[i] = np.sqrt(greatest) + np.sqrt(max(both, 0.0))
+    return found
 
 
 @one_blas_thread()

@@ -42,7 +42,7 @@ from unbend.matching._score import (
 )
 from unbend.matching._shape import Shape
 
-_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 80, 4
+_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 60, 4
 _MOST_HINTS = 3  # places where a landmark would help
 
 
@@ -88,7 +88,7 @@ def match(
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
-    n_eigenpairs : int, default=80
+    n_eigenpairs : int, default=60
         Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
     refine : bool, default=True
         Whether to refine the map on the full meshes; else it is as exact as their coarse copies.

@@ -20,14 +20,15 @@ import numpy as np
 
 from unbend._parallel import run_all
 from unbend._types import FloatArray, IntArray, Progress
+from unbend.alignment import find_motions
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._extrapolation import extrapolate, patches_to_hold
 from unbend.matching._extremities import Guess, find_extremities, guess_limbs, limb_maps
-from unbend.matching._motions import find_motions, laid_starts
 from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
 from unbend.matching._registration import (
     Registered,
+    laid_starts,
     lift,
     limited,
     lower,
@@ -40,6 +41,7 @@ from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
 COARSE, MEDIUM = 0, 1  # levels of detail
+_LAID = 64  # points of a shape, by which motions are compared
 BEAM = constants.BEAM
 COARSE_WEIGHTS, MEDIUM_WEIGHTS = constants.DATA_WEIGHTS[2:5], constants.DATA_WEIGHTS[5:]
 
@@ -107,15 +109,16 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
-    sides = Sides(levels[0], levels[-1], search(source, target), thorough=thorough)
+    sides = Sides(levels[0], levels[-1], np.empty((0, 0, 0)), thorough=thorough)
     medium_weights = constants.DATA_WEIGHTS if sides.partial else MEDIUM_WEIGHTS
-    for level, weights in (COARSE, COARSE_WEIGHTS), (MEDIUM, medium_weights):
-        pair = sides.at(level)
-        data_weights = limited(*pair, weights)
-        run_all(functools.partial(precompute, one, data_weights) for one in pair)
-    for one in sides.at(COARSE):  # once, before several threads do
-        _ = one.averaging(2 * constants.PATCH), one.distances, one.landmark_distances
-    return sides
+    tasks = [
+        functools.partial(precompute, one, limited(*sides.at(level), weights))
+        for level, weights in ((COARSE, COARSE_WEIGHTS), (MEDIUM, medium_weights))
+        for one in sides.at(level)
+    ]
+    distances = functools.partial(getattr, sides.target.proxies[COARSE].shape, "distances")
+    maps, *_ = run_all([functools.partial(search, source, target), distances, *tasks])
+    return sides._replace(maps=maps)
 
 
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
@@ -143,8 +146,10 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     shape is a left hand, and the other a right one; for symmetric bodies the two are about as good.
     """
     reflected = sides.reflected()._replace(maps=sides.maps[: BEAM // 2])
-    found = best(reflected, COARSE, from_spectra(reflected, []))
-    found = moved(reflected, found[:1], MEDIUM)
+    found = best(reflected, COARSE, from_spectra(reflected, []))[:1]
+    if found[0].cost >= first.cost:
+        return []
+    found = moved(reflected, found, MEDIUM)
     return [one for one in found if (1 + lead_needed(first.cost)) * one.cost < first.cost]
 
 
@@ -248,7 +253,8 @@ def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """
     coarse = sides.at(COARSE)
     sizes = [2 ** (step / 4) for step in sizes_to_try(*coarse)[::2]]
-    poses = laid_starts(*coarse, find_motions(*coarse, sizes, 6 * BEAM))
+    ours, theirs = (one.as_oriented(_LAID) for one in coarse)
+    poses = laid_starts(*coarse, find_motions(ours, theirs, sizes, 6 * BEAM, constants.LIMB))
     for i, data_weight in enumerate(constants.DATA_WEIGHTS[:5]):
         begun = registered(sides, COARSE, poses, (data_weight,), resize=False)
         found = best(sides, COARSE, begun)[: BEAM if i else 2 * BEAM]

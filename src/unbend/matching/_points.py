@@ -96,13 +96,9 @@ def point_maps(ours: FloatArray, theirs: FloatArray, size: float) -> tuple[IntAr
     return pairs.forward[0], pairs.backward[0]
 
 
-def _radii() -> FloatArray:
-    return np.asarray(constants.PATCH * _FACTOR ** np.arange(_N_RADII))
-
-
 def _describe(shape: Shape, vertex: int, field: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Describe what lies within each radius: how much, how high, how wide, and how it is turned."""
-    normal, radii = shape.normals[vertex], _radii()
+    normal, radii = shape.normals[vertex], constants.PATCH * _FACTOR ** np.arange(_N_RADII)
     offsets, facing = shape.vertices - shape.vertices[vertex], shape.normals @ normal
     inside = np.clip((radii[:, None] - field) / shape.edge + 0.5, 0, 1) * shape.areas
     seen = inside * np.maximum(facing, 0)

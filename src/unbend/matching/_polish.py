@@ -48,7 +48,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     if sides.partial:
         return first
     start = zoomout_start(ours, theirs, found)
-    (found,) = register(ours, theirs, [start], data_weights[1:], 3 * constants.STEPS // 4)
+    (found,) = register(ours, theirs, [start], data_weights, 3 * constants.STEPS // 4)
     return ranked([first, scored(ours, theirs, found, candidate.reflected)])[0]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.alignment import nearest_pairs
+from unbend.alignment import Motions, nearest_pairs
 from unbend.deformation import normals_into, scatter, walk
 from unbend.matching import _constants as constants
 from unbend.matching._partners import cycle_consistent, keep_matched
@@ -86,6 +86,31 @@ def mapped_start(
         size = 1.0
     ours = _placed(source, target, forward, size)
     return Registered(forward, backward, ours, _placed(target, source, backward, 1 / size))
+
+
+def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Registered]:
+    """Poses that motions lead to, and maps to what is nearest there."""
+    back = motions.inverse()
+    there, here = motions.moved(source.vertices), back.moved(target.vertices)
+    facing = np.einsum("hij,nj->hni", motions.rotations, source.normals)
+    pairs = nearest_pairs(
+        np.concatenate([there, constants.NORMAL_WEIGHT * facing], axis=2),
+        np.hstack([target.vertices, constants.NORMAL_WEIGHT * target.normals]),
+    )
+    return [
+        Registered(
+            forward,
+            backward,
+            _laid(there[i], motions, i, ~target.on_boundary[forward]),
+            _laid(here[i], back, i, ~source.on_boundary[backward]),
+        )
+        for i, (forward, backward) in enumerate(zip(pairs.forward, pairs.backward, strict=True))
+    ]
+
+
+def _laid(places: FloatArray, motions: Motions, i: int, overlap: BoolArray) -> Pose:
+    rotations = np.tile(motions.rotations[i], (len(places), 1, 1))
+    return Pose(places, rotations, overlap, float(motions.sizes[i]))
 
 
 def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose:

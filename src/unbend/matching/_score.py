@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.alignment import largest_traces
 from unbend.deformation import closest_faces, edge_squares
 from unbend.matching import _constants as constants
 from unbend.matching._registration import Pose, Registered, landing_places
@@ -208,44 +208,6 @@ def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatA
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(overlap.shape)
     return np.where(overlap, np.maximum(1 - explained, 0), constants.WITHOUT)
-
-
-@compiled
-def largest_traces(matrices):  # type: ignore[no-untyped-def]
-    """Largest trace (n,) that a rotation times each matrix (n, 3, 3) has.
-
-    It is the sum of the singular values, the least taken negative if the determinant is. The
-    greatest is found by Viète's formula; squares and product of the others follow from the
-    cofactors and the determinant.
-    """
-    found = np.zeros(len(matrices))
-    square, cofactors = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(len(matrices)):
-        c = matrices[i]
-        size = squares = 0.0
-        for a in range(3):
-            d, e = (a + 1) % 3, (a + 2) % 3
-            for b in range(3):
-                f, g = (b + 1) % 3, (b + 2) % 3
-                square[a, b] = c[0, a] * c[0, b] + c[1, a] * c[1, b] + c[2, a] * c[2, b]
-                cofactors[a, b] = c[d, f] * c[e, g] - c[d, g] * c[e, f]
-                squares += cofactors[a, b] ** 2
-            size += square[a, a] / 3
-        if size < 1e-140:
-            continue
-        determinant = 0.0
-        for b in range(3):
-            determinant += c[0, b] * cofactors[0, b]
-        x, y, z = square[0, 0] / size - 1, square[1, 1] / size - 1, square[2, 2] / size - 1
-        u, v, w = square[1, 2] / size, square[0, 2] / size, square[0, 1] / size
-        spread = np.sqrt((x * x + y * y + z * z + 2 * (u * u + v * v + w * w)) / 6)
-        half = (x * y * z + 2 * u * v * w - x * u * u - y * v * v - z * w * w) / 2
-        angle = np.arccos(min(1.0, max(-1.0, half / max(spread**3, 1e-300)))) / 3
-        greatest = size * (1 + 2 * spread * np.cos(angle))
-        others = (squares - determinant**2 / greatest) / greatest
-        both = others + 2 * determinant / np.sqrt(greatest)
-        found[i] = np.sqrt(greatest) + np.sqrt(max(both, 0.0))
-    return found
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from unbend._arrays import first_largest, snap
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.alignment import OrientedSurface
 from unbend.deformation import ElasticSurface, cached
 from unbend.matching import _constants as constants
 from unbend.mesh import find_edges, vertex_normals
@@ -148,6 +149,15 @@ class Shape(ElasticSurface):
     def detail(self) -> float:
         """Radius of the patches that maps are scored by."""
         return max(constants.PATCH, constants.EDGES * self.edge)
+
+    def as_oriented(self, count: int) -> OrientedSurface:
+        """Vertices, smooth normals, and so many samples."""
+        normals = self.averaged(self.areas[:, None] * self.normals, constants.PATCH)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        samples = self.samples[:count]
+        nearest = cKDTree(self.vertices[samples]).query(self.vertices)[1]
+        areas = np.asarray(np.bincount(nearest, self.areas, len(samples)), dtype=np.float64)
+        return OrientedSurface(self.vertices, normals, samples, areas, self.on_boundary)
 
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""

@@ -1,9 +1,8 @@
-"""Hypotheses from the shapes as they stand: motions that lay one onto the other.
+"""Motions that lay one oriented surface onto another, whatever was cut off either.
 
-Two animals that stand are much alike after a motion of space, whatever was cut off them. Points of
-one shape are laid onto points of the other, normal onto normal, and the shape is turned about the
-normal. A motion is the better, the more of both shapes it lays near the other one, facing as that
-does. What it lays beyond a boundary may be missing there, and counts half.
+Points of one surface are laid onto points of the other, normal onto normal, and the surface is
+turned about the normal. A motion is the better, the more of both surfaces it lays near the other
+one, facing as that does. What it lays beyond a boundary may be missing there, and counts half.
 """
 
 from __future__ import annotations
@@ -19,15 +18,32 @@ from scipy.spatial.transform import Rotation
 from unbend._arrays import snap
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.alignment import nearest_pairs
-from unbend.matching import _constants as constants
-from unbend.matching._registration import Pose, Registered
-from unbend.matching._shape import Shape
 
 _POINTS = 16, 48  # of the source, and of the target, that are laid onto each other
 _TURNS = 16  # about a normal
-_SAMPLES = 64  # points of a shape, by which motions are compared
 _COMPARED = 1500  # motions, the best first, of which those that differ are taken
+_DIFFERENT, _CELL = 0.75, 0.25  # of the reach: so far apart; so large a cell of the grid
+
+
+class OrientedSurface(NamedTuple):
+    """Points of a surface, and which way they face.
+
+    Attributes
+    ----------
+    points, normals : (n, 3) ndarray of float64
+    samples : (s,) ndarray of int64
+        Some of the points, far apart, by which motions are compared; the first are laid.
+    areas : (s,) ndarray of float64
+        What each of them stands for.
+    on_boundary : (n,) ndarray of bool
+        Where the surface may go on.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    samples: IntArray
+    areas: FloatArray
+    on_boundary: BoolArray
 
 
 class Motions(NamedTuple):
@@ -52,70 +68,49 @@ class Motions(NamedTuple):
         return Motions(*(one[rows] for one in self))
 
 
-def find_motions(source: Shape, target: Shape, sizes: Sequence[float], count: int) -> Motions:
+def find_motions(
+    source: OrientedSurface,
+    target: OrientedSurface,
+    sizes: Sequence[float],
+    count: int,
+    reach: float,
+) -> Motions:
     """Find at most so many motions that differ, the best first.
 
-    ``sizes`` are tried: how much longer the same is on the target.
+    ``sizes`` are tried: how much longer the same is on the target. What is farther off than
+    ``reach`` is not near.
     """
     motions = _motions_to_try(source, target, sizes)
-    laid = _share_laid(source, target, motions) + _share_laid(target, source, motions.inverse())
+    laid = _share_laid(source, target, motions, reach)
+    laid += _share_laid(target, source, motions.inverse(), reach)
     motions = motions.taken(np.argsort(-snap(laid), kind="stable")[:_COMPARED])
-    places = motions.moved(source.vertices[source.samples[: _POINTS[0]]])
+    places = motions.moved(source.points[source.samples[: _POINTS[0]]])
     left = np.ones(len(places), dtype=bool)
     kept: list[int] = []
     while left.any() and len(kept) < count:
         kept.append(int(left.argmax()))
         apart = np.linalg.norm(places - places[kept[-1]], axis=2).mean(axis=1)
-        left &= apart > 2 * constants.PATCH
+        left &= apart > _DIFFERENT * reach
     return motions.taken(np.array(kept))
 
 
-def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Registered]:
-    """Poses that motions lead to, and maps to what is nearest there."""
-    back = motions.inverse()
-    there, here = motions.moved(source.vertices), back.moved(target.vertices)
-    facing = np.einsum("hij,nj->hni", motions.rotations, source.normals)
-    pairs = nearest_pairs(
-        np.concatenate([there, constants.NORMAL_WEIGHT * facing], axis=2),
-        np.hstack([target.vertices, constants.NORMAL_WEIGHT * target.normals]),
-    )
-    return [
-        Registered(
-            forward,
-            backward,
-            _posed(there[i], motions, i, ~target.on_boundary[forward]),
-            _posed(here[i], back, i, ~source.on_boundary[backward]),
-        )
-        for i, (forward, backward) in enumerate(zip(pairs.forward, pairs.backward, strict=True))
-    ]
-
-
-def _posed(places: FloatArray, motions: Motions, i: int, overlap: BoolArray) -> Pose:
-    rotations = np.tile(motions.rotations[i], (len(places), 1, 1))
-    return Pose(places, rotations, overlap, float(motions.sizes[i]))
-
-
-def _motions_to_try(source: Shape, target: Shape, sizes: Sequence[float]) -> Motions:
+def _motions_to_try(
+    source: OrientedSurface, target: OrientedSurface, sizes: Sequence[float]
+) -> Motions:
     """Lay points onto points, normal onto normal, turned about it by every angle."""
     ours, theirs = source.samples[: _POINTS[0]], target.samples[: _POINTS[1]]
-    mine, other = _frames(_smooth_normals(source)[ours]), _frames(_smooth_normals(target)[theirs])
+    mine, other = _frames(source.normals[ours]), _frames(target.normals[theirs])
     angles = 2 * np.pi * np.arange(_TURNS) / _TURNS
     turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
     rotations = np.einsum("qji,ajk,pkl->pqail", other, turns, mine).reshape(-1, 3, 3)
-    of = np.repeat(source.vertices[ours], len(theirs) * _TURNS, axis=0)
-    onto = np.tile(np.repeat(target.vertices[theirs], _TURNS, axis=0), (len(ours), 1))
+    of = np.repeat(source.points[ours], len(theirs) * _TURNS, axis=0)
+    onto = np.tile(np.repeat(target.points[theirs], _TURNS, axis=0), (len(ours), 1))
     turned = np.einsum("hij,hj->hi", rotations, of)
     return Motions(
         np.tile(rotations, (len(sizes), 1, 1)),
         np.concatenate([onto - size * turned for size in sizes]),
         np.repeat(np.array(sizes, dtype=np.float64), len(rotations)),
     )
-
-
-def _smooth_normals(shape: Shape) -> FloatArray:
-    normals = shape.averaged(shape.areas[:, None] * shape.normals, constants.PATCH)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.maximum(lengths, 1e-300))
 
 
 def _frames(normals: FloatArray) -> FloatArray:
@@ -126,23 +121,20 @@ def _frames(normals: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(normals, first), normals], axis=1)
 
 
-def _share_laid(shape: Shape, goal: Shape, motions: Motions) -> FloatArray:
-    """Share of a shape's area (h,) that motions lay near its goal, facing as the goal does."""
-    samples = shape.samples[:_SAMPLES]
-    nearest = cKDTree(shape.vertices[samples]).query(shape.vertices)[1]
-    areas = np.bincount(nearest, shape.areas, len(samples))
-    # The goal's nearest vertex is looked up in a grid around it; -1 on the boundary.
-    corner = goal.vertices.min(axis=0) - constants.LIMB
-    extent = goal.vertices.max(axis=0) + constants.LIMB - corner
-    cells = np.ceil(extent / constants.THIN).astype(np.int64) + 1
-    middles = corner + constants.THIN * np.moveaxis(np.indices(tuple(cells)), 0, -1)
-    grid = cKDTree(goal.vertices).query(middles)[1]
+def _share_laid(
+    one: OrientedSurface, goal: OrientedSurface, motions: Motions, reach: float
+) -> FloatArray:
+    """Share of a surface's area (h,) that motions lay near its goal, facing as the goal does."""
+    # The goal's nearest point is looked up in a grid around it; -1 on the boundary.
+    corner, cell = goal.points.min(axis=0) - reach, _CELL * reach
+    extent = goal.points.max(axis=0) + reach - corner
+    cells = np.ceil(extent / cell).astype(np.int64) + 1
+    middles = corner + cell * np.moveaxis(np.indices(tuple(cells)), 0, -1)
+    grid = cKDTree(goal.points).query(middles)[1]
     grid[goal.on_boundary[grid]] = -1
+    samples = one.points[one.samples], one.normals[one.samples], one.areas
     found: FloatArray = lay(
-        *(shape.vertices[samples], _smooth_normals(shape)[samples], areas),
-        *motions,
-        *(grid, corner, constants.THIN),
-        *(goal.vertices, _smooth_normals(goal), constants.LIMB),
+        *samples, *motions, grid, corner, cell, goal.points, goal.normals, reach
     )
     return found
 
