@@ -53,13 +53,30 @@ def test_surfaces(given) -> None:
     np.testing.assert_array_equal(mesh.faces, FACES)
 
 
-def test_points_of_open3d() -> None:
-    assert as_mesh(SimpleNamespace(points=QUAD, estimate_normals=print)).is_point_cloud
+@pytest.mark.parametrize(
+    "given",
+    [
+        SimpleNamespace(points=QUAD, estimate_normals=print),  # Open3D
+        SimpleNamespace(vertices=QUAD, colors=[]),  # trimesh
+    ],
+)
+def test_points(given) -> None:
+    assert as_mesh(given).is_point_cloud
+
+
+def test_tensors_of_open3d() -> None:
+    legacy = SimpleNamespace(vertices=QUAD, triangles=FACES)
+    mesh = as_mesh(SimpleNamespace(vertex={}, triangle={}, to_legacy=lambda: legacy))
+    np.testing.assert_array_equal(mesh.faces, FACES)
 
 
 def test_what_has_no_surface_says_so() -> None:
     with pytest.raises(InputError, match="a mesh of tetra has no surface"):
         as_mesh(meshio_like(QUAD, block("tetra", [[0, 1, 2, 3]])))
+    volume = meshio_like(QUAD, block("tetra", [[0, 1, 2, 3]]))
+    volume.extract_surface = print  # PyVista's grids have cells_dict, too
+    with pytest.raises(InputError, match=r"give its extract_surface\(\)"):
+        as_mesh(volume)
     with pytest.raises(InputError, match="vtkTriangleFilter"):
         as_mesh(poly_data(n_strips=1))
 
@@ -118,7 +135,7 @@ def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_text(
         '{"asset": {"version": "2.0"}, "buffers": [{"uri": "secret.bin", "byteLength": 36}]}'
     )
-    with pytest.raises(FileError, match="trimesh cannot read it"):
+    with pytest.raises(FileError, match="its data stand in other files: save it as .glb"):
         read_mesh(tmp_path / "a.gltf")
 
 

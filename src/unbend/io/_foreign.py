@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,10 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     """Read all parts of a scene, each where it stands; only from these bytes, never other files."""
     import trimesh
 
+    if suffix == ".gltf":
+        buffers = json.loads(data).get("buffers", [])
+        if not all(one.get("uri", "").startswith("data:") for one in buffers):
+            raise FileError("its data stand in other files: save it as .glb")
     scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0

@@ -48,6 +48,12 @@ def mesh_of(given: Any) -> Mesh | None:
         for faces in ("faces", "triangles"):  # trimesh; Open3D
             if hasattr(given, faces):
                 return Mesh(np.asarray(given.vertices), np.asarray(getattr(given, faces)))
+        if hasattr(given, "colors"):  # trimesh's points
+            return Mesh(np.asarray(given.vertices))
+    if hasattr(given, "to_legacy"):  # Open3D's tensors
+        return mesh_of(given.to_legacy())
+    if hasattr(given, "extract_surface") and not hasattr(given, "GetPolys"):  # PyVista
+        raise InputError(f"{type(given).__name__} is not a surface: give its extract_surface()")
     if hasattr(given, "points") and hasattr(given, "cells_dict"):  # meshio
         points = np.asarray(given.points)
         cells = [block for block in given.cells if block.type in ("triangle", "quad", "polygon")]
