@@ -78,6 +78,7 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
     row["orientation"] = float(found.orientation)
     row["overlap"] = min(found.overlap_source, found.overlap_target)
     row["energies"] = [one.energy for one in found.hypotheses]
+    row["differences"] = [one.difference for one in found.hypotheses]
     if how == "barycentric" and case.places is not None:
         row["straight"] = straight_errors(case, found)
     maps = found.source_to_target, found.target_to_source

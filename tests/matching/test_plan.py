@@ -13,6 +13,7 @@ from unbend import Mesh
 from unbend._types import IntArray
 from unbend.datasets import Shape as Body
 from unbend.datasets import make_biped, make_sphere, rest_map
+from unbend.matching import _constants as constants
 from unbend.matching._extremities import find_extremities
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import (
@@ -22,6 +23,7 @@ from unbend.matching._plan import (
     Sides,
     best,
     candidates,
+    differences,
     from_extremities,
     from_points,
     make_sides,
@@ -29,7 +31,7 @@ from unbend.matching._plan import (
     unambiguous,
 )
 from unbend.matching._polish import refined
-from unbend.matching._registration import Registered, mapped_start
+from unbend.matching._registration import Pose, Registered, mapped_start
 from unbend.matching._score import Candidate, scored
 from unbend.matching._shape import Shape, make_proxy
 
@@ -55,6 +57,33 @@ def _error(point_map: IntArray, target: Body, truth: IntArray) -> float:
     goal = _shape(target.mesh).vertices
     some = point_map >= 0
     return float(np.linalg.norm(goal[point_map[some]] - goal[truth[some]], axis=1).mean())
+
+
+def test_candidates_differ_by_the_distance_between_where_they_lead() -> None:
+    sides = make_sides(_shape(WITHOUT_ARM.mesh, partial=True), _shape(TARGET.mesh))
+    first = candidates(sides)[0]
+    pose, n = first.registered.source, len(first.registered.forward)
+    first = replace(first, registered=first.registered._replace(source=_with_overlap(pose, n, 3)))
+    other = replace(
+        first,
+        registered=first.registered._replace(
+            forward=np.roll(first.registered.forward, 1), source=_with_overlap(pose, n, 5)
+        ),
+    )
+    none, apart = differences(sides, [first, other])
+    assert not none.any()
+    target = sides.target.proxies[COARSE]
+    images = target.parents[first.registered.forward]
+    every = np.delete(np.arange(n), [3, 5])
+    np.testing.assert_array_equal(
+        apart[every], target.shape.distances[np.roll(images, 1), images][every]
+    )
+    assert apart[3] == 0  # the first leaves it without partner
+    assert apart[5] == constants.LIMB  # the other does
+
+
+def _with_overlap(pose: Pose, n: int, without: int) -> Pose:
+    return pose._replace(overlap=np.arange(n) != without)
 
 
 def _candidate(cost: float, orientation: float = 1.0) -> Candidate:

@@ -106,7 +106,7 @@ def test_what_uses_a_match_in_disorder_says_so() -> None:
     transfer(np.arange(25.0), good, target=sheet)
 
 
-def test_expected_errors_grow_with_gaps_and_with_doubt(sheet: Shape) -> None:
+def test_expected_errors_grow_with_gaps_with_other_maps_and_with_doubt(sheet: Shape) -> None:
     n, every = SIDE**2, np.arange(SIDE**2)
     pose = Pose(sheet.vertices, np.tile(np.eye(3), (n, 1, 1)), every != 7)
     off = pose._replace(places=sheet.vertices + (every < n // 2)[:, None] * [0.0, 0.0, 0.1])
@@ -116,11 +116,16 @@ def test_expected_errors_grow_with_gaps_and_with_doubt(sheet: Shape) -> None:
             sheet,
             sheet,
             Candidate(Registered(every, every, one, pose), 0.0, 1.0, False, nothing, 1.0),
-            1.0,
+            np.zeros(n),
+            0.0,
         )
         for one in (pose, off)
     )
     assert np.isnan(exact[7])
     assert np.nanmax(exact[every < n // 2]) < np.nanmin(poor[every < n // 2])
     one = Candidate(Registered(every, every, pose, pose), 0.0, 1.0, False, nothing, 1.0)
-    assert np.nanmin(expected_errors(sheet, sheet, one, 0.5) - exact) > 0.1
+    assert np.nanmin(expected_errors(sheet, sheet, one, np.zeros(n), 0.5) - exact) > 0.05
+    elsewhere = np.where(every == 3, 0.2, 0.0)
+    more = expected_errors(sheet, sheet, one, elsewhere, 0.0) - exact
+    assert more[3] > 0.1
+    np.testing.assert_array_equal(more[(every != 3) & (every != 7)], 0)

@@ -94,8 +94,8 @@ def _arrays_of(match: Match) -> _Arrays:
     arrays: _Arrays = {}
     for name, value in vars(match).items():
         if name == "hypotheses":
-            rows = [(one.energy, one.orientation) for one in value]
-            arrays[name] = np.reshape(rows, (-1, 2))
+            rows = [(one.energy, one.orientation, one.difference) for one in value]
+            arrays[name] = np.reshape(rows, (-1, 3))
         elif name == "alternatives":
             for i, one in enumerate(value):
                 for inner, array in _arrays_of(one).items():
@@ -192,8 +192,8 @@ def _checked_match(arrays: _Arrays) -> Match:
         found["weights"] = _row_numbers(arrays, "weights", found["faces"], "face", 3)
     if "hypotheses" in arrays:
         known = _numbers(arrays, "hypotheses", 2)
-        if known.shape[1] != 2:
-            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 2")
+        if known.shape[1] != 3:
+            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 3")
         _check_range("hypotheses", known[:, 1], -1, 1)
         found["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
     for name, below in (("missed_landmarks", None), ("landmark_hints", n)):

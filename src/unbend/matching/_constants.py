@@ -42,14 +42,18 @@ NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked o
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
 # odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
-CONFIDENCE = (0.31, 0.025, 0.7, 0.0275)
+CONFIDENCE = (0.35, 0.03, 0.7, 0.0275)
 PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
 # Where the second best costs less, a shape has few features, and a lead means less.
 FEATURES = 0.08
+# Maps that lead less than this apart, on average, are right together: a right map has a mean error
+# below 0.08, and a good one has 0.02.
+ALIKE = 0.06
 # What a vertex's expected error adds up from: the gaps to its partner in both poses, the square
-# root of what its patch leaves unexplained, and the doubt, one less the confidence. Fitted so that
-# errors stay below it at nine vertices in ten; benchmarks/confidence.py measures how many do.
-EXPECTED_ERROR = (0.75, 0.075, 0.62)
+# root of what its patch leaves unexplained, the distance to where other maps lead, each as likely
+# as it is, and the doubt whether any is right. Fitted so that errors stay below it at nine
+# vertices in ten; benchmarks/confidence.py measures how many do.
+EXPECTED_ERROR = (0.95, 0.077, 1.9, 0.15)
 DISORDER = (0.1, 0.3)  # Up to the first a finished map may be right for sure, from the second not.
 # Share of the area, a limb's end. Less of it is no missing part, and different maps lead more of it
 # to other limbs.

@@ -21,10 +21,10 @@ from unbend.matching import _constants as constants
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._plan import (
-    COARSE,
     MEDIUM,
     Sides,
     candidates,
+    differences,
     make_sides,
     onto_mirror_image,
 )
@@ -171,12 +171,14 @@ def match(
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
-    for i, share in enumerate(shares[:n_matches]):
+    for i in range(min(n_matches, len(found))):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
         chosen = with_partners(chosen, sides, whole)
-        ranks = (found[i], *found[:i], *found[i + 1 :])
-        result = _result(ours, theirs, chosen, float(share), ranks)
-        result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks))
+        order = [i, *range(i), *range(i + 1, len(found))]
+        ranks = [found[j] for j in order]
+        apart = differences(sides, ranks)
+        result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart)
+        result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks, apart))
         if barycentric and theirs.own_faces is not None:
             result = _below_vertices(result, ours, theirs, chosen)
         results.append(result)
@@ -255,7 +257,8 @@ def symmetry(
     chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
     if progress is not None:
         progress("refine", 1.0)
-    return _result(one, one, chosen, float(_lead_shares(found, sides)[0]), found)
+    shares, apart = _lead_shares(found, sides), differences(sides, found)
+    return _result(one, one, sides, chosen, found, shares, apart)
 
 
 def _check_count(n_eigenpairs: int) -> None:
@@ -281,18 +284,16 @@ def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tup
     )  # type: ignore[return-value]
 
 
-def _landmark_hints(ours: Input, sides: Sides, ranks: Sequence[Candidate]) -> tuple[int, ...]:
+def _landmark_hints(
+    ours: Input, sides: Sides, ranks: Sequence[Candidate], apart: FloatArray
+) -> tuple[int, ...]:
     """Source vertices around which the first candidate and others nearly as good differ most."""
-    first, *others = ranks
-    source, target = sides.source.proxies[MEDIUM], sides.target.proxies[COARSE]
-    hints = []
-    for other in others[:_MOST_HINTS]:
-        if other.cost > constants.NEARLY * first.cost:
+    source = sides.source.proxies[MEDIUM]
+    hints: list[int] = []
+    for other, far in zip(ranks[1:], apart[1:], strict=True):
+        if len(hints) == _MOST_HINTS or other.cost > constants.NEARLY * ranks[0].cost:
             break
-        both = first.registered.source.overlap & other.registered.source.overlap
-        images, others_images = (target.parents[one.registered.forward] for one in (first, other))
-        apart = target.shape.distances[images, others_images] * both
-        around = source.shape.averaged(source.shape.areas * apart, source.shape.detail)
+        around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
         hints.append(int(ours.kept[source.kept[first_largest(snap(around))]]))
     return tuple(dict.fromkeys(hints))
 
@@ -303,13 +304,25 @@ def _lead_shares(found: Sequence[Candidate], sides: Sides) -> FloatArray:
 
 
 def _result(
-    ours: Input, theirs: Input, chosen: Candidate, share: float, ranks: Sequence[Candidate]
+    ours: Input,
+    theirs: Input,
+    sides: Sides,
+    chosen: Candidate,
+    ranks: Sequence[Candidate],
+    shares: FloatArray,
+    apart: FloatArray,
 ) -> Match:
     left, right, registered = ours.shape, theirs.shape, chosen.registered
+    source = sides.source.proxies[MEDIUM]
+    areas = source.shape.areas * ranks[0].registered.source.overlap
+    means = apart @ areas / max(areas.sum(), np.finfo(float).tiny)
     there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
-    confidence = min(share * plausibility(ranks[0].energy, in_disorder), bound)
+    plausible = plausibility(ranks[0].energy, in_disorder)
+    share = float(shares @ (means < constants.ALIKE))
+    elsewhere = (shares @ apart)[source.parents]
+    errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
     k = min(left.k, right.k)
     mine, other = (
         np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
@@ -320,14 +333,17 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=confidence,
+        confidence=min(share * plausible, bound),
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,
         disorder=in_disorder,
-        hypotheses=tuple(Hypothesis(one.energy, _orientation(one)) for one in ranks),
+        hypotheses=tuple(
+            Hypothesis(one.energy, _orientation(one), mean)
+            for one, mean in zip(ranks, means.tolist(), strict=True)
+        ),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
-        expected_error=expand_rows(expected_errors(left, right, chosen, confidence), ours, np.nan),
+        expected_error=expand_rows(errors, ours, np.nan),
     )
 
 

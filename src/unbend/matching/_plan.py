@@ -160,6 +160,19 @@ def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate
     return distinct(ranked(found), sides.at(level)[0].areas, coarse.shape.distances, places)
 
 
+def differences(sides: Sides, ranks: Sequence[Candidate]) -> FloatArray:
+    """Geodesic distances (h, n) between where candidates and the first lead each vertex.
+
+    They are of the finer proxies. Whatever has a partner by one of two alone is led to another
+    limb, and what the first leaves without partner does not count.
+    """
+    target, first = sides.target.proxies[COARSE], ranks[0].registered
+    images = [target.parents[one.registered.forward] for one in ranks]
+    apart = target.shape.distances[images, images[0]]
+    given = np.array([one.registered.source.overlap for one in ranks])
+    return np.where(given, apart, constants.LIMB) * first.source.overlap
+
+
 def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidate]:
     """Carry candidates to the other level; to the finer one, register them there."""
     coarse = sides.source.proxies[COARSE], sides.target.proxies[COARSE]

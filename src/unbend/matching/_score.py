@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -156,20 +157,21 @@ def plausibility(
 
 
 def expected_errors(
-    source: Shape, target: Shape, found: Candidate, confidence: float
+    source: Shape, target: Shape, found: Candidate, elsewhere: FloatArray, doubt: float
 ) -> FloatArray:
     """Bounds (n,) that the errors of a finished map stay below at about nine vertices in ten.
 
     They grow with the gap to the partner, added up over both poses, with what a patch's shape
-    leaves unexplained, and with the doubt whether the map is right at all.
+    leaves unexplained, with how far other maps that may be right lead ``elsewhere`` (n,), and with
+    the ``doubt`` whether any is right.
     """
-    gap, unlike, doubt = constants.EXPECTED_ERROR
+    gap, unlike, other, none = constants.EXPECTED_ERROR
     target = target.reflected() if found.reflected else target
     forward, overlap = found.registered.forward, found.registered.source.overlap
     left, right = landing_places(source, target, found.registered)
     apart = np.linalg.norm((left - right[forward]).reshape(-1, 2, 3), axis=2).sum(axis=1)
     shares = _unexplained(source, _images(left, right, target, forward), overlap)
-    errors = gap * apart + unlike * np.sqrt(shares) + doubt * (1 - confidence)
+    errors = gap * apart + unlike * np.sqrt(shares) + other * elsewhere + none * doubt
     return np.where(overlap, errors, np.nan)
 
 
@@ -229,6 +231,17 @@ def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) 
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))
 
 
+class _Way(NamedTuple):
+    """A map and the one back, of two shapes; `overlap` says which vertices have a partner."""
+
+    shape: Shape
+    goal: Shape
+    there: IntArray
+    back: IntArray
+    overlap: BoolArray
+    goal_overlap: BoolArray
+
+
 def disorder(source: Shape, target: Shape, found: Candidate) -> float:
     """Measure how far a finished map is from one that can be right: 0 to 2.
 
@@ -236,12 +249,12 @@ def disorder(source: Shape, target: Shape, found: Candidate) -> float:
     what does not return, and what lands in crowded patches; in the worse direction.
     """
     forward, backward, mine, other = found.registered
-    ahead = source, target, forward, backward, mine.overlap, other.overlap
-    back = target, source, backward, forward, other.overlap, mine.overlap
-    return max(
-        1 - found.orientation,
-        *(measure(*way) for measure in (_not_returning, _crowded) for way in (ahead, back)),
+    ways = (
+        _Way(source, target, forward, backward, mine.overlap, other.overlap),
+        _Way(target, source, backward, forward, other.overlap, mine.overlap),
     )
+    shares = [measure(way) for measure in (_not_returning, _crowded) for way in ways]
+    return max(1 - found.orientation, *shares)
 
 
 def confidence_bound(disorder: float) -> float:
@@ -250,30 +263,17 @@ def confidence_bound(disorder: float) -> float:
     return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
 
 
-def _not_returning(
-    shape: Shape,
-    goal: Shape,
-    there: IntArray,
-    back: IntArray,
-    overlap: BoolArray,
-    goal_overlap: BoolArray,
-) -> float:
+def _not_returning(way: _Way) -> float:
     """Share of the area with partners that does not return to where it began."""
+    shape, goal, there, back, _, goal_overlap = way
     off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
     near = max(constants.THIN, constants.EDGES * max(shape.edge, goal.edge))
-    lost = (off > near) | ~goal_overlap[there]
-    return _share(shape, lost, overlap)
+    return _share(way, (off > near) | ~goal_overlap[there])
 
 
-def _crowded(
-    shape: Shape,
-    goal: Shape,
-    there: IntArray,
-    back: IntArray,
-    overlap: BoolArray,
-    goal_overlap: BoolArray,
-) -> float:
+def _crowded(way: _Way) -> float:
     """Share of the area with partners that lands in patches which take in too much."""
+    shape, goal, there, _, overlap, goal_overlap = way
     fewest = min(len(shape.areas), len(goal.areas))
     middles = goal.samples[: max(min(_PATCHES, fewest // _PATCH_VERTICES), 1)]
     patch = cKDTree(goal.vertices[middles]).query(goal.vertices)[1]
@@ -284,9 +284,9 @@ def _crowded(
             (patch, goal.areas * goal_overlap),
         )
     )
-    return _share(shape, (taken > _CROWDED * room)[patch[there]], overlap)
+    return _share(way, (taken > _CROWDED * room)[patch[there]])
 
 
-def _share(shape: Shape, some: BoolArray, overlap: BoolArray) -> float:
-    areas = shape.areas * overlap
+def _share(way: _Way, some: BoolArray) -> float:
+    areas = way.shape.areas * way.overlap
     return float(areas @ some / max(areas.sum(), np.finfo(float).tiny))

@@ -63,7 +63,7 @@ def test_the_same_match_makes_the_same_page(blob: Mesh, tmp_path: Path) -> None:
 
 def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) -> None:
     page, every = tmp_path / "match.html", np.arange(642)
-    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8))
+    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8, 0.25))
     found = replace(match(blob, blob, refine=False), confidence=0.75, hypotheses=tried)
     match_page(blob, blob, found, page, truth=(every[::2], every[::2]), command="unbend match a b")
     text = page.read_text(encoding="utf-8")
@@ -71,7 +71,7 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "mean error" in text
     assert "points counted</th><td>321" in text
     assert "unbend match a b" in text
-    assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>10%</td></tr>" in text
+    assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>25.0%</td><td>10%</td></tr>" in text
     assert data_of(page)["maps"][0]["errors"] is not None
     assert data_of(page)["maps"][0]["expected"] is not None
     assert "by expected error" in text

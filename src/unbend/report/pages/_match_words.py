@@ -131,18 +131,20 @@ def hypotheses(match: Match) -> str:
             "taken" if i == 0 else str(i + 1),
             f"{one.energy:.2%}",
             f"{one.energy - taken:+.2%}",
+            f"{one.difference:.1%}",
             f"{(1 + one.orientation) / 2:.0%}",
         )
         for i, one in enumerate(match.hypotheses)
     ]
     return section(
         "Alternatives",
-        table(rows, ("map", "unexplained", "more than the least", "right side out")),
+        table(rows, ("map", "unexplained", "more than the least", "apart", "right side out")),
         hint(
             "Unexplained is the share of the surfaces' local shape that differs once each patch is "
             "turned and scaled to fit; a map that leaves hardly more than the first may well be a "
-            "symmetry of the shape. Right side out is the share of the surface that a map does "
-            "not turn inside out."
+            "symmetry of the shape. Apart is the mean distance between where it and the first "
+            "lead, as a share of the square root of the area. Right side out is the share of the "
+            "surface that a map does not turn inside out."
         ),
     )
 
