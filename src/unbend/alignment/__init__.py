@@ -9,7 +9,7 @@ from unbend.alignment._alignment import (
     procrustes,
 )
 from unbend.alignment._motions import Motions, OrientedSurface, find_motions
-from unbend.alignment._nearest import Pairs, nearest_pairs
+from unbend.alignment._nearest import Pairs, farthest_points, nearest_pairs
 
 __all__ = [
     "Alignment",
@@ -17,6 +17,7 @@ __all__ = [
     "OrientedSurface",
     "Pairs",
     "align",
+    "farthest_points",
     "find_motions",
     "icp",
     "largest_traces",

@@ -1,4 +1,4 @@
-"""Nearest neighbours in both directions, for many placements of a point set at once."""
+"""Nearest neighbours of many placements of a point set at once, and points far apart."""
 
 from __future__ import annotations
 
@@ -73,3 +73,26 @@ def _find_nearest(products, left, right, forward, ahead, backward, back):  # typ
                     back[h, j] = line[j]
                     backward[h, j] = i
             ahead[h, i] = least[0]
+
+
+@compiled
+def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
+    """Choose ``count`` rows, each as far as possible from those before it (Gonzalez 1985)."""
+    n, d = points.shape
+    distance = np.full(n, np.inf)
+    chosen = np.empty(count, np.int64)
+    current = start
+    for i in range(count):
+        chosen[i] = current
+        farthest, following = -1.0, 0
+        for j in range(n):
+            square = 0.0
+            for c in range(d):
+                difference = points[j, c] - points[current, c]
+                square += difference * difference
+            if square < distance[j]:
+                distance[j] = square
+            if distance[j] > farthest:
+                farthest, following = distance[j], j
+        current = following
+    return chosen

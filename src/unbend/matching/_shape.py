@@ -11,9 +11,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from unbend._arrays import first_largest, snap
-from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.alignment import OrientedSurface
+from unbend.alignment import OrientedSurface, farthest_points
 from unbend.deformation import ElasticSurface, cached
 from unbend.matching import _constants as constants
 from unbend.mesh import find_edges, vertex_normals
@@ -173,29 +172,6 @@ class Shape(ElasticSurface):
         # A proxy's are those of the fine shape, and cannot be computed anew.
         mirror.__dict__["position_coefficients"] = self.position_coefficients * flip
         return mirror
-
-
-@compiled
-def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
-    """Choose ``count`` rows, each as far as possible from those before it (Gonzalez 1985)."""
-    n, d = points.shape
-    distance = np.full(n, np.inf)
-    chosen = np.empty(count, np.int64)
-    current = start
-    for i in range(count):
-        chosen[i] = current
-        farthest, following = -1.0, 0
-        for j in range(n):
-            square = 0.0
-            for c in range(d):
-                difference = points[j, c] - points[current, c]
-                square += difference * difference
-            if square < distance[j]:
-                distance[j] = square
-            if distance[j] > farthest:
-                farthest, following = distance[j], j
-        current = following
-    return chosen
 
 
 def make_shape(
