@@ -81,6 +81,8 @@ def test_outputs_that_cannot_work_are_refused(
     assert check_writable(tmp_path / "a.OFF", [".off"]) == tmp_path / "a.OFF"
     with pytest.raises(FileError, match=r"no suffix; use \.off"):
         check_writable(tmp_path / "a", [".off"])
+    with pytest.raises(FileError, match=r"no suffix; use \.npy or \.off$"):
+        read_bytes(tmp_path / "mesh", (".npy", ".off", ".npy"))
     with pytest.raises(FileError, match="it is a folder"):
         check_writable(tmp_path, [])
     with pytest.raises(FileError, match="there is no folder"):

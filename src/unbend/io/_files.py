@@ -50,7 +50,7 @@ def check_suffix(path: Path, suffixes: Collection[str], verb: str) -> None:
     """Raise FileError if the suffix is none of these; empty: any."""
     suffix = path.suffix.lower()
     if suffixes and suffix not in suffixes:
-        *most, last = suffixes
+        *most, last = dict.fromkeys(suffixes)
         known = f"{', '.join(most)} or {last}" if most else last
         found = f'unknown suffix "{path.suffix}"' if suffix else "its name has no suffix"
         raise FileError(f"cannot {verb} {path}: {found}; use {known}")
