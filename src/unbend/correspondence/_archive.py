@@ -193,7 +193,7 @@ def _checked_match(arrays: _Arrays) -> Match:
     if "hypotheses" in arrays:
         known = _numbers(arrays, "hypotheses", 2)
         if known.shape[1] != 3:
-            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 3")
+            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 3; match again")
         _check_range("hypotheses", known[:, 1], -1, 1)
         found["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
     for name, below in (("missed_landmarks", None), ("landmark_hints", n)):
