@@ -23,8 +23,7 @@ from scipy.optimize import minimize
 from scipy.stats import spearmanr
 
 from unbend._types import FloatArray
-from unbend.matching._constants import ALIKE
-from unbend.matching._score import lead_shares, plausibility
+from unbend.matching._score import alike_share, lead_shares, plausibility
 
 START = (0.3, 0.03, 0.5, 0.04)
 LEAST = 5  # right maps, and wrong ones
@@ -38,7 +37,7 @@ def confidences(rows: list[Row], constants: FloatArray) -> FloatArray:
         partial = "relaxed" in row["lines"]  # a line of the plan that runs for partial shapes only
         costs = np.array(row["energies"])
         shares = lead_shares(costs, row["overlap"], partial, constants[3])
-        share = float(shares @ (np.array(row["differences"]) < ALIKE))
+        share = alike_share(shares, np.array(row["differences"]))
         trust = share * plausibility(costs[0], row["disorder"], constants[:3])
         found.append(min(trust, row["confidence_bound"]))
     return np.array(found)

@@ -33,6 +33,7 @@ from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 from unbend.matching._score import (
     Candidate,
+    alike_share,
     confidence_bound,
     disorder,
     expected_errors,
@@ -320,7 +321,6 @@ def _result(
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
     plausible = plausibility(ranks[0].energy, in_disorder)
-    share = float(shares @ (means < constants.ALIKE))
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
     k = min(left.k, right.k)
@@ -333,7 +333,7 @@ def _result(
         functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
-        confidence=min(share * plausible, bound),
+        confidence=min(alike_share(shares, means) * plausible, bound),
         overlap_source=_share(left, there),
         overlap_target=_share(right, back),
         confidence_bound=bound,

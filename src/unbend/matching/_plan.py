@@ -109,16 +109,18 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
-    sides = Sides(levels[0], levels[-1], np.empty((0, 0, 0)), thorough=thorough)
-    medium_weights = constants.DATA_WEIGHTS if sides.partial else MEDIUM_WEIGHTS
-    tasks = [
-        functools.partial(precompute, one, limited(*sides.at(level), weights))
-        for level, weights in ((COARSE, COARSE_WEIGHTS), (MEDIUM, medium_weights))
-        for one in sides.at(level)
-    ]
-    distances = functools.partial(getattr, sides.target.proxies[COARSE].shape, "distances")
-    maps, *_ = run_all([functools.partial(search, source, target), distances, *tasks])
-    return sides._replace(maps=maps)
+    mine, other = levels[0], levels[-1]
+    medium = constants.DATA_WEIGHTS if source.partial or target.partial else MEDIUM_WEIGHTS
+    tasks = []
+    for level, weights in (COARSE, COARSE_WEIGHTS), (MEDIUM, medium):
+        pair = mine.proxies[level].shape, other.proxies[level].shape
+        data_weights = limited(*pair, weights)
+        tasks += [functools.partial(precompute, one, data_weights) for one in pair]
+    coarse = other.proxies[COARSE].shape
+    maps, *_ = run_all(
+        [functools.partial(search, source, target), lambda: coarse.distances, *tasks]
+    )
+    return Sides(mine, other, maps, thorough=thorough)
 
 
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:

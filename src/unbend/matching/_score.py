@@ -145,6 +145,11 @@ def lead_shares(
     return np.asarray(shares / shares.sum())
 
 
+def alike_share(shares: FloatArray, differences: FloatArray) -> float:
+    """Add up the probabilities of those of some maps that hardly differ from one of them."""
+    return float(shares @ (differences < constants.ALIKE))
+
+
 def plausibility(
     energy: float, disorder: float, fitted: Sequence[float] = constants.CONFIDENCE[:3]
 ) -> float:
