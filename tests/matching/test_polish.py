@@ -90,7 +90,7 @@ def test_small_eyes_tell_which_arm_is_which() -> None:
     ours, theirs = (prepare_shape(one.mesh, 100).shape for one in (source, target))
     sides = make_sides(ours, theirs)
     right, *others = candidates(sides)
-    found, fine = reranked(sides, [*others[:2], right])
+    found, fine = reranked(sides, [others[0], right])
     off = target.mesh.vertices[fine[found[0]].registered.forward] - truth
     assert np.linalg.norm(off, axis=1).mean() < 0.05
     assert found[0].registered is right.registered

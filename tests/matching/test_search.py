@@ -67,11 +67,11 @@ def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
 def test_few_functions_give_maps_of_few(shape: Shape) -> None:
     few = replace(shape, basis=shape.basis[:, :7], eigenvalues=shape.eigenvalues[:7])
     maps = search(few, few)
-    assert maps.shape == (constants.BEAM, 7, 7)
+    assert maps.shape == (2 * constants.BEAM, 7, 7)
     np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
     for sides in ((few, shape), (shape, few)):
         maps = search(*sides)
-        assert maps.shape == (constants.BEAM, 7, 7)
+        assert maps.shape == (2 * constants.BEAM, 7, 7)
         np.testing.assert_allclose(maps[0], np.eye(7), atol=1e-6)
 
 

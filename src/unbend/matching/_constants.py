@@ -1,6 +1,6 @@
 """The numbers of the matcher that were set by hand, each with its reason.
 
-What a single source of hypotheses needs, such as points, stands at the head of its own file.
+What a single source of hypotheses needs, such as extremities, stands at the head of its own file.
 
 Lengths are in units of the square root of a shape's area, data weights in units of 1 / area.
 benchmarks/constants.py measures what halving and doubling each does to maps of public shapes.
@@ -17,7 +17,8 @@ THIN = LIMB / 4  # No limb is shorter, and along a shorter boundary nothing was 
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
-BEAM = 8  # Hypotheses that are kept; half as many are relaxed, four times as many begun.
+# Hypotheses that are kept. Four times as many are begun; of parts, most stages keep twice as many.
+BEAM = 4
 SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.
 LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.

@@ -55,12 +55,12 @@ class Extremities(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """A guess which points of two shapes correspond.
+    """A guess which extremities of two shapes correspond.
 
     Attributes
     ----------
     source, target : (m,) ndarray of int64
-        Rows of the shapes' extremities, or of other points.
+        Rows of the shapes' extremities.
     size : float
         Ratio of distances on the target to those on the source.
     """

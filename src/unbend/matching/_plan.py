@@ -19,13 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from unbend._parallel import run_all
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import FloatArray, Progress
 from unbend.alignment import find_motions
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._extrapolation import extrapolate, patches_to_hold
-from unbend.matching._extremities import Guess, find_extremities, guess_limbs, limb_maps
-from unbend.matching._points import find_points, guess_points, point_maps, sizes_to_try
+from unbend.matching._extremities import find_extremities, guess_limbs, limb_maps
 from unbend.matching._registration import (
     Registered,
     laid_starts,
@@ -147,7 +146,7 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     Of shapes with few features, which cost little, it must cost less still. That happens if one
     shape is a left hand, and the other a right one; for symmetric bodies the two are about as good.
     """
-    reflected = sides.reflected()._replace(maps=sides.maps[: BEAM // 2])
+    reflected = sides.reflected()._replace(maps=sides.maps[:BEAM])
     found = best(reflected, COARSE, from_spectra(reflected, []))[:1]
     if found[0].cost >= first.cost:
         return []
@@ -233,7 +232,7 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register from the likeliest guesses which extremities correspond, a few if one is ahead."""
-    n_kept = BEAM // 4 if unambiguous(sides, found) else BEAM
+    n_kept = BEAM // 2 if unambiguous(sides, found) else 2 * BEAM if sides.partial else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
     guesses = guess_limbs(mine, other, 12 * n_kept, len(medium[0].landmarks))
@@ -244,68 +243,6 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
         )
         for one in guesses
     )
-    return _from_guesses(sides, guesses, maps, n_kept)
-
-
-def from_points(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from guesses which points, all over the shapes, correspond."""
-    medium = sides.at(MEDIUM)
-    mine, other = run_all(
-        functools.partial(find_points, one, count)
-        for one, count in zip(medium, (5 * BEAM, 8 * BEAM), strict=True)
-    )
-    guesses = guess_points(mine, other, sizes_to_try(*medium), 3 * BEAM)
-    kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
-    ours, theirs = mine.fields[kept[0]], other.fields[kept[1]]
-    maps = [point_maps(ours[:, one.source], theirs[:, one.target], one.size) for one in guesses]
-    return _from_guesses(sides, guesses, maps, BEAM)
-
-
-def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from motions that lay one shape onto the other as they stand.
-
-    At the least data weight shapes hardly bend, and most motions prove wrong.
-    """
-    coarse = sides.at(COARSE)
-    sizes = [2 ** (step / 4) for step in sizes_to_try(*coarse)[::2]]
-    ours, theirs = (one.as_oriented(_LAID) for one in coarse)
-    poses = laid_starts(*coarse, find_motions(ours, theirs, sizes, 6 * BEAM, constants.LIMB))
-    for i, data_weight in enumerate(constants.DATA_WEIGHTS[:5]):
-        begun = registered(sides, COARSE, poses, (data_weight,), resize=False)
-        found = best(sides, COARSE, begun)[: BEAM if i else 2 * BEAM]
-        poses = [one.registered for one in found]
-    return found
-
-
-def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register the best again from small data weights, which let parts slide."""
-    starts = [one.registered for one in found[: BEAM // 2]]
-    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
-
-
-def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register what extrapolating the best candidates gives, twice."""
-    coarse = sides.at(COARSE)
-    proposed: list[Candidate] = []
-    poses = [one.registered for one in moved(sides, found[: BEAM // 2], COARSE)]
-    for _ in range(2):
-        held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
-        starts = run_all(
-            functools.partial(extrapolate, *coarse, one, patches) for one, patches in held
-        )
-        begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS))
-        poses = [one.registered for one in begun[:BEAM]]
-        proposed += begun
-    return moved(sides, best(sides, COARSE, proposed)[:BEAM], MEDIUM)
-
-
-def _from_guesses(
-    sides: Sides,
-    guesses: list[Guess],
-    maps: list[tuple[IntArray, IntArray]],
-    n_kept: int,
-) -> list[Candidate]:
-    """Register the coarse proxies from the best of guesses' maps; tighten the best of these."""
     if not guesses:
         return []
     coarse = sides.at(COARSE)
@@ -318,6 +255,47 @@ def _from_guesses(
     begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
     poses = [one.registered for one in begun[:n_kept]]
     return registered(sides, COARSE, poses, COARSE_WEIGHTS[1:], resize=False)
+
+
+def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from motions that lay one shape onto the other as they stand.
+
+    At the least data weight shapes hardly bend, and most motions prove wrong.
+    """
+    coarse = sides.at(COARSE)
+    mine, other = (one.partial for one in coarse)
+    # Of unit area both, a part is larger than the same on a whole; of two parts either may be.
+    least = -1.5 * mine / (mine + other)
+    sizes = [2 ** (least + step / 2) for step in range(4)]
+    ours, theirs = (one.as_oriented(_LAID) for one in coarse)
+    poses = laid_starts(*coarse, find_motions(ours, theirs, sizes, 12 * BEAM, constants.LIMB))
+    for i, data_weight in enumerate(constants.DATA_WEIGHTS[:5]):
+        begun = registered(sides, COARSE, poses, (data_weight,), resize=False)
+        found = best(sides, COARSE, begun)[: 2 * BEAM if i else 4 * BEAM]
+        poses = [one.registered for one in found]
+    return found
+
+
+def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register the best again from small data weights, which let parts slide."""
+    starts = [one.registered for one in found[:BEAM]]
+    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
+
+
+def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register what extrapolating the best candidates gives, twice."""
+    coarse = sides.at(COARSE)
+    proposed: list[Candidate] = []
+    poses = [one.registered for one in moved(sides, found[:BEAM], COARSE)]
+    for _ in range(2):
+        held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
+        starts = run_all(
+            functools.partial(extrapolate, *coarse, one, patches) for one, patches in held
+        )
+        begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS))
+        poses = [one.registered for one in begun[: 2 * BEAM]]
+        proposed += begun
+    return moved(sides, best(sides, COARSE, proposed)[: 2 * BEAM], MEDIUM)
 
 
 def _make_levels(shape: Shape) -> Levels:
@@ -334,10 +312,9 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
 
 
 PLAN = [
-    Step(COARSE, from_spectra, always, BEAM // 2),
+    Step(COARSE, from_spectra, always, BEAM),
     Step(COARSE, from_extremities, always, BEAM),
-    Step(COARSE, from_points, ambiguous_part, BEAM // 2),
-    Step(COARSE, from_motions, ambiguous_part, BEAM // 2),
-    Step(MEDIUM, relaxed, part, BEAM // 2),
-    Step(MEDIUM, extrapolated, ambiguous_part, BEAM),
+    Step(COARSE, from_motions, ambiguous_part, BEAM),
+    Step(MEDIUM, relaxed, part, BEAM),
+    Step(MEDIUM, extrapolated, ambiguous_part, 2 * BEAM),
 ]

@@ -26,10 +26,10 @@ _DIGITS = 6  # of squared residuals, that are not rounding: they come of single 
 def search(source: Shape, target: Shape) -> FloatArray:
     """Find the functional maps that bring two shapes' spectral forms close to each other.
 
-    They are up to `BEAM` orthogonal maps (h, k, k) between the first k (at most 20) non-constant
-    eigenfunctions, closest first.
+    They are up to twice `BEAM` orthogonal maps (h, k, k) between the first k (at most 20)
+    non-constant eigenfunctions, closest first.
     """
-    available, beam = min(source.k, target.k), constants.BEAM
+    available, beam = min(source.k, target.k), 2 * constants.BEAM
     count = constants.SAMPLES // 6  # many maps are tried
     left = source.samples[:count]
     right = target.samples[:count]
