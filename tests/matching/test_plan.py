@@ -92,7 +92,7 @@ def _candidate(cost: float, orientation: float = 1.0) -> Candidate:
 @pytest.fixture(scope="module")
 def bodies() -> Sides:
     """Two poses of one body, of fewer vertices than the finer proxies may have."""
-    return make_sides(_shape(SOURCE.mesh), _shape(TARGET.mesh))
+    return make_sides(_shape(SOURCE.mesh), _shape(TARGET.mesh), thorough=True)
 
 
 @pytest.fixture(scope="module")

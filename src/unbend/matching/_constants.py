@@ -45,7 +45,8 @@ NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked o
 # odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
 CONFIDENCE = (0.35, 0.03, 0.7, 0.0275)
 PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
-# Where the second best costs less, a shape has few features, and a lead means less.
+# Where the second best costs less, shapes have few features: no candidate is unambiguous, and a
+# lead means less.
 FEATURES = 0.08
 # Maps that lead less than this apart, on average, are right together: a right map has a mean error
 # below 0.08, and a good one has 0.02.

@@ -127,17 +127,20 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     found: list[Candidate] = []
     level = COARSE
     for i, step in enumerate(PLAN):
-        ranks = best(sides, level, found)
-        if step.when(sides, ranks):
+        if step.when(sides, found):
             if step.level != level:
-                found, level = moved(sides, found, step.level), step.level
-                ranks = best(sides, level, found)
-            found += best(sides, level, step.stage(sides, ranks))[: step.keep]
+                found, level = _finer(sides, found), step.level
+            some = best(sides, level, step.stage(sides, found))
+            found = best(sides, level, [*found, *some[: step.keep]])
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
-    if level != MEDIUM:
-        found = moved(sides, found, MEDIUM)
-    return best(sides, MEDIUM, found)
+    return found if level == MEDIUM else _finer(sides, found)
+
+
+def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Carry the candidates to the finer level, the first alone if it is unambiguous."""
+    some = found[:1] if unambiguous(sides, found) else found
+    return best(sides, MEDIUM, moved(sides, some, MEDIUM))
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
@@ -204,12 +207,12 @@ def always(sides: Sides, found: list[Candidate]) -> bool:
 
 
 def unambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether the best candidate is good, and far ahead of any other."""
+    """Whether the best candidate is good, and far ahead of any other of shapes with features."""
     if sides.thorough:
         return False
     first, *others = (round(one.cost, constants.DIGITS) for one in found)
     most, ahead = constants.UNAMBIGUOUS
-    alone = all(other > ahead * first for other in others)
+    alone = all(other > max(ahead * first, constants.FEATURES) for other in others)
     return alone and first <= most and found[0].orientation > 0
 
 
