@@ -140,8 +140,9 @@ def smooth_start(
 
 def smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
     """Pose either shape as the other by a functional map alone."""
-    ours = _smooth_pose(source, target, functional_map)
-    return ours, _smooth_pose(target, source, functional_map.T)
+    ways = (source, target, functional_map), (target, source, functional_map.T)
+    ours, theirs = run_all(functools.partial(_smooth_pose, *way) for way in ways)
+    return ours, theirs
 
 
 def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: Shape) -> Registered:

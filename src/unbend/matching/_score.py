@@ -7,6 +7,7 @@ dropped, however well they fit.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from unbend._parallel import run_all
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import largest_traces
 from unbend.deformation import closest_faces, edge_squares
@@ -80,11 +82,13 @@ def scored(
 
 def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
     """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
-    ahead, back = _images_of(source, target, found)
-    return (
-        _unexplained(source, ahead, found.source.overlap),
-        _unexplained(target, back, found.target.overlap),
+    left, right = landing_places(source, target, found)
+    ways = (
+        (source, target, left, right, found.forward, found.source.overlap),
+        (target, source, right, left, found.backward, found.target.overlap),
     )
+    ahead, back = run_all(functools.partial(_unexplained_on_faces, *way) for way in ways)
+    return ahead, back
 
 
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
@@ -175,7 +179,7 @@ def expected_errors(
     forward, overlap = found.registered.forward, found.registered.source.overlap
     left, right = landing_places(source, target, found.registered)
     apart = np.linalg.norm((left - right[forward]).reshape(-1, 2, 3), axis=2).sum(axis=1)
-    shares = _unexplained(source, _images(left, right, target, forward), overlap)
+    shares = _unexplained_on_faces(source, target, left, right, forward, overlap)
     errors = gap * apart + unlike * np.sqrt(shares) + other * elsewhere + none * doubt
     return np.where(overlap, errors, np.nan)
 
@@ -185,17 +189,18 @@ def lead_needed(runner_up: float) -> float:
     return float(max(1.0, constants.FEATURES / max(runner_up, 10.0**-constants.DIGITS)) ** 2)
 
 
-def _images(left: FloatArray, right: FloatArray, goal: Shape, point_map: IntArray) -> FloatArray:
-    """Where on the goal's faces each vertex lands, (n, 3), not rounded to vertices."""
+def _unexplained_on_faces(
+    shape: Shape,
+    goal: Shape,
+    left: FloatArray,
+    right: FloatArray,
+    point_map: IntArray,
+    overlap: BoolArray,
+) -> FloatArray:
+    """Shares (n,) of patches that where they land on the goal's faces does not explain."""
     faces, weights = closest_faces(left, right, goal.faces, goal.fans, point_map)
-    return np.asarray(np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]]))
-
-
-def _images_of(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
-    """Where all vertices of both land on the other one."""
-    left, right = landing_places(source, target, found)
-    ahead = _images(left, right, target, found.forward)
-    return ahead, _images(right, left, source, found.backward)
+    images = np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]])
+    return _unexplained(shape, images, overlap)
 
 
 def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatArray:
@@ -258,8 +263,10 @@ def disorder(source: Shape, target: Shape, found: Candidate) -> float:
         _Way(source, target, forward, backward, mine.overlap, other.overlap),
         _Way(target, source, backward, forward, other.overlap, mine.overlap),
     )
-    shares = [measure(way) for measure in (_not_returning, _crowded) for way in ways]
-    return max(1 - found.orientation, *shares)
+    shares = run_all(
+        functools.partial(measure, way) for measure in (_not_returning, _crowded) for way in ways
+    )
+    return float(max(1 - found.orientation, *shares))
 
 
 def confidence_bound(disorder: float) -> float:
