@@ -132,7 +132,7 @@ def match_page(
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
     columns = [words.errors(found, _WORST)] if found is not None else []
-    if known is not None and known.hypotheses:
+    if known is not None and len(known.hypotheses) > 1:
         columns.append(words.hypotheses(known))
     matched = int((forward >= 0).sum())
     part = f"{matched:,}" if matched == len(forward) else f"{matched:,} of {len(forward):,}"
