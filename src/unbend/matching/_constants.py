@@ -37,7 +37,8 @@ OUTLINE = 3.0  # A part that is missing may have an outline so many times the bo
 
 # How maps are scored.
 WITHOUT = 0.12  # What a vertex without a partner leaves unexplained, and a missed landmark adds.
-# Largest cost of an unambiguous candidate, and how many times as much all others cost.
+# Largest cost of an unambiguous candidate, and how many times as much all others cost. On coarse
+# copies leads are about the square of what they are on finer ones.
 UNAMBIGUOUS = (0.2, 1.4)
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how

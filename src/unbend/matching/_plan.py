@@ -138,8 +138,9 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
 
 
 def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Carry the candidates to the finer level, the first alone if it is unambiguous."""
-    some = found[:1] if unambiguous(sides, found) else found
+    """Carry candidates to the finer level, where costs differ less, without those far behind."""
+    most = max(constants.UNAMBIGUOUS[1] ** 2 * found[0].cost, constants.FEATURES)
+    some = [one for one in found if sides.thorough or one.cost <= most]
     return best(sides, MEDIUM, moved(sides, some, MEDIUM))
 
 
