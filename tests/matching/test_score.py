@@ -20,6 +20,7 @@ from unbend.matching._score import (
     _unexplained,
     distinct,
     lead_shares,
+    nearly_as_good,
     plausibility,
     ranked,
     rough_costs,
@@ -195,6 +196,13 @@ def _judged(energy: float, orientation: float = 1.0, overlap: float = 1.0) -> Ca
 def test_of_equals_the_first_stays_first() -> None:
     worse, one, two = _judged(0.3), _judged(0.2 + 1e-12), _judged(0.2)
     assert ranked([worse, one, two]) == [one, two, worse]
+
+
+def test_what_costs_hardly_more_is_nearly_as_good_and_so_is_all_that_is_rounding() -> None:
+    first = _judged(0.2)
+    assert nearly_as_good(_judged(0.22), first)
+    assert not nearly_as_good(_judged(0.25), first)
+    assert nearly_as_good(_judged(1e-9), _judged(1e-16))
 
 
 def _trust(found: list[Candidate], disorder: float = 0.0, partial: bool = False) -> float:

@@ -38,6 +38,7 @@ from unbend.matching._score import (
     disorder,
     expected_errors,
     lead_shares,
+    nearly_as_good,
     plausibility,
     ranked,
 )
@@ -292,7 +293,7 @@ def _landmark_hints(
     source = sides.source.proxies[MEDIUM]
     hints: list[int] = []
     for other, far in zip(ranks[1:], apart[1:], strict=True):
-        if len(hints) == _MOST_HINTS or other.cost > constants.NEARLY * ranks[0].cost:
+        if len(hints) == _MOST_HINTS or not nearly_as_good(other, ranks[0]):
             break
         around = source.shape.averaged(source.shape.areas * far, source.shape.detail)
         hints.append(int(ours.kept[source.kept[first_largest(snap(around))]]))

@@ -21,7 +21,7 @@ from unbend.matching._registration import (
     register,
     smooth_start,
 )
-from unbend.matching._score import Candidate, ranked, scored
+from unbend.matching._score import FLOOR, Candidate, nearly_as_good, ranked, scored
 from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
@@ -79,13 +79,11 @@ def reranked(
     the full meshes explains less than on the proxies. Energies of those that are re-ranked are
     scaled so that the former best keeps its own. What :func:`refined` makes of them comes second.
     """
-    nearly = [
-        one for one in ranks[: constants.BEAM // 2] if one.cost <= constants.NEARLY * ranks[0].cost
-    ]
+    nearly = [one for one in ranks[: constants.BEAM // 2] if nearly_as_good(one, ranks[0])]
     fine = run_all(functools.partial(refined, sides, one) for one in nearly)
     if len(nearly) == 1 or (sides.partial and min(one.energy for one in fine) > ranks[0].energy):
         return ranks, dict(zip(nearly, fine, strict=True))
-    unit = ranks[0].energy / fine[0].energy
+    unit = ranks[0].energy / max(fine[0].energy, FLOOR)
     known = {
         replace(rough, energy=unit * one.energy): one
         for rough, one in zip(nearly, fine, strict=True)

@@ -25,6 +25,7 @@ from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
 _PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
+FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +114,11 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
     return sorted(kept or candidates, key=lambda one: round(one.cost, constants.DIGITS))
 
 
+def nearly_as_good(one: Candidate, first: Candidate) -> bool:
+    """Whether a candidate costs hardly more than the best."""
+    return one.cost <= constants.NEARLY * max(first.cost, FLOOR)
+
+
 def distinct(
     candidates: Sequence[Candidate], areas: FloatArray, distances: FloatArray, places: IntArray
 ) -> list[Candidate]:
@@ -142,10 +148,9 @@ def lead_shares(
     Maps of one cost share it. The less the shapes have in common by the first, and the fewer
     features they have, the more of a lead is chance; and more of it is if either is partial.
     """
-    floor = 10.0**-constants.DIGITS
-    lead *= (constants.PARTIAL_LEAD if partial else 1.0) / max(overlap, floor)
+    lead *= (constants.PARTIAL_LEAD if partial else 1.0) / max(overlap, FLOOR)
     lead *= lead_needed(costs[min(1, len(costs) - 1)])
-    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], floor)))
+    shares = np.exp((costs[0] - costs) / (lead * max(costs[0], FLOOR)))
     return np.asarray(shares / shares.sum())
 
 
@@ -186,7 +191,7 @@ def expected_errors(
 
 def lead_needed(runner_up: float) -> float:
     """How many times as far ahead of its runner-up a map must be, 1 if the shapes have features."""
-    return float(max(1.0, constants.FEATURES / max(runner_up, 10.0**-constants.DIGITS)) ** 2)
+    return float(max(1.0, constants.FEATURES / max(runner_up, FLOOR)) ** 2)
 
 
 def _unexplained_on_faces(
