@@ -4,7 +4,7 @@ A stage is a function of the two shapes and the candidates so far, best first an
 its line in :data:`PLAN`, that returns new candidates at that level. It may read the proxies of the
 other level. To add a source of hypotheses, write such a function and give it a line::
 
-    Step(COARSE, from_tattoos, always, BEAM // 2)
+    Step(COARSE, from_tattoos, always, BEAM)
 
 The third column is asked whether the stage runs; it gets the candidates at the level of the line
 before. The first stage must propose something. docs/how-matching-works.md has the same table.
@@ -240,6 +240,8 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
     guesses = guess_limbs(mine, other, 12 * n_kept, len(medium[0].landmarks))
+    if not guesses:
+        return []
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
     maps = run_all(
         functools.partial(
@@ -247,8 +249,6 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
         )
         for one in guesses
     )
-    if not guesses:
-        return []
     coarse = sides.at(COARSE)
     forward, backward = (np.stack(some, axis=1) for some in zip(*maps, strict=True))
     costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
