@@ -21,6 +21,7 @@ from unbend.matching._plan import (
     MEDIUM,
     PLAN,
     Sides,
+    _finer,
     best,
     candidates,
     differences,
@@ -231,7 +232,15 @@ def test_the_mirror_image_of_the_target_is_taken_at_every_level(box: Sides) -> N
 
 @pytest.mark.parametrize(
     ("costs", "expected"),
-    [([0.1], True), ([0.3], False), ([0.1, 0.13], False), ([0.1, 0.15], True), ([0.1, 0.3], True)],
+    [
+        ([0.1], True),
+        ([0.3], False),
+        ([0.1, 0.13], False),
+        ([0.1, 0.15], True),
+        ([0.1, 0.3], True),
+        ([0.01, 0.07], False),  # few features
+        ([0.01, 0.09], True),
+    ],
 )
 def test_clear_is_what_is_good_and_far_ahead(
     box: Sides, costs: list[float], expected: bool
@@ -274,6 +283,24 @@ def test_what_is_moved_stays_what_it_is(box: Sides) -> None:
     points = box.source.shape.vertices
     for one, found in zip(signs, moved(box, begun, MEDIUM), strict=True):
         np.testing.assert_allclose(points[found.registered.forward], points * one, atol=1e-6)
+
+
+@pytest.mark.parametrize("costs", [(0.1, 0.19, 0.21), (0.01, 0.07, 0.09)])
+def test_what_is_far_behind_is_not_registered_finely_unless_several_maps_are_wanted(
+    box: Sides, costs: tuple[float, ...]
+) -> None:
+    """Of shapes with few features, which cost little, nothing is far behind."""
+    turns = [1, 1, 1], [-1, -1, 1], [1, -1, -1]
+    begun = [
+        replace(_candidate(cost), registered=_box_turned(box, COARSE, one))
+        for cost, one in zip(costs, turns, strict=True)
+    ]
+    points = box.source.shape.vertices
+    for sides, kept in (box, turns[:2]), (box._replace(thorough=True), turns):
+        images = [points[one.registered.forward] for one in _finer(sides, begun)]
+        assert len(images) == len(kept)
+        for one in kept:
+            assert min(np.abs(there - points * one).max() for there in images) < 0.1
 
 
 def test_extremities_propose_the_truth_of_an_upper_part_and_a_whole(bodies: Sides) -> None:

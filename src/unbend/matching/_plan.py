@@ -208,7 +208,7 @@ def always(sides: Sides, found: list[Candidate]) -> bool:
 
 
 def unambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether the best candidate is good, and far ahead of any other of shapes with features."""
+    """Whether the best candidate is good, far ahead of all others, and the shapes have features."""
     if sides.thorough:
         return False
     first, *others = (round(one.cost, constants.DIGITS) for one in found)
