@@ -1,5 +1,6 @@
 """The plan of a match: what comes out of it, with all of its steps and without any one of them."""
 
+import functools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from unbend._types import IntArray
 from unbend.datasets import Shape as Body
 from unbend.datasets import make_biped, make_sphere, rest_map
 from unbend.matching import _constants as constants
+from unbend.matching import _plan
 from unbend.matching._extremities import find_extremities
 from unbend.matching._inputs import prepare_shape
 from unbend.matching._plan import (
@@ -21,7 +23,9 @@ from unbend.matching._plan import (
     MEDIUM,
     PLAN,
     Sides,
+    Step,
     _finer,
+    always,
     best,
     candidates,
     differences,
@@ -301,6 +305,30 @@ def test_what_is_far_behind_is_not_registered_finely_unless_several_maps_are_wan
         assert len(images) == len(kept)
         for one in kept:
             assert min(np.abs(there - points * one).max() for there in images) < 0.1
+
+
+def test_of_two_that_lead_to_the_same_place_the_better_one_on_finer_copies_stays(
+    bodies: Sides, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which one costs less on coarse copies does not say which one will."""
+    truth = mapped_start(*bodies.at(MEDIUM), TRUTH, rest_map(TARGET, SOURCE), 1.0)
+    (right,) = moved(bodies, [scored(*bodies.at(MEDIUM), truth)], COARSE)
+    pose = right.registered.source
+    wide = right.registered._replace(source=pose._replace(places=1.3 * pose.places))
+    spread = replace(right, registered=wide)
+    goal = min(one.cost for one in moved(bodies, [spread, right], MEDIUM))
+    for costs in (0.1, 0.11), (0.11, 0.1):
+        begun = [
+            replace(one, energy=cost) for one, cost in zip((spread, right), costs, strict=True)
+        ]
+        plan = [Step(COARSE, functools.partial(_given, [one]), always, 1) for one in begun]
+        monkeypatch.setattr(_plan, "PLAN", plan)
+        (one,) = candidates(bodies)
+        assert one.cost == pytest.approx(goal)
+
+
+def _given(found: list[Candidate], *_: object) -> list[Candidate]:
+    return found
 
 
 def test_extremities_propose_the_truth_of_an_upper_part_and_a_whole(bodies: Sides) -> None:

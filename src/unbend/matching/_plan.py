@@ -127,21 +127,26 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     found: list[Candidate] = []
     level = COARSE
     for i, step in enumerate(PLAN):
-        if step.when(sides, found):
+        ranks = best(sides, level, found)
+        if step.when(sides, ranks):
             if step.level != level:
                 found, level = _finer(sides, found), step.level
-            some = best(sides, level, step.stage(sides, found))
-            found = best(sides, level, [*found, *some[: step.keep]])
+                ranks = best(sides, level, found)
+            found += best(sides, level, step.stage(sides, ranks))[: step.keep]
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
-    return found if level == MEDIUM else _finer(sides, found)
+    return best(sides, MEDIUM, found if level == MEDIUM else _finer(sides, found))
 
 
 def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Carry candidates to the finer level, where costs differ less, without those far behind."""
+    """Carry candidates to the finer level, where costs differ less, without those far behind.
+
+    Duplicates go along: the better of two there may be the worse one here.
+    """
+    found = ranked(found)
     most = max(constants.UNAMBIGUOUS[1] ** 2 * found[0].cost, constants.FEATURES)
     some = [one for one in found if sides.thorough or one.cost <= most]
-    return best(sides, MEDIUM, moved(sides, some, MEDIUM))
+    return moved(sides, some, MEDIUM)
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
