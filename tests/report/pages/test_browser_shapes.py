@@ -90,7 +90,8 @@ def test_cells_have_the_colours_of_their_values(page) -> None:
     page.mouse("mouseMoved", 1, 1)
     page.settle()
     picture = page.picture("#heat")
-    tall, top, side = page.run("[heatMap.tall, heatMap.top, heatMap.cell]")
+    places = page.run("[heatMap.tall, heatMap.top, heatMap.cell]")
+    tall, top, side = np.multiply(places, page.run("devicePixelRatio"))
     known = VALUES[~np.eye(5, dtype=bool) & ~np.isnan(VALUES)]
     for row, column in ((0, 0), (0, 1), (2, 3), (4, 1)):
         y, x = round(top + (row + 0.15) * side), round(tall + (column + 0.15) * side)
