@@ -364,12 +364,14 @@ def test_many_pages_in_one_notebook_stay_visible(browser, dogs, tmp_path, screen
     pictures = []
     for i in (*range(18), 0):
         browser.run(f"document.querySelectorAll('iframe')[{i}].scrollIntoView()")
-        for _ in range(100):
-            picture = browser.picture(f"iframe:nth-of-type({i + 1})")
-            if (np.ptp(picture, axis=2) > 0.1).mean() > 0.01:
-                break
-        else:
-            pytest.fail(f"frame {i} is blank")
-        pictures.append(picture)
+        browser.settle()
+        if i in (0, 9, 17):
+            for _ in range(100):
+                picture = browser.picture(f"iframe:nth-of-type({i + 1})")
+                if (np.ptp(picture, axis=2) > 0.1).mean() > 0.01:
+                    break
+            else:
+                pytest.fail(f"frame {i} is blank")
+            pictures.append(picture)
     browser.problems[:] = [one for one in browser.problems if "Too many active WebGL" not in one]
-    assert changed(pictures[0], pictures[18]) < 0.01
+    assert changed(pictures[0], pictures[-1]) < 0.01
