@@ -164,11 +164,12 @@ def test_each_point_knows_the_nearest_vertex_and_back() -> None:
     [
         (sphere(499), "cloud: 499 points at different positions are too few for a surface"),
         (np.repeat(sphere(300), 4, axis=0), "cloud: 300 points at different positions are too few"),
-        (np.random.default_rng(4).standard_normal((3000, 3)), "too sparse or too noisy"),
+        (np.random.default_rng(4).standard_normal((3000, 3)), "its points fill a volume, or"),
+        (np.random.default_rng(4).random((6000, 3)) * [1, 0.3, 2], "its points fill a volume, or"),
         (np.outer(np.arange(6000.0), [1, 2, 3]), "too long and thin to find the surface"),
-        (np.random.default_rng(5).random((3000, 3)) * [1, 1, 0], "too sparse or too noisy"),
+        (np.random.default_rng(5).random((3000, 3)) * [1, 1, 0], "its points lie in a plane"),
     ],
-    ids=["few", "repeated", "volume", "line", "plane"],
+    ids=["few", "repeated", "volume", "box", "line", "plane"],
 )
 def test_points_without_a_surface_are_refused(points: FloatArray, sentence: str) -> None:
     with pytest.raises(MeshError, match=sentence):

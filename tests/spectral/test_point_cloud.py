@@ -12,7 +12,7 @@ from unbend import Mesh, canonical_form, distance, laplacian, spectrum
 from unbend.collection import descriptor
 from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.errors import MeshError, SolverError, UnbendWarning
-from unbend.spectral import _point_cloud, triangulate_points
+from unbend.spectral import _point_cloud, delaunay_triangles
 from unbend.spectral._point_cloud import check_energy
 
 pytestmark = pytest.mark.usefixtures("no_cache")
@@ -397,10 +397,10 @@ def test_points_that_show_no_surface_are_warned_of(points):
 
 
 def test_a_triangle_counts_wholly_where_its_corners_agree():
-    even = triangulate_points(Mesh(make_fibonacci(300)))
+    even = delaunay_triangles(Mesh(make_fibonacci(300)))
     assert len(even.faces) == 596
     np.testing.assert_allclose(even.weights, 1, rtol=1e-12)
-    random = triangulate_points(Mesh(make_random_sphere(3000))).weights
+    random = delaunay_triangles(Mesh(make_random_sphere(3000))).weights
     assert 0 < random.min() < 0.9
     assert random.max() == pytest.approx(1, abs=1e-12)
 

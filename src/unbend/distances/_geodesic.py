@@ -20,7 +20,7 @@ from unbend.mesh import (
     has_earlier_twin,
 )
 from unbend.preparation import check_size, restrict
-from unbend.spectral import Surface, triangulate_points
+from unbend.spectral import Surface, delaunay_triangles
 
 _FromVertex = Callable[[int], FloatArray]
 
@@ -80,7 +80,7 @@ def _heat(mesh: Mesh) -> _FromVertex:
     import potpourri3d
 
     if mesh.is_point_cloud:
-        faces, _, first = triangulate_points(mesh)
+        faces, _, first = delaunay_triangles(mesh)
         distinct, of_point = np.unique(first, return_inverse=True)
         on_surface = _heat(Mesh(mesh.vertices[distinct], of_point[faces], name=mesh.name))
         return lambda source: on_surface(int(of_point[source]))[of_point]

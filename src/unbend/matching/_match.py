@@ -111,7 +111,8 @@ def match(
     Raises
     ------
     MeshError
-        If a mesh cannot be used or has only one side, or a point cloud is too sparse or too noisy.
+        If a mesh cannot be used or has only one side, or a point cloud has no surface: see
+        :func:`unbend.preparation.surface_of_points`.
     InputError
         If an option is out of range.
 

@@ -46,9 +46,10 @@ _REACH = 5.0  # distance of points from the surface, in spacings
 _FACING = 0.3  # cosine of the angle between a face and the normals of its corners
 _SMALL = 30  # area of an unsupported patch that is kept, in squared spacings
 _LEAST_LEVEL = 0.3  # median winding number at the points; one half on a surface, 0 on a line
-# Mean length of the mean unit normal of a point and its neighbours: 0.84 for points that fill a
-# volume, 0.88 to 0.93 for bodies with noise of 1 % of their size.
-_AGREEMENT = 0.86
+# Dimension of the set that points fill: up to 2.4 for bodies with noise of 1 % of their size, and
+# from 2.6 on for points that fill a volume.
+_MOST_DIMENSION = 2.5
+_FLAT = 1e-9  # thickness of a plane, in its lengths
 
 
 class PointSurface(NamedTuple):
@@ -85,7 +86,8 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
     Raises
     ------
     MeshError
-        If there are too few points, or they are too sparse or too noisy for a surface.
+        If there are too few points, or they are too sparse or too noisy for a surface, fill a
+        volume, or lie in a plane.
 
     References
     ----------
@@ -125,13 +127,18 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
         raise MeshError(
             f"{cloud.name}: it is too long and thin to find the surface of its points; use a mesh"
         )
-    grid = Grid(points, cell)
-    normals, field = winding_number(grid, len(points))
-    level = float(np.median(grid.values(field)))
-    if level < _LEAST_LEVEL or _agreement(points, normals) < _AGREEMENT:
+    if box.min() <= _FLAT * box.max():
+        raise MeshError(f"{cloud.name}: its points lie in a plane, and have no inside; use a mesh")
+    if _dimension(points) > _MOST_DIMENSION:
         raise MeshError(
-            f"{cloud.name}: its points are too sparse or too noisy for a surface; use more points, "
-            "or a mesh"
+            f"{cloud.name}: its points fill a volume, or are too noisy for a surface; use points "
+            "of the surface alone, or a mesh"
+        )
+    normals, field, grid = winding_number(points, cell)
+    level = float(np.median(grid.values(field)))
+    if level < _LEAST_LEVEL:
+        raise MeshError(
+            f"{cloud.name}: its points are too sparse for a surface; use more points, or a mesh"
         )
     normals = unit_vectors(normals)
     chosen = _thinned(points, fine) if share < 1 else np.arange(len(points))
@@ -213,10 +220,14 @@ def _without_outliers(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points[kept], farthest[kept] * np.sqrt(np.pi / _NEIGHBOURS)
 
 
-def _agreement(points: FloatArray, normals: FloatArray) -> float:
-    """Mean length of the mean unit normal of each point and its neighbours, 0 to 1."""
-    near = cKDTree(points).query(points, _NEIGHBOURS + 1)[1]
-    return float(np.linalg.norm(unit_vectors(normals)[near].mean(axis=1), axis=1).mean())
+def _dimension(points: FloatArray) -> float:
+    """Dimension of the set that points fill, by how the number of neighbours grows with distance.
+
+    Eight times as many are the square root of eight times as far away on a surface.
+    """
+    count, some = max(_NEIGHBOURS, len(points) // 200), max(1, len(points) // 1000)
+    distances = cKDTree(points).query(points[::some], [count + 1, 8 * count + 1])[0]
+    return float(np.log(8) / np.median(np.log(distances[:, 1] / distances[:, 0])))
 
 
 def _thinned(points: FloatArray, cell: float) -> IntArray:

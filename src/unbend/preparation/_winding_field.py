@@ -53,7 +53,6 @@ class Grid:
         self.waves = np.meshgrid(
             fft.fftfreq(x), fft.fftfreq(y), fft.rfftfreq(z), indexing="ij", sparse=True
         )
-        self.squared: FloatArray = np.asarray(sum(wave**2 for wave in self.waves))
 
     def values(self, field: FloatArray) -> FloatArray:
         """Interpolate a field at the points, (n,)."""
@@ -75,27 +74,47 @@ class Grid:
         """Invert a Fourier transform."""
         return np.asarray(fft.irfftn(spectrum, self.shape))
 
+    def kernel(self, smoothing: float) -> ComplexArray:
+        """Fourier transform of a point's smoothed winding number, less the direction."""
+        squared = np.asarray(sum(wave**2 for wave in self.waves))
+        gauss = np.exp(-2 * (np.pi * smoothing / self.cell) ** 2 * squared)
+        area = self.cell**2 * np.where(squared > 0, squared, np.inf)
+        return np.asarray(1j * gauss / (2 * np.pi * area))
 
-def winding_number(grid: Grid, n: int) -> tuple[FloatArray, FloatArray]:
-    """Find normals (n, 3) of the points, times their areas, and the winding number on the grid."""
-    normals = np.zeros((n, 3))
-    squared = 2 * np.pi * np.where(grid.squared > 0, grid.squared, np.inf)
-    for smoothing in np.geomspace(*_SMOOTHING, _STEPS):
-        kernel = 1j * np.exp(-2 * (np.pi * smoothing) ** 2 * grid.squared) / squared
+
+def winding_number(points: FloatArray, cell: float) -> tuple[FloatArray, FloatArray, Grid]:
+    """Find the winding number of points (n, 3) on a grid of cells of a size.
+
+    Returns
+    -------
+    normals : (n, 3) ndarray of float64
+        Of the points, times their areas.
+    field : (x, y, z) ndarray of float64
+        Winding number at the nodes of the grid, 0 outside.
+    grid : Grid
+    """
+    normals = np.zeros(points.shape)
+    grid = coarse = Grid(points, 2 * cell)  # fine enough while much is smoothed away
+    for smoothing in cell * np.geomspace(*_SMOOTHING, _STEPS):
+        if grid is coarse and smoothing < _SMOOTHING[1] * grid.cell:
+            grid = Grid(points, cell)
+        kernel = grid.kernel(smoothing)
         # One step of steepest descent towards a winding number of one half at all points.
-        missing = 0.5 - _inside(grid, _winding(grid, kernel, normals))
+        winding = _winding(grid, kernel, normals)
+        missing = 0.5 - _inside(grid, winding)
         spectrum = kernel.conj() * grid.spectrum(missing)
         step = np.stack([grid.values(grid.field(wave * spectrum)) for wave in grid.waves], axis=1)
-        change = _inside(grid, _winding(grid, kernel, step))
-        normals = normals + step * (missing @ change / max(float(change @ change), 1e-300))
+        turned = _winding(grid, kernel, step)
+        change = _inside(grid, turned)
+        length = missing @ change / max(float(change @ change), 1e-300)
+        normals, winding = normals + length * step, winding + length * turned
         # The normals turn to the gradient and keep their lengths.
-        spectrum = _winding(grid, kernel, normals)
-        slope = [grid.values(grid.field(-1j * wave * spectrum)) for wave in grid.waves]
+        slope = [grid.values(grid.field(-1j * wave * winding)) for wave in grid.waves]
         normals = unit_vectors(np.stack(slope, axis=1)) * np.linalg.norm(
             normals, axis=1, keepdims=True
         )
     field = grid.field(_winding(grid, kernel, normals))
-    return normals, field - _outside(field)
+    return normals, field - _outside(field), grid
 
 
 def _winding(grid: Grid, kernel: ComplexArray, normals: FloatArray) -> ComplexArray:

@@ -2,7 +2,7 @@
 
 from unbend.spectral._cache import cache_folder, cache_info, clear_cache, use_cache
 from unbend.spectral._laplacian import Laplacian, laplacian
-from unbend.spectral._point_cloud import Triangulation, triangulate_points
+from unbend.spectral._point_cloud import Triangulation, delaunay_triangles
 from unbend.spectral._spectrum import Spectrum, eigenpairs, spectrum
 from unbend.spectral._surface import Surface, local_ids, make_surface, named
 
@@ -14,12 +14,12 @@ __all__ = [
     "cache_folder",
     "cache_info",
     "clear_cache",
+    "delaunay_triangles",
     "eigenpairs",
     "laplacian",
     "local_ids",
     "make_surface",
     "named",
     "spectrum",
-    "triangulate_points",
     "use_cache",
 ]

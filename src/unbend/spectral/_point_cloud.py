@@ -46,7 +46,7 @@ class Triangulation(NamedTuple):
     first: IntArray  # (n,) for each point the first point at the same place
 
 
-def triangulate_points(mesh: Mesh) -> Triangulation:
+def delaunay_triangles(mesh: Mesh) -> Triangulation:
     """Find the Delaunay triangles around each point of a cloud; MeshError if there are none."""
     check_size(mesh)
     placed = (mesh.vertices - mesh.vertices.min(axis=0)) / unit_of(mesh.vertices)
@@ -75,7 +75,7 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
 
     Points at one place share its area, and links between them keep functions equal there.
     """
-    faces, weights, first = triangulate_points(mesh)
+    faces, weights, first = delaunay_triangles(mesh)
     n, unit = mesh.n_vertices, unit_of(mesh.vertices)
     dots, squared, double_areas = measure_corners(mesh.vertices / unit, faces)
     cotangents, areas = dots / double_areas[:, None], double_areas / 2
