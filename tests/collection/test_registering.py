@@ -96,7 +96,7 @@ def test_tables_agree_with_the_array(made: Path) -> None:
         assert row["status"] == ("doubtful" if round(one.confidence, 2) < 0.6 else "registered")
     (failure,) = failures
     assert Path(failure.path).name == "points.ply"
-    assert "fill a volume" in failure.reason
+    assert "too sparse or too noisy" in failure.reason
     assert rows(out)[3]["status"] == f"failed: {failure.reason}"
     assert mean_shape(found, template, min_confidence=0, n_components=1).names == tuple(
         row["path"] for row in rows(out)[:3]
