@@ -137,7 +137,8 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
             f"{cloud.name}: its points fill a volume, or are too noisy for a surface; use points "
             "of the surface alone, or a mesh"
         )
-    normals, field, grid = winding_number(points, cell)
+    grid = Grid(points, cell)
+    normals, field = winding_number(grid, len(points))
     level = float(np.median(grid.values(field)))
     if level < _LEAST_LEVEL or _agreement(points, normals) < _AGREEMENT:
         raise MeshError(

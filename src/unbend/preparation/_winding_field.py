@@ -74,31 +74,14 @@ class Grid:
         """Invert a Fourier transform."""
         return np.asarray(fft.irfftn(spectrum, self.shape))
 
-    def kernel(self, smoothing: float) -> ComplexArray:
-        """Fourier transform of a point's smoothed winding number, less the direction."""
-        squared = np.asarray(sum(wave**2 for wave in self.waves))
-        gauss = np.exp(-2 * (np.pi * smoothing / self.cell) ** 2 * squared)
-        area = self.cell**2 * np.where(squared > 0, squared, np.inf)
-        return np.asarray(1j * gauss / (2 * np.pi * area))
 
-
-def winding_number(points: FloatArray, cell: float) -> tuple[FloatArray, FloatArray, Grid]:
-    """Find the winding number of points (n, 3) on a grid of cells of a size.
-
-    Returns
-    -------
-    normals : (n, 3) ndarray of float64
-        Of the points, times their areas.
-    field : (x, y, z) ndarray of float64
-        Winding number at the nodes of the grid, 0 outside.
-    grid : Grid
-    """
-    normals = np.zeros(points.shape)
-    grid = coarse = Grid(points, 2 * cell)  # fine enough while much is smoothed away
-    for smoothing in cell * np.geomspace(*_SMOOTHING, _STEPS):
-        if grid is coarse and smoothing < _SMOOTHING[1] * grid.cell:
-            grid = Grid(points, cell)
-        kernel = grid.kernel(smoothing)
+def winding_number(grid: Grid, n: int) -> tuple[FloatArray, FloatArray]:
+    """Find normals (n, 3) of the points, times their areas, and the winding number on the grid."""
+    normals = np.zeros((n, 3))
+    squared = np.asarray(sum(wave**2 for wave in grid.waves))
+    inverse = 1j / (2 * np.pi * np.where(squared > 0, squared, np.inf))
+    for smoothing in np.geomspace(*_SMOOTHING, _STEPS):
+        kernel = inverse * np.exp(-2 * (np.pi * smoothing) ** 2 * squared)
         # One step of steepest descent towards a winding number of one half at all points.
         winding = _winding(grid, kernel, normals)
         missing = 0.5 - _inside(grid, winding)
@@ -114,7 +97,7 @@ def winding_number(points: FloatArray, cell: float) -> tuple[FloatArray, FloatAr
             normals, axis=1, keepdims=True
         )
     field = grid.field(_winding(grid, kernel, normals))
-    return normals, field - _outside(field), grid
+    return normals, field - _outside(field)
 
 
 def _winding(grid: Grid, kernel: ComplexArray, normals: FloatArray) -> ComplexArray:
