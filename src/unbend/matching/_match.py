@@ -162,7 +162,7 @@ def match(
         found = ranked([*found, *turned])
     (found, fine), other_hand = run_all(
         [
-            functools.partial(reranked, sides, found) if refine else lambda: (found, {}),
+            functools.partial(reranked, sides, found, polish=refine),
             functools.partial(onto_mirror_image, sides, found[0]) if not allow_mirror else list,
         ]
     )
@@ -189,9 +189,8 @@ def match(
             progress("refine", (i + 1) / min(n_matches, len(found)))
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
-        turned, fine = reranked(sides, turned) if refine else (turned, {})
-        chosen = fine.get(turned[0]) or refined(sides, turned[0], polish=refine)
-        other = with_partners(chosen, sides, whole).registered
+        turned, fine = reranked(sides, turned, polish=refine)
+        other = with_partners(fine[turned[0]], sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         warn(f"landmark {row} is ignored: it contradicts the best-fitting map")
@@ -256,12 +255,11 @@ def symmetry(
         progress("spectrum", 1.0)
     sides = make_sides(one.shape, one.shape).reflected()
     found = candidates(sides, progress)
-    found, fine = reranked(sides, found) if refine else (found, {})
-    chosen = fine.get(found[0]) or refined(sides, found[0], polish=refine)
+    found, fine = reranked(sides, found, polish=refine)
     if progress is not None:
         progress("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
-    return _result(one, one, sides, chosen, found, shares, apart)
+    return _result(one, one, sides, fine[found[0]], found, shares, apart)
 
 
 def _check_count(n_eigenpairs: int) -> None:

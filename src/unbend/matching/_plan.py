@@ -109,7 +109,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
     mine, other = levels[0], levels[-1]
-    medium = constants.DATA_WEIGHTS if source.partial or target.partial else MEDIUM_WEIGHTS
+    medium = constants.DATA_WEIGHTS if any(one.partial for one in shapes) else MEDIUM_WEIGHTS
     tasks = []
     for level, weights in (COARSE, COARSE_WEIGHTS), (MEDIUM, medium):
         pair = mine.proxies[level].shape, other.proxies[level].shape

@@ -71,16 +71,18 @@ def zoomout_start(source: Shape, target: Shape, found: Registered) -> Registered
 
 
 def reranked(
-    sides: Sides, ranks: list[Candidate]
+    sides: Sides, ranks: list[Candidate], *, polish: bool = True
 ) -> tuple[list[Candidate], dict[Candidate, Candidate]]:
-    """Re-rank candidates of nearly the same cost on the full meshes.
+    """Re-rank candidates of nearly the same cost on the full meshes, unless there is no polish.
 
     The ranking stays if either shape is partial and the bodies differ so much that registration on
     the full meshes explains less than on the proxies. Energies of those that are re-ranked are
-    scaled so that the former best keeps its own. What :func:`refined` makes of them comes second.
+    scaled so that the former best keeps its own. What :func:`refined` makes of some comes second,
+    of the best at least.
     """
-    nearly = [one for one in ranks[: constants.BEAM // 2] if nearly_as_good(one, ranks[0])]
-    fine = run_all(functools.partial(refined, sides, one) for one in nearly)
+    most = constants.BEAM // 2 if polish else 1
+    nearly = [one for one in ranks[:most] if nearly_as_good(one, ranks[0])]
+    fine = run_all(functools.partial(refined, sides, one, polish=polish) for one in nearly)
     if len(nearly) == 1 or (sides.partial and min(one.energy for one in fine) > ranks[0].energy):
         return ranks, dict(zip(nearly, fine, strict=True))
     unit = ranks[0].energy / max(fine[0].energy, FLOOR)
