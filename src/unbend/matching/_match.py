@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of, first_largest, is_whole, snap
 from unbend._parallel import one_blas_thread, run_all
-from unbend._types import BoolArray, FloatArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.choices import Partial
 from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
@@ -323,14 +323,10 @@ def _result(
     plausible = plausibility(ranks[0].energy, in_disorder)
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
-    k = min(left.k, right.k)
-    mine, other = (
-        np.hstack([np.ones((len(shape.areas), 1)), shape.basis[:, :k]]) for shape in (left, right)
-    )
     return Match(
         source_to_target=expand(registered.forward, there, ours, theirs),
         target_to_source=expand(registered.backward, back, theirs, ours),
-        functional_map=mine.T @ ((left.areas * there)[:, None] * other[registered.forward]),
+        functional_map=_functional_map(left, right, registered.forward, left.areas * there),
         orientation=_orientation(chosen),
         residual=spectral_residual(left, right, registered),
         confidence=min(alike_share(shares, means) * plausible, bound),
@@ -344,6 +340,19 @@ def _result(
         ),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
         expected_error=expand_rows(errors, ours, np.nan),
+    )
+
+
+def _functional_map(
+    source: Shape, target: Shape, forward: IntArray, areas: FloatArray
+) -> FloatArray:
+    """Functional map of a point map, the constant function first."""
+    k = min(source.k, target.k)
+    carried = target.basis[forward, :k]
+    carried *= areas[:, None]
+    basis = source.basis[:, :k]
+    return np.block(
+        [[areas.sum(), carried.sum(axis=0)], [(basis.T @ areas)[:, None], basis.T @ carried]]
     )
 
 

@@ -128,7 +128,7 @@ def smooth_start(
     """Take poses as a functional map knows them; its point maps are sought from others near it."""
     k = len(functional_map)
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-    left = np.ascontiguousarray(source.basis[:, :k] @ functional_map * weights)
+    left = source.basis[:, :k] @ (functional_map * weights)
     right = np.ascontiguousarray(target.basis[:, :k] * weights)
     ours, theirs = source.edge_weights, target.edge_weights
     forward, backward = near[:2]
