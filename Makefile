@@ -5,8 +5,8 @@ BIN := .venv/bin
 # One worker more than processors: some wait for a browser, or for a process they started. Every
 # worker computes with one thread of BLAS: with more, they wait for each other. Workers begin
 # with neighbouring tests, which share shapes, and Python keeps what it compiles, for all of them.
-WORKERS := $(shell $(PYTHON) -c "import os; print(os.cpu_count() + 1)")
-PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal
+WORKERS = $(shell $(BIN)/python -c "from unbend._parallel import n_cores; print(n_cores() + 1)")
+PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal
 
 .PHONY: app demo reproduce quick test test-kernels coverage test-browser browser test-portable test-matrix fuzz mutants \
 	lint format bench docs blender clean
