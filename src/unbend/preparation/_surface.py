@@ -50,7 +50,7 @@ _LEAST_LEVEL = 0.3  # median winding number at the points; one half on a surface
 # noise of 1 % of their size, less where points are farther apart than parts are thick.
 _AGREEMENT = 0.86
 # Dimension of the set that points fill: up to 2.4 for bodies with noise of 1 % of their size, and
-# from 2.6 on for points that fill a volume.
+# from 2.55 on for a thousand points and more that fill a volume.
 _MOST_DIMENSION = 2.5
 _FLAT = 1e-9  # thickness of a plane, in its lengths
 
