@@ -19,6 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# Half the resolution is drawn in software in half the time, and is no sight for people.
+SCALE = 1 if os.environ.get("UNBEND_SCREENSHOTS") else 0.5
 _PATIENCE = 60.0
 # Chromium reads commands from descriptor 3 and answers on 4.
 _LAUNCH = (
@@ -81,10 +83,14 @@ class Browser:
             self.call(f"{domain}.enable")
         offline = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
         self.call("Network.emulateNetworkConditions", offline=not address, **offline)
-        # Half the resolution is drawn in software in half the time, and is no sight for people.
-        scale = 1 if os.environ.get("UNBEND_SCREENSHOTS") else 0.5
-        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
-        self.call("Emulation.setDeviceMetricsOverride", **size)
+        self._size = width, height
+        self.resize()
+
+    def resize(self, width: int = 0, *, mobile: bool = False, scale: float = SCALE) -> None:
+        """Show the page as wide as this, or as at first, in so many pixels for one of CSS."""
+        size = {"width": width or self._size[0], "height": self._size[1]}
+        more = {"deviceScaleFactor": scale, "mobile": mobile}
+        self.call("Emulation.setDeviceMetricsOverride", **size, **more)
 
     def close(self) -> None:
         """End the browser."""

@@ -189,15 +189,14 @@ def test_two_tabs_show_one_session(page, app, dogs):
 def test_it_fits_a_telephone_and_the_dark(page, dogs, screenshots):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))
-    size = {"height": 720, "deviceScaleFactor": 1}
-    page.call("Emulation.setDeviceMetricsOverride", width=360, mobile=True, **size)
+    page.resize(360, mobile=True)
     page.call(
         "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]
     )
     wide = page.run("document.documentElement.scrollWidth")
     dark = page.picture(save=screenshots / "app-narrow.png").mean()
     page.call("Emulation.setEmulatedMedia", features=[])
-    page.call("Emulation.setDeviceMetricsOverride", width=940, mobile=False, **size)
+    page.resize()
     assert wide == 360
     assert dark < 0.4 < page.picture().mean()
 

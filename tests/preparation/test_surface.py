@@ -80,7 +80,7 @@ def test_a_large_hole_stays_open_and_a_small_gap_is_closed() -> None:
 
 
 def test_many_noisy_points_become_a_smooth_surface_of_fewer() -> None:
-    health = diagnose(mesh := surface_of_points(Mesh(sphere(16_000, 0.01))).mesh)
+    health = diagnose(mesh := surface_of_points(Mesh(sphere(30_000, 0.01))).mesh)
     assert health.closed
     assert health.genus == 0
     assert mesh.n_vertices < 15_000

@@ -125,17 +125,17 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
     """Find distinct candidate maps between the finer proxies, the best first."""
     found: list[Candidate] = []
-    level = COARSE
+    ranks, level = found, COARSE
     for i, step in enumerate(PLAN):
-        ranks = best(sides, level, found)
         if step.when(sides, ranks):
             if step.level != level:
                 found, level = _finer(sides, found), step.level
                 ranks = best(sides, level, found)
-            found += best(sides, level, step.stage(sides, ranks))[: step.keep]
+            found = [*found, *best(sides, level, step.stage(sides, ranks))[: step.keep]]
+            ranks = best(sides, level, found)
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
-    return best(sides, MEDIUM, found if level == MEDIUM else _finer(sides, found))
+    return ranks if level == MEDIUM else best(sides, MEDIUM, _finer(sides, found))
 
 
 def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:

@@ -148,12 +148,11 @@ def test_the_page_is_readable_in_the_dark_and_on_a_telephone(page, screenshots) 
     page.settle()
     picture = page.picture(save=screenshots / "similarity-dark.png")
     page.call("Emulation.setEmulatedMedia", features=[])
-    size = {"height": 720, "deviceScaleFactor": 1, "mobile": False}
-    page.call("Emulation.setDeviceMetricsOverride", width=390, **size)
+    page.resize(390)
     page.settle()
     wide = page.run("document.documentElement.scrollWidth")
     page.picture(save=screenshots / "similarity-narrow.png")
-    page.call("Emulation.setDeviceMetricsOverride", width=940, **size)
+    page.resize()
     assert np.median(picture) < 0.2
     assert wide == 390
 

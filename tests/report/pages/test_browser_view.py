@@ -170,12 +170,11 @@ def test_a_finger_places_turns_and_drags(page) -> None:
 
 
 def test_the_page_fits_a_telephone(page, screenshots) -> None:
-    size = {"height": 720, "deviceScaleFactor": 1}
-    page.call("Emulation.setDeviceMetricsOverride", width=390, mobile=True, **size)
+    page.resize(390, mobile=True)
     page.click(*page.middle("#shape-0", 0.0, 0.1))
     wide = page.run("document.documentElement.scrollWidth")
     page.picture(save=screenshots / "view-narrow.png")
-    page.call("Emulation.setDeviceMetricsOverride", width=940, mobile=False, **size)
+    page.resize()
     assert wide == 390
 
 
@@ -364,14 +363,12 @@ def test_many_pages_in_one_notebook_stay_visible(browser, dogs, tmp_path, screen
     pictures = []
     for i in (*range(18), 0):
         browser.run(f"document.querySelectorAll('iframe')[{i}].scrollIntoView()")
-        browser.settle()
-        if i in (0, 9, 17):
-            for _ in range(100):
-                picture = browser.picture(f"iframe:nth-of-type({i + 1})")
-                if (np.ptp(picture, axis=2) > 0.1).mean() > 0.01:
-                    break
-            else:
-                pytest.fail(f"frame {i} is blank")
-            pictures.append(picture)
+        for _ in range(100):
+            picture = browser.picture(f"iframe:nth-of-type({i + 1})")
+            if (np.ptp(picture, axis=2) > 0.1).mean() > 0.01:
+                break
+        else:
+            pytest.fail(f"frame {i} is blank")
+        pictures.append(picture)
     browser.problems[:] = [one for one in browser.problems if "Too many active WebGL" not in one]
-    assert changed(pictures[0], pictures[-1]) < 0.01
+    assert changed(pictures[0], pictures[18]) < 0.01
