@@ -17,7 +17,7 @@ THIN = LIMB / 4  # No limb is shorter, and along a shorter boundary nothing was 
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
-# Hypotheses that are kept. Four times as many are begun; of parts, most stages keep twice as many.
+# Hypotheses that a stage keeps. Four times as many are begun, and more of parts.
 BEAM = 4
 SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.

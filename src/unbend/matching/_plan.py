@@ -7,7 +7,8 @@ other level. To add a source of hypotheses, write such a function and give it a 
     Step(COARSE, from_tattoos, always, BEAM)
 
 The third column is asked whether the stage runs; it gets the candidates at the level of the line
-before. The first stage must propose something. docs/how-matching-works.md has the same table.
+before. Coarse lines come first, and the first of them must propose something.
+docs/how-matching-works.md has the same table.
 """
 
 from __future__ import annotations
@@ -23,14 +24,12 @@ from unbend._types import FloatArray, Progress
 from unbend.alignment import find_motions
 from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
-from unbend.matching._extrapolation import extrapolate, patches_to_hold
 from unbend.matching._extremities import find_extremities, guess_limbs, limb_maps
 from unbend.matching._registration import (
     Registered,
     laid_starts,
     lift,
     limited,
-    lower,
     mapped_start,
     register,
     rough_start,
@@ -145,8 +144,7 @@ def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """
     found = ranked(found)
     most = max(constants.UNAMBIGUOUS[1] ** 2 * found[0].cost, constants.FEATURES)
-    some = [one for one in found if sides.thorough or one.cost <= most]
-    return moved(sides, some, MEDIUM)
+    return lifted(sides, [one for one in found if sides.thorough or one.cost <= most])
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
@@ -159,8 +157,8 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
     found = best(reflected, COARSE, from_spectra(reflected, []))[:1]
     if found[0].cost >= first.cost:
         return []
-    found = moved(reflected, found, MEDIUM)
-    return [one for one in found if (1 + lead_needed(first.cost)) * one.cost < first.cost]
+    most = first.cost / (1 + lead_needed(first.cost))
+    return [one for one in lifted(reflected, found) if one.cost < most]
 
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:
@@ -183,12 +181,9 @@ def differences(sides: Sides, ranks: Sequence[Candidate]) -> FloatArray:
     return np.where(given, apart, constants.LIMB) * first.source.overlap
 
 
-def moved(sides: Sides, found: Sequence[Candidate], level: int) -> list[Candidate]:
-    """Carry candidates to the other level; to the finer one, register them there."""
+def lifted(sides: Sides, found: Sequence[Candidate]) -> list[Candidate]:
+    """Carry candidates from the coarser proxies to the finer ones, and register them there."""
     coarse = sides.source.proxies[COARSE], sides.target.proxies[COARSE]
-    if level == COARSE:
-        lowered = [lower(one.registered, *coarse) for one in found]
-        return [scored(*sides.at(COARSE), one, sides.turned) for one in lowered]
     starts = [lift(one.registered, *coarse, *sides.at(MEDIUM)) for one in found]
     return registered(sides, MEDIUM, starts, MEDIUM_WEIGHTS)
 
@@ -291,22 +286,6 @@ def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
-def extrapolated(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register what extrapolating the best candidates gives, twice."""
-    coarse = sides.at(COARSE)
-    proposed: list[Candidate] = []
-    poses = [one.registered for one in moved(sides, found[:BEAM], COARSE)]
-    for _ in range(2):
-        held = [(one, patches) for one in poses for patches in patches_to_hold(*coarse, one)]
-        starts = run_all(
-            functools.partial(extrapolate, *coarse, one, patches) for one, patches in held
-        )
-        begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS))
-        poses = [one.registered for one in begun[: 2 * BEAM]]
-        proposed += begun
-    return moved(sides, best(sides, COARSE, proposed)[: 2 * BEAM], MEDIUM)
-
-
 def _make_levels(shape: Shape) -> Levels:
     _ = shape.samples  # what the search asks for, of both shapes at once
     medium = make_proxy(shape, constants.N_VERTICES[MEDIUM])
@@ -325,5 +304,4 @@ PLAN = [
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_motions, ambiguous_part, BEAM),
     Step(MEDIUM, relaxed, part, BEAM),
-    Step(MEDIUM, extrapolated, ambiguous_part, 2 * BEAM),
 ]

@@ -155,16 +155,6 @@ def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: S
     )
 
 
-def lower(found: Registered, source: Proxy, target: Proxy) -> Registered:
-    """Carry a registration of two shapes over to their proxies."""
-    return Registered(
-        target.parents[found.forward[source.kept]],
-        source.parents[found.backward[target.kept]],
-        _taken(found.source, source.kept),
-        _taken(found.target, target.kept),
-    )
-
-
 def limited(
     source: Shape, target: Shape, data_weights: Sequence[float], edges: float = 1.0
 ) -> tuple[float, ...]:
@@ -339,10 +329,6 @@ def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
     places = basis @ (functional_map @ goal.position_coefficients[:k])
     rotations = shape.fit_rotations(places, basis @ shape.position_coefficients[:k])
     return Pose(places, rotations, np.ones(len(places), dtype=bool))
-
-
-def _taken(pose: Pose, kept: IntArray) -> Pose:
-    return Pose(pose.places[kept], pose.rotations[kept], pose.overlap[kept], pose.size)
 
 
 def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
