@@ -357,13 +357,21 @@ def test_a_bend_costs_as_much_either_way() -> None:
     assert found.energy == pytest.approx(_loss(sheet, rolled), rel=0.1)
 
 
-def test_what_has_no_partner_counts_as_a_right_map_of_a_part_does() -> None:
+def test_the_less_has_a_partner_the_more_does_what_is_left_out_cost() -> None:
+    """Where what has a partner is explained, it alone costs something."""
     shape = _person()
     identity = _identity(shape)
-    overlap = shape.vertices[:, 1] > 0
-    lacking = identity.source._replace(overlap=overlap)
-    found = scored(shape, shape, Registered(*identity[:2], lacking, lacking))
-    assert found.energy == pytest.approx(0.12 * shape.areas[~overlap].sum())
+    height = shape.vertices[:, 1]
+    shares, energies = [], []
+    for q in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        lacking = identity.source._replace(overlap=height >= np.quantile(height, q))
+        found = scored(shape, shape, Registered(*identity[:2], lacking, lacking))
+        shares.append(found.overlap)
+        energies.append(found.energy)
+    np.testing.assert_allclose(energies[:-1], -constants.WITHOUT * np.log(shares[:-1]), atol=1e-9)
+    assert energies[1] == pytest.approx(constants.WITHOUT * (1 - shares[1]), rel=0.15)
+    assert shares[-1] < constants.SMALLEST_PART  # less is not told apart
+    assert energies[-2] < energies[-1] == -constants.WITHOUT * np.log(constants.SMALLEST_PART)
 
 
 def test_what_is_left_out_does_not_turn_a_surface() -> None:

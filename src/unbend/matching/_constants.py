@@ -36,7 +36,9 @@ SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
 # How maps are scored.
-WITHOUT = 0.12  # What a vertex without a partner leaves unexplained, and a missed landmark adds.
+# What a missed landmark adds, and what adds up as ever more vertices have no partner: so many times
+# the logarithm of the share that has one. A small overlap that fits must not beat a large one.
+WITHOUT = 0.12
 # Largest cost of an unambiguous candidate, and how many times as much all others cost. On coarse
 # copies leads are about the square of what they are on finer ones.
 UNAMBIGUOUS = (0.2, 1.4)

@@ -36,7 +36,8 @@ class Candidate:
     ----------
     registered : Registered
     energy : float
-        Share of local shape, 0 to 1, that the maps leave unexplained; both directions.
+        Share of local shape that the maps leave unexplained, the mean of both directions, and what
+        the vertices without partner add to it.
     orientation : float
         Share of the surface that stays right side out, less the rest, in the worse direction.
     reflected : bool
@@ -68,21 +69,25 @@ def scored(
 ) -> Candidate:
     """Score a registration of two shapes."""
     ahead, back = unexplained(source, target, found)
-    energy = float(source.areas @ ahead + target.areas @ back) / 2
+    overlaps = [
+        float(shape.areas @ pose.overlap)
+        for shape, pose in zip((source, target), found[2:], strict=True)
+    ]
+    left_out = -np.log(np.maximum(overlaps, constants.SMALLEST_PART))
+    energy = source.areas @ ahead + target.areas @ back + constants.WITHOUT * left_out.sum()
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
         _right_side_out(target, source, found.backward, found.target),
     )
     missed = _missed(source, target, *found[:2])
-    overlap = min(
-        float(shape.areas @ pose.overlap)
-        for shape, pose in zip((source, target), found[2:], strict=True)
-    )
-    return Candidate(found, energy, orientation, reflected, missed, overlap)
+    return Candidate(found, float(energy) / 2, orientation, reflected, missed, min(overlaps))
 
 
 def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
-    """Shares (n,) and (m,) of the patches around vertices that a registration does not explain."""
+    """Shares (n,) and (m,) of the patches around vertices that a registration does not explain.
+
+    They are 0 at vertices without partner.
+    """
     left, right = landing_places(source, target, found)
     ways = (
         (source, target, left, right, found.forward, found.source.overlap),
@@ -213,7 +218,7 @@ def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatA
 
     One less the correlation of a patch's edges with their images after the best rotation (Kabsch
     1976), weighted by area; a patch that collapses is not explained at all. What has no partner
-    counts as explained in part.
+    does not count.
     """
     n = len(images)
     common = shape.covariances(images).reshape(n, -1, 9)
@@ -224,7 +229,7 @@ def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatA
     cross = np.ascontiguousarray(averaged[..., :9]).reshape(-1, 3, 3)
     size = np.sqrt(np.maximum(averaged[..., 9:].prod(axis=2), np.finfo(float).tiny))
     explained = (largest_traces(cross).reshape(size.shape) / size).reshape(overlap.shape)
-    return np.where(overlap, np.maximum(1 - explained, 0), constants.WITHOUT)
+    return np.where(overlap, np.maximum(1 - explained, 0), 0)
 
 
 def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
