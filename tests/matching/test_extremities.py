@@ -11,6 +11,7 @@ from unbend.datasets import Shape as Body
 from unbend.datasets import make_biped, make_octopus, make_sphere
 from unbend.matching._extremities import (
     Extremities,
+    _assignments,
     _costs,
     _of_lengths,
     _of_logarithms,
@@ -246,6 +247,26 @@ def test_either_shape_may_lack_most_tips() -> None:
     assert min(len(one.source) for one in guess_limbs(extremities, extremities, 5000)) == 3
     pairs = [(*one.source, -1, *one.target) for one in guess_limbs(extremities, extremities, 60)]
     assert len(set(pairs)) == len(pairs)
+
+
+def test_a_guess_of_several_kinds_has_its_best_rank() -> None:
+    """All distances equal but noise: both kinds make all guesses, in orders of their own."""
+    rng = np.random.default_rng(1)
+    ours, theirs = (
+        Extremities(np.arange(4), one + one.T, np.empty((0, 4)))
+        for one in 1 + 0.1 * rng.random((2, 4, 4)) * (1 - np.eye(4))
+    )
+    distances = ours.distances, theirs.distances
+    kinds = [
+        [(*mine, *other) for mine, other, _ in _assignments(*distances, 500, set(), deviation)]
+        for deviation in (_of_logarithms, _of_lengths)
+    ]
+    found = guess_limbs(ours, theirs, 500)
+    assert kinds[0] != kinds[1]
+    assert {(*one.source, *one.target): one.rank for one in found} == {
+        guess: min(some.index(guess) for some in kinds) for guess in kinds[0]
+    }
+    assert [one.rank for one in found] == sorted(one.rank for one in found)
 
 
 def test_landmarks_hold_what_they_name() -> None:

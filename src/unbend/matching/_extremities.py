@@ -63,11 +63,14 @@ class Guess(NamedTuple):
         Rows of the shapes' extremities.
     size : float
         Ratio of distances on the target to those on the source.
+    rank : int
+        How many guesses of its kind deviate less.
     """
 
     source: IntArray
     target: IntArray
     size: float
+    rank: int
 
 
 # Deviation (r,) of the distances between so many extremities, (r, p), from others.
@@ -143,9 +146,9 @@ def guess_limbs(
 ) -> list[Guess]:
     """Guess which extremities correspond: those whose distances deviate least.
 
-    At most `count` guesses are made under each of the two assumptions, and none if a shape has too
-    few extremities. With landmarks, guesses with all of them come first, then with each alone, then
-    with none, because one of them may be wrong.
+    At most `count` guesses of a kind are made, and none if a shape has too few extremities. There
+    is a kind for each of the two assumptions; with landmarks, for all of them, for each alone and
+    for none, because one of them may be wrong.
     """
     known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
     found = run_all(
@@ -153,8 +156,15 @@ def guess_limbs(
         for fixed in known[0 if n_landmarks > 1 else 1 :]
         for deviation in (_of_logarithms, _of_lengths)
     )
-    guesses = [Guess(*one) for some in found for one in some]
-    return list({(*one.source, *one.target): one for one in guesses}.values())
+    guesses = [
+        Guess(mine, other, size, rank)
+        for some in found
+        for rank, (mine, other, size) in enumerate(some)
+    ]
+    likeliest: dict[tuple[int, ...], Guess] = {}
+    for one in sorted(guesses, key=lambda one: one.rank):
+        likeliest.setdefault((*one.source, *one.target), one)
+    return list(likeliest.values())
 
 
 def _assignments(

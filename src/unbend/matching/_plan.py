@@ -235,11 +235,15 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from the likeliest guesses which extremities correspond, a few if one is ahead."""
+    """Register from the likeliest guesses which extremities correspond, a few if one is ahead.
+
+    Likely are those whose distances deviate little and whose maps explain much: the product of a
+    guess's ranks by either decides.
+    """
     n_kept = BEAM // 2 if unambiguous(sides, found) else 2 * BEAM if sides.partial else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
-    guesses = guess_limbs(mine, other, 12 * n_kept, len(medium[0].landmarks))
+    guesses = guess_limbs(mine, other, 48 * n_kept, len(medium[0].landmarks))
     if not guesses:
         return []
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept
@@ -252,9 +256,11 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     coarse = sides.at(COARSE)
     forward, backward = (np.stack(some, axis=1) for some in zip(*maps, strict=True))
     costs = rough_costs(*coarse, forward, backward).round(constants.DIGITS)
+    by_cost = np.argsort(np.argsort(costs, kind="stable"))
+    ranks = (1 + by_cost) * [1 + one.rank for one in guesses]
     starts = run_all(
         functools.partial(mapped_start, *coarse, forward[:, i], backward[:, i], guesses[i].size)
-        for i in np.argsort(costs, kind="stable")[: 4 * n_kept]
+        for i in np.argsort(ranks, kind="stable")[: 4 * n_kept]
     )
     begun = best(sides, COARSE, registered(sides, COARSE, starts, COARSE_WEIGHTS[:1], resize=False))
     poses = [one.registered for one in begun[:n_kept]]
@@ -282,7 +288,7 @@ def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best again from small data weights, which let parts slide."""
-    starts = [one.registered for one in found[:BEAM]]
+    starts = [one.registered for one in found[: 2 * BEAM]]
     return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
@@ -303,5 +309,5 @@ PLAN = [
     Step(COARSE, from_spectra, always, BEAM),
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_motions, ambiguous_part, BEAM),
-    Step(MEDIUM, relaxed, part, BEAM),
+    Step(MEDIUM, relaxed, part, 2 * BEAM),
 ]
