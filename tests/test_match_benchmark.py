@@ -213,16 +213,14 @@ def rows_of(errors, cpu=1.0, name="own"):
 
 
 def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, monkeypatch):
-    """Maps that are right as often as four given constants say."""
+    """Maps that are right as often as three given constants say."""
     confidence, rng = script("confidence"), np.random.default_rng(0)
     rows = rows_of(np.zeros(800))
     for i, row in enumerate(rows):
         row["energies"] = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
-        row |= {"overlap": float(rng.uniform(0.3, 1)), "confidence_bound": 1.0}
-        row["differences"] = [0.0, 0.5, 0.5, 0.5]
-        row |= {"disorder": float(rng.uniform(0, 0.2)), "set": ("own", "parts")[i % 2]}
-        row["lines"] = ["relaxed"] if i % 2 else []
-    given = np.array([0.35, 0.04, 0.6, 0.1])
+        row |= {"differences": [0.0, 0.5, 0.5, 0.5], "confidence_bound": 1.0}
+        row["set"] = ("own", "parts")[i % 2]
+    given = np.array([0.35, 0.04, 0.1])
     trust = confidence.confidences(rows, given)
     right = (rng.random(len(rows)) < trust).astype(float)
     np.testing.assert_allclose(confidence.fitted(rows, right), given, rtol=0.25)
@@ -248,16 +246,14 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
 
 
 def test_a_bound_of_the_map_bounds_the_confidence(script):
-    row = {"energies": [0.05, 0.5], "overlap": 1.0, "confidence_bound": 0.2, "disorder": 0.2}
-    row |= {"lines": [], "differences": [0.0, 0.5]}
-    given = np.array([0.3, 0.03, 0.5, 0.04])
-    assert script("confidence").confidences([row], given) == [0.2]
+    row = {"energies": [0.05, 0.5], "differences": [0.0, 0.5], "confidence_bound": 0.2}
+    assert script("confidence").confidences([row], np.array([0.3, 0.03, 0.04])) == [0.2]
 
 
 def test_maps_that_hardly_differ_do_not_share_the_probability(script):
-    row = {"energies": [0.1, 0.1], "overlap": 1.0, "confidence_bound": 1.0, "disorder": 0.0}
-    rows = [row | {"lines": [], "differences": [0.0, apart]} for apart in (0.5, 0.05)]
-    apart, alike = script("confidence").confidences(rows, np.array([0.3, 0.03, 0.5, 0.04]))
+    row = {"energies": [0.1, 0.1], "confidence_bound": 1.0}
+    rows = [row | {"differences": [0.0, apart]} for apart in (0.5, 0.05)]
+    apart, alike = script("confidence").confidences(rows, np.array([0.3, 0.03, 0.04]))
     assert alike > 0.99
     assert apart == pytest.approx(alike / 2)
 

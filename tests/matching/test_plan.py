@@ -91,7 +91,7 @@ def _with_overlap(pose: Pose, n: int, without: int) -> Pose:
 
 
 def _candidate(cost: float, orientation: float = 1.0) -> Candidate:
-    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool), 1.0)
+    return Candidate(None, cost, orientation, False, np.zeros(0, dtype=bool))
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from unbend.matching._score import Candidate, scored
 
 
 def candidate(energy: float) -> Candidate:
-    return Candidate(None, energy, 1.0, False, np.zeros(0, dtype=bool), 1.0)
+    return Candidate(None, energy, 1.0, False, np.zeros(0, dtype=bool))
 
 
 def _bumpy_boxes(partial: bool) -> tuple[Sides, Candidate, Candidate]:

@@ -39,7 +39,7 @@ def bound(
         poses = [one._replace(overlap=overlap) for one in poses]
     found = Registered(forward, backward, *poses)
     nothing = np.zeros(0, dtype=bool)
-    one = Candidate(found, 0.0, orientation, False, nothing, 1.0)
+    one = Candidate(found, 0.0, orientation, False, nothing)
     return confidence_bound(disorder(*shapes, one))
 
 
@@ -115,7 +115,7 @@ def test_expected_errors_grow_with_gaps_with_other_maps_and_with_doubt(sheet: Sh
         expected_errors(
             sheet,
             sheet,
-            Candidate(Registered(every, every, one, pose), 0.0, 1.0, False, nothing, 1.0),
+            Candidate(Registered(every, every, one, pose), 0.0, 1.0, False, nothing),
             np.zeros(n),
             0.0,
         )
@@ -123,7 +123,7 @@ def test_expected_errors_grow_with_gaps_with_other_maps_and_with_doubt(sheet: Sh
     )
     assert np.isnan(exact[7])
     assert np.nanmax(exact[every < n // 2]) < np.nanmin(poor[every < n // 2])
-    one = Candidate(Registered(every, every, pose, pose), 0.0, 1.0, False, nothing, 1.0)
+    one = Candidate(Registered(every, every, pose, pose), 0.0, 1.0, False, nothing)
     assert np.nanmin(expected_errors(sheet, sheet, one, np.zeros(n), 0.5) - exact) > 0.05
     elsewhere = np.where(every == 3, 0.2, 0.0)
     more = expected_errors(sheet, sheet, one, elsewhere, 0.0) - exact

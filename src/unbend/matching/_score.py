@@ -44,8 +44,6 @@ class Candidate:
         Whether the target was taken as its mirror image.
     missed : (l,) ndarray of bool
         Which landmarks it leads elsewhere.
-    overlap : float
-        Share of the area that has a partner, of the shape of which less has one.
     """
 
     registered: Registered
@@ -53,7 +51,6 @@ class Candidate:
     orientation: float
     reflected: bool
     missed: BoolArray
-    overlap: float
 
     @property
     def cost(self) -> float:
@@ -69,18 +66,15 @@ def scored(
 ) -> Candidate:
     """Score a registration of two shapes."""
     ahead, back = unexplained(source, target, found)
-    overlaps = [
-        float(shape.areas @ pose.overlap)
-        for shape, pose in zip((source, target), found[2:], strict=True)
-    ]
-    left_out = -np.log(np.maximum(overlaps, constants.SMALLEST_PART))
+    overlaps = [source.areas @ found.source.overlap, target.areas @ found.target.overlap]
+    left_out = -np.log(np.clip(overlaps, constants.SMALLEST_PART, 1))
     energy = source.areas @ ahead + target.areas @ back + constants.WITHOUT * left_out.sum()
     orientation = min(
         _right_side_out(source, target, found.forward, found.source),
         _right_side_out(target, source, found.backward, found.target),
     )
     missed = _missed(source, target, *found[:2])
-    return Candidate(found, float(energy) / 2, orientation, reflected, missed, min(overlaps))
+    return Candidate(found, float(energy) / 2, orientation, reflected, missed)
 
 
 def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
@@ -145,15 +139,11 @@ def distinct(
     return found
 
 
-def lead_shares(
-    costs: FloatArray, overlap: float, partial: bool, lead: float = constants.CONFIDENCE[3]
-) -> FloatArray:
+def lead_shares(costs: FloatArray, lead: float = constants.CONFIDENCE[2]) -> FloatArray:
     """Probability of each of some distinct maps, the least cost first, that no other is right.
 
-    Maps of one cost share it. The less the shapes have in common by the first, and the fewer
-    features they have, the more of a lead is chance; and more of it is if either is partial.
+    Maps of one cost share it. The fewer features the shapes have, the more of a lead is chance.
     """
-    lead *= (constants.PARTIAL_LEAD if partial else 1.0) / max(overlap, FLOOR)
     lead *= lead_needed(costs[min(1, len(costs) - 1)])
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], FLOOR)))
     return np.asarray(shares / shares.sum())
@@ -164,15 +154,10 @@ def alike_share(shares: FloatArray, differences: FloatArray) -> float:
     return float(shares @ (differences < constants.ALIKE))
 
 
-def plausibility(
-    energy: float, disorder: float, fitted: Sequence[float] = constants.CONFIDENCE[:3]
-) -> float:
-    """Probability that a finished map moves the surface as one body in two poses moves.
-
-    It falls with the energy of its candidate, and with the disorder that shows on the full meshes.
-    """
-    even, spread, weight = fitted
-    return float(1 / (1 + np.exp((energy + weight * disorder - even) / spread)))
+def plausibility(energy: float, fitted: Sequence[float] = constants.CONFIDENCE[:2]) -> float:
+    """Probability that a map of this energy moves the surface as one body in two poses moves."""
+    even, spread = fitted
+    return float(1 / (1 + np.exp((energy - even) / spread)))
 
 
 def expected_errors(
