@@ -1,4 +1,4 @@
-"""How far the confidence of maps holds, and what its three constants would be if they were fitted.
+"""How far the confidence of maps holds, and what its four constants would be if they were fitted.
 
     python benchmarks/confidence.py FILE ...
 
@@ -25,7 +25,7 @@ from scipy.stats import spearmanr
 from unbend._types import FloatArray
 from unbend.matching._score import alike_share, lead_shares, plausibility
 
-START = (0.3, 0.03, 0.04)
+START = (0.3, 0.03, 0.5, 0.04)
 LEAST = 5  # right maps, and wrong ones
 STEEP = 0.002  # keeps a fit that few wrong maps decide from a step
 
@@ -35,8 +35,10 @@ def confidences(rows: list[Row], constants: FloatArray) -> FloatArray:
     found = []
     for row in rows:
         costs = np.array(row["energies"])
-        share = alike_share(lead_shares(costs, constants[2]), np.array(row["differences"]))
-        trust = share * plausibility(costs[0], constants[:2])
+        partial = "relaxed" in row["lines"]  # a line of the plan that runs for partial shapes only
+        shares = lead_shares(costs, partial, constants[3])
+        share = alike_share(shares, np.array(row["differences"]))
+        trust = share * plausibility(costs[0], row["disorder"], constants[:3])
         found.append(min(trust, row["confidence_bound"]))
     return np.array(found)
 
@@ -132,9 +134,9 @@ def main() -> None:
     trust = np.array([row["confidence"] for row in rows])
     print_reliability(trust, right)
     print_sets(rows, trust, right)
-    even, spread, lead = fitted(rows, right)
-    print(f"fitted to all: even {even:.3f}, spread {spread:.4f}, lead {lead:.4f}; to all sets but "
-          "one, on that one:")  # fmt: skip
+    even, spread, weight, lead = fitted(rows, right)
+    print(f"fitted to all: even {even:.3f}, spread {spread:.4f}, disorder {weight:.2f}, lead "
+          f"{lead:.4f}; to all sets but one, on that one:")  # fmt: skip
     trust = held_out(rows, right)
     print_reliability(trust, right)
     print_sets(rows, trust, right)

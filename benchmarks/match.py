@@ -74,6 +74,7 @@ def run(name: str, draw: Draw, how: str = "") -> Row:
     row["cpu"] = time.process_time() - start
     row["confidence"] = float(found.confidence)
     row["confidence_bound"] = float(found.confidence_bound)
+    row["disorder"] = float(found.disorder)
     row["energies"] = [one.energy for one in found.hypotheses]
     row["differences"] = [one.difference for one in found.hypotheses]
     if how == "barycentric" and case.places is not None:

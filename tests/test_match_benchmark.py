@@ -1,6 +1,7 @@
 """What the benchmark of matches draws, measures and prints; what it finds is its own affair."""
 
 import json
+import re
 import sys
 from collections import namedtuple
 from importlib import import_module
@@ -213,14 +214,15 @@ def rows_of(errors, cpu=1.0, name="own"):
 
 
 def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, monkeypatch):
-    """Maps that are right as often as three given constants say."""
+    """Maps that are right as often as four given constants say."""
     confidence, rng = script("confidence"), np.random.default_rng(0)
     rows = rows_of(np.zeros(800))
     for i, row in enumerate(rows):
         row["energies"] = np.sort(rng.uniform(0.1, 0.6, 4)).tolist()
         row |= {"differences": [0.0, 0.5, 0.5, 0.5], "confidence_bound": 1.0}
-        row["set"] = ("own", "parts")[i % 2]
-    given = np.array([0.35, 0.04, 0.1])
+        row |= {"disorder": float(rng.uniform(0, 0.2)), "set": ("own", "parts")[i % 2]}
+        row["lines"] = ["relaxed"] if i % 2 else []
+    given = np.array([0.35, 0.04, 0.6, 0.1])
     trust = confidence.confidences(rows, given)
     right = (rng.random(len(rows)) < trust).astype(float)
     np.testing.assert_allclose(confidence.fitted(rows, right), given, rtol=0.25)
@@ -234,7 +236,8 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
     confidence.main()
     said = capsys.readouterr().out
     assert "200 maps as they were matched" in said
-    assert "fitted to all: even 0.3" in said
+    (even,) = re.findall(r"fitted to all: even ([\d.]+)", said)
+    assert float(even) == pytest.approx(0.35, rel=0.25)
     for some, why in (
         ([row | {"error": 0.0} for row in rows[:20]], "of the 20 in the files, of 2, 20 are right"),
         ([row | {"set": "own"} for row in rows[:200]], "of the 200 in the files, of 1,"),
@@ -246,14 +249,16 @@ def test_constants_of_the_confidence_are_found_again(script, capsys, tmp_path, m
 
 
 def test_a_bound_of_the_map_bounds_the_confidence(script):
-    row = {"energies": [0.05, 0.5], "differences": [0.0, 0.5], "confidence_bound": 0.2}
-    assert script("confidence").confidences([row], np.array([0.3, 0.03, 0.04])) == [0.2]
+    row = {"energies": [0.05, 0.5], "confidence_bound": 0.2, "disorder": 0.2}
+    row |= {"lines": [], "differences": [0.0, 0.5]}
+    given = np.array([0.3, 0.03, 0.5, 0.04])
+    assert script("confidence").confidences([row], given) == [0.2]
 
 
 def test_maps_that_hardly_differ_do_not_share_the_probability(script):
-    row = {"energies": [0.1, 0.1], "confidence_bound": 1.0}
-    rows = [row | {"differences": [0.0, apart]} for apart in (0.5, 0.05)]
-    apart, alike = script("confidence").confidences(rows, np.array([0.3, 0.03, 0.04]))
+    row = {"energies": [0.1, 0.1], "confidence_bound": 1.0, "disorder": 0.0}
+    rows = [row | {"lines": [], "differences": [0.0, apart]} for apart in (0.5, 0.05)]
+    apart, alike = script("confidence").confidences(rows, np.array([0.3, 0.03, 0.5, 0.04]))
     assert alike > 0.99
     assert apart == pytest.approx(alike / 2)
 

@@ -193,9 +193,9 @@ def test_what_costs_hardly_more_is_nearly_as_good_and_so_is_all_that_is_rounding
     assert nearly_as_good(_judged(1e-9), _judged(1e-16))
 
 
-def _trust(found: list[Candidate]) -> float:
-    share = lead_shares(np.array([one.cost for one in found]))[0]
-    return float(share * plausibility(found[0].energy))
+def _trust(found: list[Candidate], disorder: float = 0.0, partial: bool = False) -> float:
+    share = lead_shares(np.array([one.cost for one in found]), partial)[0]
+    return float(share * plausibility(found[0].energy, disorder))
 
 
 def test_maps_of_one_energy_share_the_probability() -> None:
@@ -215,10 +215,24 @@ def test_a_probability_falls_from_one_to_none_with_what_is_unexplained() -> None
 
 
 def test_odds_are_even_at_one_energy_and_as_e_to_one_at_one_lead() -> None:
-    assert _trust([_judged(0.31)]) > 0.7 > 0.3 > _trust([_judged(0.345)])
+    assert _trust([_judged(0.36)]) > 0.7 > 0.3 > _trust([_judged(0.46)])
     for cost in (0.1, 0.2):
-        first, other = lead_shares(np.array([cost, 1.068 * cost]))
-        assert first / other == pytest.approx(np.e)
+        for lead, partial in (0.0313, False), (0.0626, True):
+            first, other = lead_shares(np.array([cost, (1 + lead) * cost]), partial)
+            assert first / other == pytest.approx(np.e)
+
+
+def test_disorder_of_the_finished_map_counts_as_energy() -> None:
+    """A map that explains little is trusted if it is in order; one that explains more is not."""
+    alone = [_trust([_judged(0.22)], disorder) for disorder in np.linspace(0, 2, 21)]
+    assert alone == sorted(alone, reverse=True)
+    assert alone[0] > 0.95 > 0.05 > alone[4]
+    assert _trust([_judged(0.2)], 0.1) == pytest.approx(_trust([_judged(0.345)]))
+
+
+def test_a_lead_between_maps_of_parts_means_less() -> None:
+    found = [_judged(0.1), _judged(0.105)]
+    assert _trust(found, partial=True) < 0.75 < 0.8 < _trust(found)
 
 
 def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> None:
@@ -376,8 +390,8 @@ def test_maps_that_differ_where_one_of_them_has_none_are_not_distinct() -> None:
 
 
 def test_a_lead_tells_less_where_other_maps_leave_next_to_nothing_unexplained() -> None:
-    costs = np.array([0.1, 0.12])
-    featured, smooth = (lead_shares(f * costs)[0] for f in (1.0, 0.4))
+    costs = np.array([0.1, 0.11])
+    featured, smooth = (lead_shares(f * costs, False)[0] for f in (1.0, 0.4))
     assert featured > 0.9
     assert 0.5 < smooth < 0.8
-    assert lead_shares(np.array([0.0, 0.02]))[0] > 0.99
+    assert lead_shares(np.array([0.0, 0.02]), False)[0] > 0.99

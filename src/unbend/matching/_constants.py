@@ -43,9 +43,11 @@ WITHOUT = 0.12
 # copies leads are about the square of what they are on finer ones.
 UNAMBIGUOUS = (0.2, 1.4)
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
-# Energy at which a map is as likely right as wrong, how fast that changes, and the lead, as a share
-# of the energy, that makes the odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
-CONFIDENCE = (0.327, 0.0133, 0.068)
+# Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
+# much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
+# odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
+CONFIDENCE = (0.413, 0.051, 1.45, 0.0313)
+PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
 # Where the second best costs less, shapes have few features: no candidate is unambiguous, and a
 # lead means less.
 FEATURES = 0.08

@@ -173,7 +173,7 @@ def match(
         )
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
     results = []
-    shares = lead_shares(np.array([one.cost for one in [*other_hand, *found]]))[len(other_hand) :]
+    shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
     for i in range(min(n_matches, len(found))):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
         chosen = with_partners(chosen, sides, whole)
@@ -258,8 +258,7 @@ def symmetry(
     found, fine = reranked(sides, found, polish=refine)
     if progress is not None:
         progress("refine", 1.0)
-    shares = lead_shares(np.array([one.cost for one in found]))
-    apart = differences(sides, found)
+    shares, apart = _lead_shares(found, sides), differences(sides, found)
     return _result(one, one, sides, fine[found[0]], found, shares, apart)
 
 
@@ -300,6 +299,10 @@ def _landmark_hints(
     return tuple(dict.fromkeys(hints))
 
 
+def _lead_shares(found: Sequence[Candidate], sides: Sides) -> FloatArray:
+    return lead_shares(np.array([one.cost for one in found]), sides.partial)
+
+
 def _result(
     ours: Input,
     theirs: Input,
@@ -316,7 +319,7 @@ def _result(
     there, back = registered.source.overlap, registered.target.overlap
     in_disorder = disorder(left, right, chosen)
     bound = confidence_bound(in_disorder)
-    plausible = plausibility(ranks[0].energy)
+    plausible = plausibility(ranks[0].energy, in_disorder)
     elsewhere = (shares @ apart)[source.parents]
     errors = expected_errors(left, right, chosen, elsewhere, 1 - min(plausible, bound))
     return Match(

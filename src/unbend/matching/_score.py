@@ -139,11 +139,15 @@ def distinct(
     return found
 
 
-def lead_shares(costs: FloatArray, lead: float = constants.CONFIDENCE[2]) -> FloatArray:
+def lead_shares(
+    costs: FloatArray, partial: bool, lead: float = constants.CONFIDENCE[3]
+) -> FloatArray:
     """Probability of each of some distinct maps, the least cost first, that no other is right.
 
-    Maps of one cost share it. The fewer features the shapes have, the more of a lead is chance.
+    Maps of one cost share it. The fewer features the shapes have, the more of a lead is chance; and
+    more of it is if either is partial.
     """
+    lead *= constants.PARTIAL_LEAD if partial else 1.0
     lead *= lead_needed(costs[min(1, len(costs) - 1)])
     shares = np.exp((costs[0] - costs) / (lead * max(costs[0], FLOOR)))
     return np.asarray(shares / shares.sum())
@@ -154,10 +158,15 @@ def alike_share(shares: FloatArray, differences: FloatArray) -> float:
     return float(shares @ (differences < constants.ALIKE))
 
 
-def plausibility(energy: float, fitted: Sequence[float] = constants.CONFIDENCE[:2]) -> float:
-    """Probability that a map of this energy moves the surface as one body in two poses moves."""
-    even, spread = fitted
-    return float(1 / (1 + np.exp((energy - even) / spread)))
+def plausibility(
+    energy: float, disorder: float, fitted: Sequence[float] = constants.CONFIDENCE[:3]
+) -> float:
+    """Probability that a finished map moves the surface as one body in two poses moves.
+
+    It falls with the energy of its candidate, and with the disorder that shows on the full meshes.
+    """
+    even, spread, weight = fitted
+    return float(1 / (1 + np.exp((energy + weight * disorder - even) / spread)))
 
 
 def expected_errors(
