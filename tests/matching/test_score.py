@@ -231,8 +231,8 @@ def test_disorder_of_the_finished_map_counts_as_energy() -> None:
 
 
 def test_a_lead_between_maps_of_parts_means_less() -> None:
-    found = [_judged(0.1), _judged(0.105)]
-    assert _trust(found, partial=True) < 0.75 < 0.8 < _trust(found)
+    found = [_judged(0.1), _judged(0.106)]
+    assert _trust(found, partial=True) < 0.75 < 0.85 < _trust(found)
 
 
 def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> None:

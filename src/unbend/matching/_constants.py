@@ -36,8 +36,8 @@ SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
 # How maps are scored.
-# What a missed landmark adds, and what adds up as ever more vertices have no partner: so many times
-# the logarithm of the share that has one. A small overlap that fits must not beat a large one.
+# What a missed landmark adds to a cost. So many times minus the logarithm of the share of a shape
+# that has a partner are added too: a small overlap that fits must not beat a large one.
 WITHOUT = 0.12
 # Largest cost of an unambiguous candidate, and how many times as much all others cost. On coarse
 # copies leads are about the square of what they are on finer ones.
