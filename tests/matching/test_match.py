@@ -48,7 +48,7 @@ def test_itself_is_the_identity(blob: Mesh) -> None:
     assert found.orientation > 0.9
     assert found.residual < 1e-3
     assert found.confidence > 0.9
-    np.testing.assert_allclose(found.functional_map, np.eye(60), atol=1e-9)
+    np.testing.assert_allclose(found.functional_map, np.eye(30), atol=1e-9)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1)
     assert (found.weights >= 0).all()
     positions = np.einsum("ij,ijk->ik", found.weights, blob.vertices[blob.faces[found.faces]])
@@ -98,15 +98,15 @@ def test_symmetry_swaps_left_and_right() -> None:
     assert (told[0], told[-1]) == (("spectrum", 1.0), ("refine", 1.0))
 
 
-def test_maps_lead_to_vertices_of_a_coarse_copy_alone_unless_refined() -> None:
+def test_maps_that_are_not_refined_are_a_little_rough() -> None:
     egg = make_egg(4)
-    both = match(egg, egg, n_eigenpairs=30, mirrored=True, refine=False)
-    rough, swap = (symmetry(egg, n_eigenpairs=30, refine=one) for one in (False, True))
-    for one in (both.source_to_target, both.mirrored, rough.source_to_target):
-        assert len(np.unique(one)) <= 1000
-    assert len(np.unique(swap.source_to_target)) > 2000
-    for one in (both.mirrored, rough.source_to_target, swap.source_to_target):
-        assert np.linalg.norm(egg.vertices[one] * MIRROR - egg.vertices, axis=1).mean() < 0.05
+    both = match(egg, egg, mirrored=True, refine=False)
+    rough, swap = (symmetry(egg, refine=one) for one in (False, True))
+    off, rough_off, swap_off = (
+        np.linalg.norm(egg.vertices[one] * MIRROR - egg.vertices, axis=1).mean()
+        for one in (both.mirrored, rough.source_to_target, swap.source_to_target)
+    )
+    assert swap_off < 1e-9 < max(off, rough_off) < 0.02
 
 
 def test_every_alternative_knows_all_hypotheses_its_own_first() -> None:

@@ -20,7 +20,6 @@ from unbend.matching._registration import (
     mapped_start,
     register,
     rough_start,
-    smooth_start,
     spectral_residual,
 )
 from unbend.matching._score import scored
@@ -301,21 +300,6 @@ def test_forms_are_compared_where_there_are_partners_by_functions_of_both(
         assert spectral_residual(ours, theirs, Registered(every, every, whole, whole)) < 2e-3
         for poses in ((none, whole), (whole, none)):
             assert spectral_residual(ours, theirs, Registered(every, every, *poses)) == 1
-
-
-def test_a_smooth_start_has_maps_near_those_it_was_given(standing: Shape, walking: Shape) -> None:
-    """The maps given are a neighbour off everywhere, or the truth. The order does not matter."""
-    every, order = np.arange(700), np.random.default_rng(1).permutation(700)
-    number, shuffled = np.argsort(order), _shuffled(walking, order)
-    grown = _same_numbers(standing, walking, 30)
-    smooth = standing.basis[:, :30] @ (grown @ walking.position_coefficients[:30])
-    beside = standing.faces[np.unique(standing.faces.ravel(), return_index=True)[1] // 3, 0]
-    for given in (beside, every):
-        near = mapped_start(standing, shuffled, number[given], given[order], 1.0)
-        found = smooth_start(standing, shuffled, grown, near)
-        assert _mean_error(order[found.forward], walking) < 0.02
-        assert _mean_error(found.backward[number], standing) < 0.02
-        np.testing.assert_allclose(found.source.places, smooth, atol=1e-9)
 
 
 def test_all_of_a_part_has_a_partner_on_what_is_whole(standing: Shape, walking: Shape) -> None:

@@ -17,7 +17,6 @@ from unbend.matching._search import (
     orthogonal_maps,
     search,
     spectral_weights,
-    zoomout,
 )
 from unbend.matching._shape import Shape
 
@@ -158,16 +157,3 @@ def test_pairs_of_both_directions_count_alike() -> None:
     images = np.concatenate([target[pairs.forward[0]], target])
     expected = orthogonal_procrustes(rows, images)[0]
     np.testing.assert_allclose(orthogonal_maps(source, target, pairs)[0], expected, atol=1e-9)
-
-
-def test_a_map_grows_from_its_beginning() -> None:
-    rng = np.random.default_rng(0)
-    values = np.linspace(1, 3, 6)
-    source = np.linalg.qr(rng.normal(size=(60, 6)))[0]
-    signs = rng.choice([-1.0, 1.0], 6)
-    target = (source * signs)[rng.permutation(60)]
-    found = zoomout((values, source), (values, target), np.diag(signs[:3]), [3, 4, 6])
-    np.testing.assert_allclose(found, np.diag(signs), atol=1e-9)
-    np.testing.assert_array_equal(
-        zoomout((values, source), (values, target), np.diag(signs), []), np.diag(signs)
-    )

@@ -42,7 +42,7 @@ def match(
     landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
     n_matches: Annotated[int, options.count("--n-matches", None)] = 1,
-    n_eigenpairs: int = 60,
+    n_eigenpairs: int = 30,
     allow_mirror: Annotated[bool, typer.Option("--allow-mirror")] = False,
     refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
     component: options.Component = None,

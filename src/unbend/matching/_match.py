@@ -28,7 +28,7 @@ from unbend.matching._plan import (
     make_sides,
     onto_mirror_image,
 )
-from unbend.matching._polish import refined, reranked, with_partners
+from unbend.matching._polish import exact, refined, reranked, with_partners
 from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 from unbend.matching._score import (
@@ -44,7 +44,7 @@ from unbend.matching._score import (
 )
 from unbend.matching._shape import Shape
 
-_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 60, 4
+_N_EIGENPAIRS, _LEAST_EIGENPAIRS = 30, 4
 _MOST_HINTS = 3  # places where a landmark would help
 
 
@@ -90,10 +90,11 @@ def match(
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
-    n_eigenpairs : int, default=60
+    n_eigenpairs : int, default=30
         Eigenpairs of each shape, the constant included; fewer for meshes of few vertices.
     refine : bool, default=True
-        Whether to refine the map on the full meshes; else it is as exact as their coarse copies.
+        Whether to deform the full meshes too; else their coarse copies alone are, and the map is a
+        little rough.
     allow_mirror : bool, default=False
         Whether a map may turn the surface inside out when that explains more, as from a left hand
         to a right one. Without it, no map does, and a warning says if it would fit far better.
@@ -176,7 +177,7 @@ def match(
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
     for i in range(min(n_matches, len(found))):
         chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
-        chosen = with_partners(chosen, sides, whole)
+        chosen = with_partners(exact(sides, chosen), sides, whole)
         order = [i, *range(i), *range(i + 1, len(found))]
         ranks = [found[j] for j in order]
         apart = differences(sides, ranks)
@@ -190,7 +191,7 @@ def match(
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
-        other = with_partners(fine[turned[0]], sides, whole).registered
+        other = with_partners(exact(sides, fine[turned[0]]), sides, whole).registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         warn(f"landmark {row} is ignored: it contradicts the best-fitting map")
@@ -259,7 +260,7 @@ def symmetry(
     if progress is not None:
         progress("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
-    return _result(one, one, sides, fine[found[0]], found, shares, apart)
+    return _result(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
 
 
 def _check_count(n_eigenpairs: int) -> None:

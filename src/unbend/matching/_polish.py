@@ -10,64 +10,45 @@ import numpy as np
 from unbend._arrays import snap
 from unbend._parallel import run_all
 from unbend._types import BoolArray
-from unbend.alignment import nearest_rotation
 from unbend.matching import _constants as constants
 from unbend.matching._partners import keep_matched
 from unbend.matching._plan import MEDIUM, Sides, precompute
-from unbend.matching._registration import (
-    Registered,
-    lift,
-    limited,
-    register,
-    smooth_start,
-)
+from unbend.matching._registration import Registered, lift, limited, register
 from unbend.matching._score import FLOOR, Candidate, nearly_as_good, ranked, scored
-from unbend.matching._search import zoomout
 from unbend.matching._shape import Shape
 
-_GROWTH = 1.5  # of the number of functions in a step
+_PASSES = 3  # over the data weights
 
 
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves, and register these.
 
-    Whole shapes are registered once more from their functional map, grown through all
-    eigenfunctions, which slides less where the two metrics agree. The better score wins.
+    Data weights rise several times over: where both soften again, what had slid returns.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     ours, theirs = sides.source.shape, sides.target.shape
     proxies = sides.source.proxies[MEDIUM], sides.target.proxies[MEDIUM]
     found = lift(candidate.registered, *proxies, ours, theirs)
-    if not polish:
-        return scored(ours, theirs, found, candidate.reflected)
-    data_weights = limited(ours, theirs, constants.DATA_WEIGHTS[4:], constants.EDGES)
-    run_all(functools.partial(precompute, one, data_weights) for one in (ours, theirs))
-    (found,) = register(ours, theirs, [found], data_weights, constants.STEPS // 2)
-    first = scored(ours, theirs, found, candidate.reflected)
-    if sides.partial:
-        return first
-    start = zoomout_start(ours, theirs, found)
-    (found,) = register(ours, theirs, [start], data_weights, 3 * constants.STEPS // 4)
-    return ranked([first, scored(ours, theirs, found, candidate.reflected)])[0]
+    if polish:
+        data_weights = limited(ours, theirs, constants.DATA_WEIGHTS[4:], constants.EDGES)
+        run_all(functools.partial(precompute, one, data_weights) for one in (ours, theirs))
+        for _ in range(_PASSES):
+            (found,) = register(ours, theirs, [found], data_weights, constants.STEPS // 2)
+    return scored(ours, theirs, found, candidate.reflected)
 
 
-def zoomout_start(source: Shape, target: Shape, found: Registered) -> Registered:
-    """Poses and maps of a registration's functional map, grown through all eigenfunctions."""
-    most = min(source.k, target.k)
-    sizes = [min(constants.FUNCTIONS[1], most)]
-    while sizes[-1] < most:
-        sizes.append(min(most, round(_GROWTH * sizes[-1])))
-    ours, theirs = source.samples, target.samples
-    left = source.basis[np.concatenate([ours, found.backward[theirs]]), : sizes[0]]
-    right = target.basis[np.concatenate([found.forward[ours], theirs]), : sizes[0]]
-    grown = zoomout(
-        (source.eigenvalues, source.basis[ours]),
-        (target.eigenvalues, target.basis[theirs]),
-        nearest_rotation((left.T @ right)[None], reflect=True)[0],
-        sizes[1:],
-    )
-    return smooth_start(source, target, grown, found)
+def exact(sides: Sides, candidate: Candidate) -> Candidate:
+    """Map every vertex of the shapes themselves to what is closest by position alone.
+
+    Normals keep a leg from catching the leg beside it, and tell candidates apart. But they differ
+    between two meshes of one surface, so that a finished map is more exact without.
+    """
+    if candidate.reflected != sides.turned:
+        sides = sides.reflected()
+    ours, theirs = sides.source.shape, sides.target.shape
+    (found,) = register(ours, theirs, [candidate.registered], (), 0, by_position=True)
+    return scored(ours, theirs, found, candidate.reflected)
 
 
 def reranked(

@@ -122,22 +122,6 @@ def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose
     return Pose(places, rotations, np.ones(len(places), dtype=bool), size)
 
 
-def smooth_start(
-    source: Shape, target: Shape, functional_map: FloatArray, near: Registered
-) -> Registered:
-    """Take poses as a functional map knows them; its point maps are sought from others near it."""
-    k = len(functional_map)
-    weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
-    left = source.basis[:, :k] @ (functional_map * weights)
-    right = np.ascontiguousarray(target.basis[:, :k] * weights)
-    ours, theirs = source.edge_weights, target.edge_weights
-    forward, backward = near[:2]
-    for _ in range(2):
-        forward = walk(left, right, forward, ours, theirs)
-        backward = walk(right, left, backward, theirs, ours)
-    return Registered(forward, backward, *smooth_poses(source, target, functional_map))
-
-
 def smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
     """Pose either shape as the other by a functional map alone."""
     ways = (source, target, functional_map), (target, source, functional_map.T)
@@ -174,13 +158,16 @@ def register(
     starts: Sequence[Registered],
     data_weights: Sequence[float],
     steps: int,
+    *,
     resize: bool = True,
+    by_position: bool = False,
 ) -> list[Registered]:
     """Deform two shapes onto each other: so many steps for each data weight, then closest points.
 
     Each start is gone on with by itself, side by side, and is not changed. Data weights rise, and
     are :func:`limited`. ``resize`` says whether a part's size, next to the other shape's, is found
-    anew in every step.
+    anew in every step; ``by_position`` whether the final points are the closest whatever their
+    normals.
     """
     if not starts:
         return []
@@ -202,7 +189,7 @@ def register(
             forward, backward = _closest(ours, theirs, forward, backward)
     ours.ahead, theirs.ahead = ours.places, theirs.places
     for _ in range(2):
-        forward, backward = _closest(ours, theirs, forward, backward)
+        forward, backward = _closest(ours, theirs, forward, backward, by_position)
     if target.partial:
         off = ours.beyond(theirs, forward) > constants.SLACK * target.edge
         ours.keep_matched(off, forward, backward)
@@ -300,10 +287,19 @@ class _Moving:
 
 
 def _closest(
-    ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
+    ours: _Moving,
+    theirs: _Moving,
+    forward: IntArray,
+    backward: IntArray,
+    by_position: bool = False,
 ) -> tuple[IntArray, IntArray]:
-    """Points of either shape that are close to the other's in both poses."""
+    """Points of either shape that are close to the other's in both poses.
+
+    Normals keep a leg from catching the leg beside it, but differ between meshes of one surface.
+    """
     left, right = run_all([lambda: ours.rows(0, 6), lambda: theirs.rows(6, 0)])
+    if by_position:
+        left, right = _positions(left), _positions(right)
     mine, other = ours.shape.edge_weights, theirs.shape.edge_weights
     forward, backward = run_all(
         [
@@ -312,8 +308,8 @@ def _closest(
         ]
     )
     # By position alone: where a surface ends, normals lead to what is not at its end.
-    if ours.shape.partial or theirs.shape.partial:
-        left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
+    if not by_position and (ours.shape.partial or theirs.shape.partial):
+        left, right = _positions(left), _positions(right)
     if theirs.shape.partial:
         nearest = walk(left, right, forward, mine, other)
         ours.keep_matched(theirs.shape.on_boundary[nearest], forward, backward)
@@ -321,6 +317,10 @@ def _closest(
         nearest = walk(right, left, backward, other, mine)
         theirs.keep_matched(ours.shape.on_boundary[nearest], backward, forward)
     return forward, backward
+
+
+def _positions(rows: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(rows[..., _POSITIONS])
 
 
 def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:

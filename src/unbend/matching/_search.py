@@ -8,7 +8,6 @@ hypothesis, each new eigenfunction branches it, and the closest ones that differ
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -113,28 +112,3 @@ def _distinct(maps: FloatArray, order: npt.NDArray[np.intp], count: int) -> list
         if len(kept) == count:
             break
     return kept
-
-
-def zoomout(
-    source: tuple[FloatArray, FloatArray],
-    target: tuple[FloatArray, FloatArray],
-    functional_map: FloatArray,
-    sizes: Sequence[int],
-) -> FloatArray:
-    """Grow one orthogonal functional map through a sequence of sizes.
-
-    ``source`` and ``target`` are non-constant eigenvalues (K,) at unit area, and eigenfunctions
-    (m, K) at sampled points (Melzi, Ren, Rodolà, Sharma, Wonka, Ovsjanikov, "ZoomOut: spectral
-    upsampling for efficient shape correspondence", ACM TOG 38(6), 2019).
-    """
-    (source_values, left), (target_values, right) = source, target
-
-    def pairs_of(matrix: FloatArray) -> Pairs:
-        k = len(matrix)
-        weights = spectral_weights(source_values, target_values, k)
-        return nearest_pairs((left[:, :k] @ matrix * weights)[None], right[:, :k] * weights)
-
-    for k in sizes:
-        pairs = pairs_of(functional_map)
-        functional_map = orthogonal_maps(left[:, :k], right[:, :k], pairs)[0]
-    return functional_map
