@@ -19,7 +19,7 @@ N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which
 FUNCTIONS = (6, 20)  # Eigenfunctions with which the search begins, every sign tried, and ends.
 # Hypotheses that a stage keeps. Four times as many are begun, and more of parts.
 BEAM = 4
-SAMPLES = 1500  # Points that represent a shape; the search, which tries many maps, takes a sixth.
+SAMPLES = 300  # Points that represent a shape, far apart.
 N_EXTREMITIES = 10  # Extremities of a shape at most, the most remote first.
 LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviation of lengths.
 

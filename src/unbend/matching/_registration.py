@@ -74,7 +74,8 @@ def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Reg
     weights = spectral_weights(source.eigenvalues, target.eigenvalues, k)
     left = source.basis[:, :k] @ functional_map * weights
     pairs = nearest_pairs(left[None], target.basis[:, :k] * weights)
-    poses = smooth_poses(source, target, functional_map)
+    ways = (source, target, functional_map), (target, source, functional_map.T)
+    poses = run_all(functools.partial(_smooth_pose, *way) for way in ways)
     return Registered(pairs.forward[0], pairs.backward[0], *poses)
 
 
@@ -120,13 +121,6 @@ def _placed(shape: Shape, goal: Shape, point_map: IntArray, size: float) -> Pose
     rest, places = (np.ascontiguousarray(one) for one in np.hsplit(averaged, 2))
     rotations = shape.fit_rotations(places, rest)
     return Pose(places, rotations, np.ones(len(places), dtype=bool), size)
-
-
-def smooth_poses(source: Shape, target: Shape, functional_map: FloatArray) -> tuple[Pose, Pose]:
-    """Pose either shape as the other by a functional map alone."""
-    ways = (source, target, functional_map), (target, source, functional_map.T)
-    ours, theirs = run_all(functools.partial(_smooth_pose, *way) for way in ways)
-    return ours, theirs
 
 
 def lift(found: Registered, source: Proxy, target: Proxy, ours: Shape, theirs: Shape) -> Registered:
@@ -344,7 +338,7 @@ def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:
     Samples without a partner do not count; 1 if none has one.
     """
     k = min(source.k, target.k)
-    ours, theirs = source.samples[: constants.SAMPLES], target.samples[: constants.SAMPLES]
+    ours, theirs = source.samples, target.samples
     ours, theirs = ours[found.source.overlap[ours]], theirs[found.target.overlap[theirs]]
     if not len(ours) or not len(theirs):
         return 1.0

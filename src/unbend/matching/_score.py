@@ -24,7 +24,7 @@ from unbend.matching._registration import Pose, Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
-_PATCHES, _PATCH_VERTICES, _CROWDED = 300, 6, 3.0
+_PATCH_VERTICES, _CROWDED = 6, 3.0
 FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 
 
@@ -291,7 +291,7 @@ def _crowded(way: _Way) -> float:
     """Share of the area with partners that lands in patches which take in too much."""
     shape, goal, there, _, overlap, goal_overlap = way
     fewest = min(len(shape.areas), len(goal.areas))
-    middles = goal.samples[: max(min(_PATCHES, fewest // _PATCH_VERTICES), 1)]
+    middles = goal.samples[: max(fewest // _PATCH_VERTICES, 1)]
     patch = cKDTree(goal.vertices[middles]).query(goal.vertices)[1]
     taken, room = (
         np.bincount(patches, areas, len(middles)) / max(areas.sum(), np.finfo(float).tiny)

@@ -29,10 +29,7 @@ def search(source: Shape, target: Shape) -> FloatArray:
     non-constant eigenfunctions, closest first.
     """
     available, beam = min(source.k, target.k), 2 * constants.BEAM
-    count = constants.SAMPLES // 6  # many maps are tried
-    left = source.samples[:count]
-    right = target.samples[:count]
-    forms = source.basis[left], target.basis[right]
+    forms = source.basis[source.samples], target.basis[target.samples]
 
     def pairs_of(maps: FloatArray) -> Pairs:
         k = maps.shape[1]
