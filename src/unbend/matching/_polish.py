@@ -23,7 +23,8 @@ _PASSES = 3  # over the data weights
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves, and register these.
 
-    Data weights rise several times over: where both soften again, what had slid returns.
+    For whole shapes data weights rise several times over: what had slid while shapes were soft
+    returns when they are stiff again. Parts would drift.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
@@ -33,7 +34,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     if polish:
         data_weights = limited(ours, theirs, constants.DATA_WEIGHTS[4:], constants.EDGES)
         run_all(functools.partial(precompute, one, data_weights) for one in (ours, theirs))
-        for _ in range(_PASSES):
+        for _ in range(1 if sides.partial else _PASSES):
             (found,) = register(ours, theirs, [found], data_weights, constants.STEPS // 2)
     return scored(ours, theirs, found, candidate.reflected)
 
