@@ -99,7 +99,7 @@ def test_starts_are_the_shape_moved_and_pairs_of_nearest_points(
     apart = np.linalg.norm(start.source.places[:, None] - target.vertices, axis=2)
     reached = apart[np.arange(len(apart)), start.forward]
     # Normals count a little, too.
-    assert (reached <= apart.min(axis=1) + 2 * constants.NORMAL_WEIGHT).all()
+    assert (reached <= apart.min(axis=1) + 2 * constants.NORMAL_WEIGHTS[0]).all()
     # What lands on the part's boundary has no partner there; the whole has none.
     np.testing.assert_array_equal(start.target.overlap, ~source.on_boundary[start.backward])
     assert not start.target.overlap.all()

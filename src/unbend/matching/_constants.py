@@ -30,7 +30,9 @@ LEFT_OUT = 0.04  # Cost of an extremity without a partner, as a relative deviati
 DATA_WEIGHTS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 STEPS = 8  # At each data weight.
 MOMENTUM = 0.7  # Closest points are sought ahead of a slow slide, by this share of its last step.
-NORMAL_WEIGHT = 0.1  # Length that a difference of normals of one counts as.
+# Length that a difference of normals of one counts as, while shapes move and at the end: normals
+# keep a leg from catching the leg beside it, but differ between two meshes of one surface.
+NORMAL_WEIGHTS = (0.1, 0.03)
 EDGES = 2.0  # Places that are closer than so many mean edges count as the same.
 SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.

@@ -288,7 +288,7 @@ def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best again from small data weights, which let parts slide."""
-    starts = [one.registered for one in found[:BEAM]]
+    starts = [one.registered for one in found[: 2 * BEAM]]
     return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
@@ -309,5 +309,5 @@ PLAN = [
     Step(COARSE, from_spectra, always, BEAM),
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_motions, ambiguous_part, BEAM),
-    Step(MEDIUM, relaxed, part, BEAM),
+    Step(MEDIUM, relaxed, part, 2 * BEAM),
 ]

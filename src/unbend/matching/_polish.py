@@ -40,15 +40,17 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
 
 
 def exact(sides: Sides, candidate: Candidate) -> Candidate:
-    """Map every vertex of the shapes themselves to what is closest by position alone.
+    """Map every vertex of the shapes themselves to what is closest, with little regard to normals.
 
     Normals keep a leg from catching the leg beside it, and tell candidates apart. But they differ
-    between two meshes of one surface, so that a finished map is more exact without.
+    between two meshes of one surface, so that a finished map is more exact when they count little.
     """
     if candidate.reflected != sides.turned:
         sides = sides.reflected()
     ours, theirs = sides.source.shape, sides.target.shape
-    (found,) = register(ours, theirs, [candidate.registered], (), 0, by_position=True)
+    (found,) = register(
+        ours, theirs, [candidate.registered], (), 0, normal_weight=constants.NORMAL_WEIGHTS[1]
+    )
     return scored(ours, theirs, found, candidate.reflected)
 
 

@@ -95,8 +95,8 @@ def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Register
     there, here = motions.moved(source.vertices), back.moved(target.vertices)
     facing = np.einsum("hij,nj->hni", motions.rotations, source.normals)
     pairs = nearest_pairs(
-        np.concatenate([there, constants.NORMAL_WEIGHT * facing], axis=2),
-        np.hstack([target.vertices, constants.NORMAL_WEIGHT * target.normals]),
+        np.concatenate([there, constants.NORMAL_WEIGHTS[0] * facing], axis=2),
+        np.hstack([target.vertices, constants.NORMAL_WEIGHTS[0] * target.normals]),
     )
     return [
         Registered(
@@ -154,21 +154,20 @@ def register(
     steps: int,
     *,
     resize: bool = True,
-    by_position: bool = False,
+    normal_weight: float = constants.NORMAL_WEIGHTS[0],
 ) -> list[Registered]:
     """Deform two shapes onto each other: so many steps for each data weight, then closest points.
 
     Each start is gone on with by itself, side by side, and is not changed. Data weights rise, and
     are :func:`limited`. ``resize`` says whether a part's size, next to the other shape's, is found
-    anew in every step; ``by_position`` whether the final points are the closest whatever their
-    normals.
+    anew in every step; ``normal_weight`` how much normals count for which points are closest.
     """
     if not starts:
         return []
     forward = np.stack([one.forward for one in starts], axis=1)
     backward = np.stack([one.backward for one in starts], axis=1)
-    ours = _Moving(source, target, [one.source for one in starts])
-    theirs = _Moving(target, source, [one.target for one in starts])
+    ours = _Moving(source, target, [one.source for one in starts], normal_weight)
+    theirs = _Moving(target, source, [one.target for one in starts], normal_weight)
     for data_weight in limited(source, target, data_weights):
         for _ in range(steps):
             run_all(
@@ -183,7 +182,7 @@ def register(
             forward, backward = _closest(ours, theirs, forward, backward)
     ours.ahead, theirs.ahead = ours.places, theirs.places
     for _ in range(2):
-        forward, backward = _closest(ours, theirs, forward, backward, by_position)
+        forward, backward = _closest(ours, theirs, forward, backward)
     if target.partial:
         off = ours.beyond(theirs, forward) > constants.SLACK * target.edge
         ours.keep_matched(off, forward, backward)
@@ -210,13 +209,15 @@ class _Moving:
     What belongs to a pose has an axis for them after that of the vertices.
     """
 
-    def __init__(self, shape: Shape, goal: Shape, poses: Sequence[Pose]) -> None:
-        self.shape, self.goal = shape, goal
+    def __init__(
+        self, shape: Shape, goal: Shape, poses: Sequence[Pose], normal_weight: float
+    ) -> None:
+        self.shape, self.goal, self.normal_weight = shape, goal, normal_weight
         self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.overlap = np.stack([one.overlap for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
-        self.resting = np.hstack([shape.vertices, constants.NORMAL_WEIGHT * shape.normals])
+        self.resting = np.hstack([shape.vertices, normal_weight * shape.normals])
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -275,25 +276,16 @@ class _Moving:
         rows = np.empty((*self.ahead.shape[:2], 12))
         rows[..., ahead : ahead + 3] = self.ahead
         normals_into(rows, ahead + 3, self.ahead, self.shape.faces, *self.shape.fans)
-        rows[..., ahead + 3 : ahead + 6] *= constants.NORMAL_WEIGHT
+        rows[..., ahead + 3 : ahead + 6] *= self.normal_weight
         rows[..., rest : rest + 6] = self.resting[:, None]
         return rows
 
 
 def _closest(
-    ours: _Moving,
-    theirs: _Moving,
-    forward: IntArray,
-    backward: IntArray,
-    by_position: bool = False,
+    ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Points of either shape that are close to the other's in both poses.
-
-    Normals keep a leg from catching the leg beside it, but differ between meshes of one surface.
-    """
+    """Points of either shape that are close to the other's in both poses."""
     left, right = run_all([lambda: ours.rows(0, 6), lambda: theirs.rows(6, 0)])
-    if by_position:
-        left, right = _positions(left), _positions(right)
     mine, other = ours.shape.edge_weights, theirs.shape.edge_weights
     forward, backward = run_all(
         [
@@ -302,8 +294,8 @@ def _closest(
         ]
     )
     # By position alone: where a surface ends, normals lead to what is not at its end.
-    if not by_position and (ours.shape.partial or theirs.shape.partial):
-        left, right = _positions(left), _positions(right)
+    if ours.shape.partial or theirs.shape.partial:
+        left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
         nearest = walk(left, right, forward, mine, other)
         ours.keep_matched(theirs.shape.on_boundary[nearest], forward, backward)
@@ -311,10 +303,6 @@ def _closest(
         nearest = walk(right, left, backward, other, mine)
         theirs.keep_matched(ours.shape.on_boundary[nearest], backward, forward)
     return forward, backward
-
-
-def _positions(rows: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(rows[..., _POSITIONS])
 
 
 def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:
