@@ -28,22 +28,14 @@ _DIFFERENT, _CELL = 0.75, 0.25  # of the reach: so far apart; so large a cell of
 class OrientedSurface(NamedTuple):
     """Points of a surface, and which way they face.
 
-    Attributes
-    ----------
-    points, normals : (n, 3) ndarray of float64
-    samples : (s,) ndarray of int64
-        Some of the points, far apart, by which motions are compared; the first are laid.
-    areas : (s,) ndarray of float64
-        What each of them stands for.
-    on_boundary : (n,) ndarray of bool
-        Where the surface may go on.
+    Motions are compared by some points, far apart, of which the first are laid.
     """
 
-    points: FloatArray
-    normals: FloatArray
-    samples: IntArray
-    areas: FloatArray
-    on_boundary: BoolArray
+    points: FloatArray  # (n, 3)
+    normals: FloatArray  # (n, 3)
+    samples: IntArray  # (s,) of the points
+    areas: FloatArray  # (s,) what each of them stands for
+    on_boundary: BoolArray  # (n,) where the surface may go on
 
 
 class Motions(NamedTuple):

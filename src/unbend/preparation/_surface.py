@@ -56,56 +56,19 @@ _FLAT = 1e-9  # thickness of a plane, in its lengths
 
 
 class PointSurface(NamedTuple):
-    """A surface of a point cloud.
+    """A surface of a point cloud."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Connected and manifold, its faces oriented outward.
-    vertex_of_point : (n,) ndarray of int64
-        The nearest vertex of each point; -1 for outliers.
-    point_of_vertex : (m,) ndarray of int64
-        The nearest point of each vertex.
-    """
-
-    mesh: Mesh
-    vertex_of_point: IntArray
-    point_of_vertex: IntArray
+    mesh: Mesh  # connected and manifold, its faces oriented outward
+    vertex_of_point: IntArray  # (n,) the nearest vertex of each point; -1 for outliers
+    point_of_vertex: IntArray  # (m,) the nearest point of each vertex
 
 
 @lru_cache(maxsize=2)  # meshes never change, and a match and a registration ask for the same
 def surface_of_points(cloud: Mesh) -> PointSurface:
-    """Reconstruct the surface of a point cloud.
+    """Reconstruct the surface of a cloud of at least 500 points.
 
-    Parameters
-    ----------
-    cloud : Mesh
-        A point cloud of at least 500 points.
-
-    Returns
-    -------
-    PointSurface
-
-    Raises
-    ------
-    MeshError
-        If there are too few points, or they are too sparse or too noisy for a surface, fill a
-        volume, or lie in a plane.
-
-    References
-    ----------
-    Lin, Shi & Liu, "Fast and Globally Consistent Normal Orientation based on the Winding Number
-    Normal Consistency", ACM TOG 2024.
-
-    Examples
-    --------
-    >>> from unbend import Mesh, diagnose
-    >>> from unbend.datasets import make_sphere
-    >>> from unbend.preparation import surface_of_points
-    >>> found = surface_of_points(Mesh(make_sphere(4).vertices))
-    >>> health = diagnose(found.mesh)
-    >>> health.closed, health.genus, round(health.area / 3.14159)
-    (True, 0, 4)
+    Raises MeshError if there are too few points, or they are too sparse or too noisy for a surface,
+    fill a volume, or lie in a plane.
     """
     check_size(cloud)
     unit = unit_of(cloud.vertices)
@@ -146,7 +109,9 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
             "or a mesh"
         )
     normals = unit_vectors(normals)
-    chosen = _thinned(points, fine) if share < 1 else np.arange(len(points))
+    chosen = np.arange(len(points))
+    if share < 1:  # one point of each cell that has any
+        chosen = np.unique(np.floor(points / fine), axis=0, return_index=True)[1]
     spacing = spacing[chosen] * np.sqrt(len(points) / len(chosen))
     points = _denoised(points, normals, chosen, spacing)
     tetrahedra = make_tetrahedra(points)
@@ -173,30 +138,8 @@ def triangulate_points(cloud: Mesh) -> Mesh:
     """Join the points of a cloud by triangles along its surface, to draw them.
 
     Each vertex of the surface moves to the nearest point. The other points then split the triangles
-    beside them; outliers are no corners. The result has the order of the points.
-
-    Parameters
-    ----------
-    cloud : Mesh
-        A point cloud of at least 500 points.
-
-    Returns
-    -------
-    Mesh
-        It need not be manifold.
-
-    Raises
-    ------
-    MeshError
-        If :func:`surface_of_points` finds no surface.
-
-    Examples
-    --------
-    >>> from unbend import Mesh
-    >>> from unbend.datasets import make_sphere
-    >>> from unbend.preparation import triangulate_points
-    >>> triangulate_points(Mesh(make_sphere(3).vertices)).n_vertices
-    642
+    beside them; outliers are no corners. The result has the order of the points, and need not be
+    manifold. Raises MeshError if :func:`surface_of_points` finds no surface.
     """
     found = surface_of_points(cloud)
     faces = np.sort(found.point_of_vertex[found.mesh.faces], axis=1)
@@ -239,11 +182,6 @@ def _agreement(points: FloatArray, normals: FloatArray) -> float:
     """Mean length of the mean unit normal of each point and its neighbours, 0 to 1."""
     near = cKDTree(points).query(points, _NEIGHBOURS + 1)[1]
     return float(np.linalg.norm(unit_vectors(normals)[near].mean(axis=1), axis=1).mean())
-
-
-def _thinned(points: FloatArray, cell: float) -> IntArray:
-    """One point of each cell that has any."""
-    return np.unique(np.floor(points / cell), axis=0, return_index=True)[1]
 
 
 def _denoised(

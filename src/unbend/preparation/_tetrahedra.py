@@ -39,24 +39,12 @@ _SIDES = np.array([[3, 5, 4], [2, 5, 1], [0, 4, 2], [1, 3, 0]])  # edges of each
 
 
 class Tetrahedra(NamedTuple):
-    """Delaunay tetrahedra.
+    """Delaunay tetrahedra."""
 
-    Attributes
-    ----------
-    corners : (t, 4) ndarray of int64
-        Points, positively oriented.
-    beyond : (t, 4) ndarray of int64
-        The tetrahedron beyond the face opposite each corner, -1 for none.
-    centres : (t, 3) ndarray of float64
-        Centre of the empty ball through the corners.
-    radii : (t,) ndarray of float64
-        Its radius, 0 for flat tetrahedra.
-    """
-
-    corners: IntArray
-    beyond: IntArray
-    centres: FloatArray
-    radii: FloatArray
+    corners: IntArray  # (t, 4) points, positively oriented
+    beyond: IntArray  # (t, 4) the tetrahedron beyond the face opposite each corner, -1 for none
+    centres: FloatArray  # (t, 3) of the empty ball through the corners
+    radii: FloatArray  # (t,) of that ball, 0 for flat tetrahedra
 
 
 def make_tetrahedra(points: FloatArray) -> Tetrahedra:
@@ -84,20 +72,10 @@ def find_inside(
     spacing: FloatArray,
     winding: FloatArray,
 ) -> BoolArray:
-    """Choose the tetrahedra that are inside, by a minimum cut.
+    """Choose the tetrahedra (t,) that are inside, by a minimum cut.
 
-    Parameters
-    ----------
-    tetrahedra : Tetrahedra
-    points, normals : (n, 3) ndarray of float64
-    spacing : (n,) ndarray of float64
-        Distance between the points around each.
-    winding : (t,) ndarray of float64
-        Winding number in the ball of each tetrahedron, less that of the surface.
-
-    Returns
-    -------
-    (t,) ndarray of bool
+    ``spacing`` (n,) is the distance between the points around each; ``winding`` (t,) is the winding
+    number in the ball of each tetrahedron, less that of the surface.
     """
     beyond, radii = tetrahedra.beyond, tetrahedra.radii
     corners = tetrahedra.corners[:, _FACES]
@@ -123,13 +101,9 @@ def find_inside(
     n = len(radii)
     hull = np.where(beyond < 0, area, 0).sum(axis=1)
     every = np.arange(n)
-    capacity = np.concatenate(
-        [
-            _SMOOTHNESS * area[first, face] * quality,
-            np.maximum(flux, 0),
-            np.maximum(-flux, 0) + _SMOOTHNESS * hull,
-        ]
-    ) * (_LEVELS / area.mean())
+    inward, outward = np.maximum(flux, 0), np.maximum(-flux, 0) + _SMOOTHNESS * hull
+    capacity = np.concatenate([_SMOOTHNESS * area[first, face] * quality, inward, outward])
+    capacity *= _LEVELS / area.mean()
     rows = np.concatenate([first, np.full(n, n), every])
     columns = np.concatenate([second, every, np.full(n, n + 1)])
     graph = sp.csr_array(
@@ -151,12 +125,8 @@ def boundary(
     Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
     of tetrahedra are cut (:func:`_joined`) and stay open there.
 
-    Returns
-    -------
-    faces : (m, 3) ndarray of int64
-        Points, wound outward.
-    edges : (m, 3) ndarray of int64
-        The edge from each corner to the next. Two faces meet there, or one at a cut.
+    Returns the points of the faces (m, 3), wound outward, and the edge (m, 3) from each corner to
+    the next. Two faces meet there, or one at a cut.
     """
     corners, beyond = tetrahedra.corners, tetrahedra.beyond
     ends = np.sort(corners[:, _EDGES], axis=2)
@@ -192,25 +162,13 @@ def _lengths(tetrahedra: Tetrahedra, points: FloatArray, spacing: FloatArray) ->
 def _joined(
     tetrahedra: Tetrahedra, inside: BoolArray, length: FloatArray, number: IntArray
 ) -> BoolArray:
-    """Join the tetrahedra inside through faces, without rings unless they are thick.
+    """Join the tetrahedra inside through faces (t, 4), without rings unless they are thick.
 
     First a tree joins them through the longest faces. A face then joins two tetrahedra if all
     others around one of its edges do so, the longest ones first, and at last if others around one
     of its corners join them. The faces that are left cut each ring of tetrahedra where it is
-    narrowest. A face that is too long for the surface is not left.
-
-    Parameters
-    ----------
-    tetrahedra : Tetrahedra
-    inside : (t,) ndarray of bool
-    length : (t, 4) ndarray of float64
-    number : (t, 6) ndarray of int64
-        Of each edge.
-
-    Returns
-    -------
-    (t, 4) ndarray of bool
-        Which faces join a tetrahedron to the one beyond.
+    narrowest. A face that is too long for the surface is not left. ``length`` (t, 4) is that of
+    each face, ``number`` (t, 6) that of each edge.
     """
     corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(inside)
     within = inside[:, None] & np.append(inside, False)[beyond]
