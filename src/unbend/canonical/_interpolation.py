@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.linalg
+from scipy.sparse.linalg import LinearOperator, cg
 
 from unbend._arrays import is_number, numbers_of
 from unbend._types import FloatArray, IntArray
@@ -139,11 +140,12 @@ def _least_squares(
 ) -> FloatArray:
     """Conjugate gradients on the (k, k) matrix equation, in O(k^3) a step."""
     at_samples, gram = _at_samples(spectrum, samples, mu)
-    values = spectrum.eigenvalues
+    values, shape = spectrum.eigenvalues, gram.shape
     smoothness = values[:, None] + values[None, :]
 
-    def apply(alpha: FloatArray) -> FloatArray:
-        return smoothness * alpha + mu * (gram @ alpha @ gram)
+    def apply(flat: FloatArray) -> FloatArray:
+        alpha = flat.reshape(shape)
+        return (smoothness * alpha + mu * (gram @ alpha @ gram)).ravel()
 
     # A Kronecker product close to the operator: exact but for Lambda Lambda / mu where the
     # samples are spread so evenly that S is a multiple of the identity.
@@ -151,25 +153,19 @@ def _least_squares(
     factor = _factor(np.sqrt(mu) * gram + np.diag(values) / (np.sqrt(mu) * evenness))
 
     def precondition(residual: FloatArray) -> FloatArray:
-        once = scipy.linalg.cho_solve(factor, residual)
-        return np.asarray(scipy.linalg.cho_solve(factor, once.T))
+        once = scipy.linalg.cho_solve(factor, residual.reshape(shape))
+        return np.asarray(scipy.linalg.cho_solve(factor, once.T).ravel())
 
-    target = mu * (at_samples.T @ squared @ at_samples)
-    alpha = precondition(target)
-    residual = target - apply(alpha)
-    direction = corrected = precondition(residual)
-    fall = np.vdot(residual, corrected)
-    for _ in range(20 * len(values)):
-        if np.linalg.norm(residual) <= _TOLERANCE * np.linalg.norm(target):
-            return (alpha + alpha.T) / 2
-        image = apply(direction)
-        step = fall / np.vdot(direction, image)
-        alpha = alpha + step * direction
-        residual = residual - step * image
-        corrected = precondition(residual)
-        fall, previous = np.vdot(residual, corrected), fall
-        direction = corrected + fall / previous * direction
-    raise SolverError(_UNDETERMINED)
+    target = (mu * (at_samples.T @ squared @ at_samples)).ravel()
+    system, inverse = (
+        LinearOperator((len(target),) * 2, work, dtype=float) for work in (apply, precondition)
+    )
+    steps = {"rtol": _TOLERANCE, "atol": 0.0, "maxiter": 20 * len(values)}
+    alpha, unsettled = cg(system, target, precondition(target), M=inverse, **steps)
+    if unsettled:
+        raise SolverError(_UNDETERMINED)
+    alpha = alpha.reshape(shape)
+    return np.asarray((alpha + alpha.T) / 2)
 
 
 def _factor(system: FloatArray) -> tuple[FloatArray, bool]:

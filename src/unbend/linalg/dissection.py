@@ -57,19 +57,14 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
         functools.partial(_subtree, *graph, order, *segments[i], *scratch) for i in largest
     )
     # The pieces of the order, and of each the first columns and the parents of its supernodes.
-    pieces, begins, parents = [], [], []
-    roots: dict[int, int] = {}
-    for i, (own, above) in zip(largest, subtrees, strict=True):
-        pieces.append(order[slice(*segments[i])])
-        begins.append(own)
-        parents.append(above)
-        roots[i] = len(parents) - 1
+    pieces = [order[slice(*segments[i])] for i in largest]
+    begins, parents = map(list, zip(*subtrees, strict=True))
     top_sides = {}
 
     def join(level: int, i: int) -> int:
         """Append a separator to the pieces, after what it separates; give its number there."""
         if level == _LEVELS:
-            return roots[i]
+            return largest.index(i)
         sides = join(level + 1, 2 * i), join(level + 1, 2 * i + 1)
         pieces.append(order[slice(*separators[level][i])])
         size = len(pieces[-1])

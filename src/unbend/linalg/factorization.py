@@ -89,7 +89,13 @@ def factorize(
     matrix = sp.csc_matrix(matrix, dtype=np.float64)
     n = matrix.shape[0]
     size = abs(matrix).sum(axis=0).max()
-    name, decompose = _backend(n, many, diagonal)
+    decompose: Callable[[SparseMatrix], tuple[Any, FloatArray, _Solve]]
+    if diagonal or n >= _DENSE_BLOCKS_PAY:
+        name, decompose = "multifrontal", _multifrontal
+    elif many or n >= _NUMBA_PAYS:
+        name, decompose = "qdldl+numba", functools.partial(_qdldl, compiled=True)
+    else:
+        name, decompose = "qdldl", functools.partial(_qdldl, compiled=False)
     for shift in (0.0, 1e-10 * size, 1e-7 * size, 1e-5 * size):
         shifted = matrix if shift == 0 else sp.csc_matrix(matrix + shift * sp.eye_array(n))
         try:
@@ -107,15 +113,6 @@ def factorize(
             steps = math.ceil(math.log(1e-16 * size / residual) / math.log(max(error, 1e-16)))
         return Factorization(int((pivots < 0).sum()), name, matrix, solve, steps)
     raise SolverError("the matrix is singular, too close to singular, or not symmetric")
-
-
-def _backend(n: int, many: bool, diagonal: bool) -> tuple[str, Callable[..., Any]]:
-    """Choose the backend for a system of this size."""
-    if diagonal or n >= _DENSE_BLOCKS_PAY:
-        return "multifrontal", _multifrontal
-    if many or n >= _NUMBA_PAYS:
-        return "qdldl+numba", functools.partial(_qdldl, compiled=True)
-    return "qdldl", functools.partial(_qdldl, compiled=False)
 
 
 def _multifrontal(matrix: SparseMatrix) -> tuple[Any, FloatArray, _Solve]:
@@ -160,8 +157,6 @@ def _probe(matrix: SparseMatrix, solve: _Solve) -> tuple[float, float]:
         first = known - solve(matrix @ known)
         residual = matrix @ first
         second = first - solve(residual)
-        size = np.linalg.norm(first)
         # An error within rounding of the solution is as good as none: its share says nothing.
-        floor = 1e-15 * np.linalg.norm(known)
-        share = float(np.linalg.norm(second) / max(size, floor))
-        return share, float(np.abs(residual).max())
+        size = max(np.linalg.norm(first), 1e-15 * np.linalg.norm(known))
+        return float(np.linalg.norm(second) / size), float(np.abs(residual).max())

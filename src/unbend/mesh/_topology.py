@@ -39,19 +39,10 @@ def find_edges(faces: IntArray, n_vertices: int) -> Edges:
     tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     upward = tail < head
     key = np.where(upward, tail * n_vertices + head, head * n_vertices + tail)
-    order = np.argsort(key)
-    ordered = key[order]
-    is_new = np.ones(len(key), dtype=bool)
-    is_new[1:] = ordered[1:] != ordered[:-1]
-    starts = np.flatnonzero(is_new)
-    of_side = np.empty(len(key), dtype=np.int64)
-    of_side[order] = np.cumsum(is_new) - 1
-    return Edges(
-        ends=np.column_stack(np.divmod(ordered[starts], max(n_vertices, 1))),
-        n_faces=np.diff(np.append(starts, len(key))),
-        n_upward=np.bincount(of_side[upward], minlength=len(starts)),
-        of_side=of_side,
-    )
+    found, of_side, n_faces = np.unique(key, return_inverse=True, return_counts=True)
+    ends = np.column_stack(np.divmod(found, max(n_vertices, 1)))
+    n_upward = np.bincount(of_side[upward], minlength=len(found))
+    return Edges(ends, n_faces, n_upward, of_side)
 
 
 def edge_ends(faces: IntArray, n_vertices: int) -> IntArray:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from unbend._arrays import sum_rows
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.mesh._corners import face_normals
@@ -79,9 +80,7 @@ def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray
         squares = np.column_stack([_squares(wall, vertices[ends[0]]), np.zeros(len(open_edges))])
         rows += ends
         values += [squares, squares]
-    place, added = np.concatenate(rows), np.concatenate(values)
-    total = [np.bincount(place, column, len(vertices)) for column in added.T]
-    return np.ascontiguousarray(np.stack(total, axis=1))
+    return sum_rows(np.concatenate(rows), np.concatenate(values), len(vertices))
 
 
 def _squares(normals: FloatArray, points: FloatArray) -> FloatArray:
