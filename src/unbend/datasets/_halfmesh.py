@@ -11,6 +11,8 @@ import numpy as np
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.mesh import edge_ends
 
+_ROUNDS = 6  # of flips at most
+
 
 def collapse_short_edges(
     vertices: FloatArray,
@@ -113,13 +115,11 @@ def _cross(
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-def delaunay_flips(
-    vertices: FloatArray, faces: IntArray, on_plane: BoolArray, rounds: int = 6
-) -> IntArray:
+def delaunay_flips(vertices: FloatArray, faces: IntArray, on_plane: BoolArray) -> IntArray:
     """Flip edges whose two opposite angles add up to more than 180 degrees."""
     faces = faces.copy()
     n = len(vertices)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         apexes = faces[:, [2, 0, 1]].ravel()
         keys = tails * n + heads

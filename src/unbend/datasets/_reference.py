@@ -26,7 +26,10 @@ def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> Fl
     now = list(bones)
     for step in range(1, _N_STEPS + 1):
         following = [_between(a, b, step / _N_STEPS) for a, b in zip(bones, onto, strict=True)]
-        points = _onto_skin(following, _go_along(now, following, points))
+        points = _go_along(now, following, points)
+        field, _ = cones_of(following).local_field(points)
+        for _ in range(3):
+            points = newton_step(field, points)
         now = following
     return points
 
@@ -60,10 +63,3 @@ def _turn(a: FloatArray, b: FloatArray) -> FloatArray:
     v = np.cross(a, b)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1 + a @ b))
-
-
-def _onto_skin(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
-    field, _ = cones_of(bones).local_field(points)
-    for _ in range(3):
-        points = newton_step(field, points)
-    return points

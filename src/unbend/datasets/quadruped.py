@@ -178,8 +178,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
     thick = girth * (0.75 + 0.25 * p["neck"])
 
     def face(x: float, y: float, z: float) -> Point:
-        point = skull + np.array([x, y, z]) * head
-        return (float(point[0]), float(point[1]), float(point[2]))
+        return _point(skull + np.array([x, y, z]) * head)
 
     m = p["muzzle"]
     long = max(0.0, m - 1)  # a long muzzle points down, as a horse's does

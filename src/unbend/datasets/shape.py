@@ -141,17 +141,12 @@ def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, 
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
-    if pose is None:
-        return random_pose(poses, np.random.default_rng(random_state))
-    if not isinstance(pose, str):
-        return pose
-    if pose not in poses:
+    """Look up a named pose; for None, mix two and move every joint in use a little further."""
+    if isinstance(pose, str) and pose not in poses:
         raise InputError(f"there is no pose {pose!r}; the poses are {', '.join(poses)}")
-    return poses[pose]
-
-
-def random_pose(poses: Mapping[str, Pose], rng: np.random.Generator) -> Pose:
-    """Mix two named poses and move every joint in use a little further at random."""
+    if pose is not None:
+        return poses[pose] if isinstance(pose, str) else pose
+    rng = np.random.default_rng(random_state)
     names = list(poses)
     first, second = rng.choice(len(names), 2, replace=False)
     share = rng.uniform(0.2, 0.8)

@@ -2,7 +2,7 @@
 
 from unbend.spectral._cache import cache_folder, cache_info, clear_cache, use_cache
 from unbend.spectral._laplacian import Laplacian, laplacian
-from unbend.spectral._point_cloud import Triangulation, delaunay_triangles
+from unbend.spectral._point_cloud import delaunay_triangles
 from unbend.spectral._spectrum import Spectrum, eigenpairs, spectrum
 from unbend.spectral._surface import Surface, local_ids, make_surface, named
 
@@ -10,7 +10,6 @@ __all__ = [
     "Laplacian",
     "Spectrum",
     "Surface",
-    "Triangulation",
     "cache_folder",
     "cache_info",
     "clear_cache",

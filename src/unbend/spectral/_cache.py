@@ -108,7 +108,7 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
     """Return the eigenvalues (k,) and eigenfunctions (n, k) kept under a key, or None."""
     if not _most_bytes():
         return None
-    path = _path(key)
+    path = cache_folder() / f"{key}.npz"
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             values, functions = file["eigenvalues"], file["eigenfunctions"]
@@ -124,17 +124,15 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
 
 def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:
     """Keep eigenpairs for the next time; quietly does nothing where that is impossible."""
-    path = _path(key)
     if functions.nbytes > _most_bytes() // 2:
         return
     digest = np.frombuffer(_digest(key, values, functions), dtype=np.uint8)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError, FileError):
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
         _make_room(functions.nbytes)
-        with atomic_write(path) as file:
+        with atomic_write(folder / f"{key}.npz") as file:
             np.savez(file, eigenvalues=values, eigenfunctions=functions, digest=digest)
-    except (OSError, FileError):
-        return
 
 
 def cache_info() -> CacheInfo:
@@ -153,10 +151,6 @@ def clear_cache() -> int:
             raise FileError(f"cannot remove {path}: {error.strerror}") from None
         count += 1
     return count
-
-
-def _path(key: str) -> Path:
-    return cache_folder() / f"{key}.npz"
 
 
 def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:

@@ -103,8 +103,7 @@ def _header(data: bytes) -> tuple[str, dict[str, _Element], bytes]:
         match words:
             case [] | ["comment" | "obj_info", *_]:
                 continue
-            case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian"), _]:
-                encoding = words[1]
+            case ["format", encoding, _] if encoding in _ORDERS:
                 continue
             case ["element", name, number]:
                 known, element = name in elements, _Element(name, count(number, f"{name} rows"))
@@ -118,11 +117,8 @@ def _header(data: bytes) -> tuple[str, dict[str, _Element], bytes]:
             case _:
                 raise FileError(f"has a header line that PLY does not know: {line[:60]!r}")
         if known:
-            what = (
-                f"the element {name}"
-                if words[0] == "element"
-                else f"a property of {[*elements][-1]}"
-            )
+            last = [*elements][-1]
+            what = f"the element {name}" if words[0] == "element" else f"a property of {last}"
             raise FileError(f"names {what} twice")
     if not encoding:
         raise FileError("has no format line (ascii, binary_little_endian or binary_big_endian)")
@@ -282,13 +278,12 @@ def write(
     if colors is not None:
         columns |= dict(zip(("red", "green", "blue"), colors.T, strict=True))
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    for name, values in columns.items():
-        header.append(f"property {'uchar' if values.dtype == np.uint8 else 'double'} {name}")
+    types = {name: "uchar" if one.dtype == np.uint8 else "double" for name, one in columns.items()}
+    header += [f"property {kind} {name}" for name, kind in types.items()]
     if len(faces):
         header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
     file.write("\n".join([*header, "end_header", ""]).encode())
-    types = [(name, "u1" if one.dtype == np.uint8 else "<f8") for name, one in columns.items()]
-    rows = np.empty(len(vertices), types)
+    rows = np.empty(len(vertices), [(name, f"<{_TYPES[kind]}") for name, kind in types.items()])
     for name, values in columns.items():
         rows[name] = values
     file.write(rows.tobytes())
