@@ -5,7 +5,6 @@ from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, ver
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
     Components,
-    Edges,
     count_non_manifold_vertices,
     edge_ends,
     faces_around,
@@ -14,6 +13,7 @@ from unbend.mesh._topology import (
     group_rows,
     has_earlier_twin,
     has_repeated_index,
+    label_linked,
     measure_faces,
     proper_faces,
 )
@@ -22,7 +22,6 @@ from unbend.mesh._winding import orient_consistently
 __all__ = [
     "FACES_AT_ONCE",
     "Components",
-    "Edges",
     "Mesh",
     "count_non_manifold_vertices",
     "edge_ends",
@@ -33,6 +32,7 @@ __all__ = [
     "group_rows",
     "has_earlier_twin",
     "has_repeated_index",
+    "label_linked",
     "measure_corners",
     "measure_faces",
     "orient_consistently",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
@@ -84,6 +85,12 @@ def group_rows(rows: IntArray, n_groups: int) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
+def label_linked(links: Any, n: int) -> IntArray:
+    """Label n nodes, (n,), so that nodes joined by links (2, m) or chains of them share a label."""
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), tuple(links)), shape=(n, n))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
 @dataclass(frozen=True, eq=False)
 class Components:
     """The connected components, largest first."""
@@ -97,10 +104,8 @@ def find_components(faces: IntArray, n_vertices: int) -> Components:
     """Group the vertices that faces connect; a face that names a vertex twice connects none."""
     faces = proper_faces(faces)
     index = faces.astype(np.int32)
-    links = index[:, [0, 0]].ravel(), index[:, 1:].ravel()
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(n_vertices, n_vertices))
-    n_labels, label = connected_components(graph, directed=False)
-    if n_labels == 1 and n_vertices > 1 and len(faces):  # as most meshes are
+    label = label_linked((index[:, [0, 0]].ravel(), index[:, 1:].ravel()), n_vertices)
+    if len(faces) and not label.any():  # one component, as most meshes are
         counts = np.array([n_vertices]), np.array([len(faces)])
         return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
     used = np.zeros(n_vertices, dtype=bool)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.mesh._topology import find_edges, measure_faces, other_sides
+from unbend.mesh._topology import find_edges, label_linked, measure_faces, other_sides
 
 # A twist is a flaw of the mesh, not of the nature of the surface, if the seam along which faces
 # disagree is at most so long, in sqrt(area): less than a limb's girth.
@@ -57,8 +56,7 @@ def _part_of_each(pairs: IntArray, disagree: BoolArray, m: int) -> tuple[IntArra
     turned = disagree * m  # face i as it is, i + m as it would be, turned
     tails = np.concatenate([one, one + m])
     heads = np.concatenate([other + turned, other + m - turned])
-    graph = coo_matrix((np.ones(len(tails)), (tails, heads)), shape=(2 * m, 2 * m))
-    labels = connected_components(graph, directed=False)[1]
+    labels = label_linked((tails, heads), 2 * m)
     return labels[:m], labels[m:]
 
 

@@ -12,14 +12,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unbend._arrays import unit_of
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import MeshError
-from unbend.mesh import Mesh, find_components, find_edges, orient_consistently
+from unbend.mesh import Mesh, find_components, find_edges, label_linked, orient_consistently
 from unbend.preparation._prepare import check_size
 from unbend.preparation._tetrahedra import (
     LONGEST,
@@ -259,11 +257,8 @@ def _supported(
     facing = (unit_vectors(across) * unit_vectors(normals[faces].mean(axis=1))).sum(axis=1)
     supported = (longest <= LONGEST * scale) & (facing > _FACING)
     rest = faces[~supported]
-    graph = sp.coo_array(
-        (np.ones(2 * len(rest)), (np.repeat(rest[:, 0], 2), rest[:, 1:].ravel())),
-        shape=(len(points),) * 2,
-    )
-    patch = connected_components(graph, directed=False)[1][rest[:, 0]]
+    links = np.repeat(rest[:, 0], 2), rest[:, 1:].ravel()
+    patch = label_linked(links, len(points))[rest[:, 0]]
     area = np.linalg.norm(across[~supported], axis=1) / 2 / scale[~supported] ** 2
     supported[~supported] = (np.bincount(patch, area) < _SMALL)[patch]
     return np.asarray(supported)

@@ -15,16 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import (
-    breadth_first_order,
-    connected_components,
-    maximum_flow,
-    minimum_spanning_tree,
-)
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow, minimum_spanning_tree
 from scipy.spatial import Delaunay
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.mesh import find_edges
+from unbend.mesh import find_edges, label_linked
 from unbend.preparation._winding_field import unit_vectors
 
 LONGEST = 3.0  # edge of a face of the surface, in spacings of the points
@@ -147,8 +142,7 @@ def boundary(
     second, sides = beyond[first, through], _SIDES[through]
     place = (number[second][:, None] == number[first[:, None], sides][..., None]).argmax(axis=2)
     links = (6 * first[:, None] + sides).ravel(), (6 * second[:, None] + place).ravel()
-    graph = sp.coo_array((np.ones(len(links[0])), links), shape=(number.size,) * 2)
-    edge = connected_components(graph, directed=False)[1]
+    edge = label_linked(links, number.size)
     return faces, edge[6 * of[:, None] + _SIDES[face]]
 
 
@@ -206,8 +200,7 @@ def _joined(
     ends = 4 * first[:, None] + _FACES[face], 4 * second[:, None] + place
     while True:
         links = ends[0][joins].ravel(), ends[1][joins].ravel()
-        graph = sp.coo_array((np.ones(len(links[0])), links), shape=(corners.size,) * 2)
-        around_corner = connected_components(graph, directed=False)[1]
+        around_corner = label_linked(links, corners.size)
         ready = ~joins & (around_corner[ends[0]] == around_corner[ends[1]]).any(axis=1)
         if not ready.any():
             break
@@ -232,6 +225,5 @@ def split(faces: IntArray, edges: IntArray) -> tuple[IntArray, IntArray]:
     same = np.flatnonzero(np.diff(edges.ravel()[order]) == 0)
     pairs = np.concatenate([own[order[same]].T, own[order[same + 1]].T], axis=0)
     joined = np.concatenate([pairs[[0, 2]], pairs[[1, 3]]], axis=1)
-    graph = sp.coo_array((np.ones(joined.shape[1]), joined), shape=(faces.size,) * 2)
-    vertex = connected_components(graph, directed=False)[1]
+    vertex = label_linked(joined, faces.size)
     return faces.ravel()[np.unique(vertex, return_index=True)[1]], vertex.reshape(-1, 3)

@@ -161,9 +161,20 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
     cotangents, corner_areas = np.empty(faces.shape), np.empty(faces.shape)
 
     def measure(part: slice) -> float:
+        """Measure the corners of some faces, and give the area of these."""
         with np.errstate(over="ignore", invalid="ignore"):
-            cotangents[part], corner_areas[part], area = _measure_corners(mesh, part, area_kind)
-        return area
+            dots, squared, double_areas = measure_corners(mesh.vertices, faces[part])
+            flat = double_areas <= np.finfo(float).eps * squared.max(axis=1)
+            if flat.any() and np.isfinite(squared).all():
+                raise MeshError(
+                    f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its "
+                    'cotangents do not exist; use the "robust" Laplacian'
+                )
+            cotangents[part] = dots / double_areas[:, None]
+            corner_areas[part] = double_areas[:, None] / 6
+            if area_kind == "voronoi":
+                corner_areas[part] = mixed_voronoi(squared, cotangents[part], double_areas / 2)
+            return float(double_areas.sum() / 2)
 
     area = sum(run_all(partial(measure, part) for part in slices(len(faces), FACES_AT_ONCE)))
     if not 0 < area < np.inf:
@@ -178,40 +189,19 @@ def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
     return Laplacian(assemble_stiffness(faces, cotangents, n), vertex_areas, "cotangent")
 
 
-def _measure_corners(
-    mesh: Mesh, part: slice, area_kind: AreaKind
-) -> tuple[FloatArray, FloatArray, float]:
-    """Cotangents of the corners of some faces, the area of each corner, and that of all faces."""
-    dots, squared, double_area = measure_corners(mesh.vertices, mesh.faces[part])
-    flat = double_area <= np.finfo(float).eps * squared.max(axis=1)
-    if flat.any() and np.isfinite(squared).all():
-        raise MeshError(
-            f"{mesh.name}: face {part.start + int(flat.argmax())} has no area, so its cotangents "
-            'do not exist; use the "robust" Laplacian'
-        )
-    cotangents = dots / double_area[:, None]
-    area = float(double_area.sum() / 2)
-    if area_kind == "voronoi":
-        return cotangents, mixed_voronoi(squared, cotangents, double_area / 2), area
-    return cotangents, np.repeat(double_area[:, None] / 6, 3, axis=1), area
-
-
 def _robust(mesh: Mesh) -> Laplacian:
     import robust_laplacian
 
     if mesh.is_point_cloud:
         return Laplacian(*cloud_operator(mesh), "robust")
     check_area(mesh)
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.faces] = True
-    if used.all():
-        check_size(mesh)
-        stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
-        return Laplacian(sp.csr_array(stiffness), mass.diagonal(), "robust")
-    kept = np.flatnonzero(used)
-    renumbered = np.cumsum(used) - 1
-    part = _robust(Mesh(mesh.vertices[kept], renumbered[mesh.faces], name=mesh.name))
-    spread = sp.csr_array(
-        (np.ones(len(kept)), (kept, np.arange(len(kept)))), shape=(mesh.n_vertices, len(kept))
-    )
-    return Laplacian(spread @ part.stiffness @ spread.T, spread @ part.areas, "robust")
+    kept, corners = np.unique(mesh.faces, return_inverse=True)
+    part = Mesh(mesh.vertices[kept], corners.reshape(-1, 3), name=mesh.name)
+    check_size(part)
+    stiffness, mass = robust_laplacian.mesh_laplacian(part.vertices, part.faces)
+    stiffness, areas = sp.csr_array(stiffness), mass.diagonal()
+    if part.n_vertices < mesh.n_vertices:
+        every, shape = np.arange(len(kept)), (mesh.n_vertices, len(kept))
+        spread = sp.csr_array((np.ones(len(kept)), (kept, every)), shape=shape)
+        stiffness, areas = spread @ stiffness @ spread.T, spread @ areas
+    return Laplacian(stiffness, areas, "robust")

@@ -19,7 +19,7 @@ from unbend._arrays import first_equal_row, unit_of
 from unbend._parallel import run_all, slices
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError, SolverError, warn
-from unbend.mesh import Mesh, measure_corners
+from unbend.mesh import Mesh, label_linked, measure_corners
 from unbend.preparation import check_size
 from unbend.spectral._assembly import assemble_stiffness, mixed_voronoi
 
@@ -91,7 +91,8 @@ def cloud_operator(mesh: Mesh) -> tuple[SparseMatrix, FloatArray]:
     if len(copies):
         cells = (cells / np.bincount(first, minlength=n).clip(1))[first]
         firm = _LINK * stiffness.diagonal()[first[copies]]
-        stiffness = stiffness + _links(first[copies], copies, firm, n)
+        links = sp.csr_array((firm, (first[copies], copies)), shape=(n, n))
+        stiffness = sp.csr_array(stiffness + csgraph.laplacian(links, symmetrized=True))
     check_energy(mesh, stiffness, cells)
     return stiffness, cells
 
@@ -145,13 +146,6 @@ def _cells(
         alone |= small[faces].any(axis=1)
 
 
-def _links(heads: IntArray, tails: IntArray, weights: FloatArray, n: int) -> SparseMatrix:
-    """Laplacian of the graph with these edges between n points."""
-    graph = sp.coo_array((weights, (heads, tails)), shape=(n, n)).tocsr()
-    graph = graph + graph.T
-    return sp.csr_array(sp.diags_array(graph.sum(axis=1)) - graph)
-
-
 def _first_at_place(points: FloatArray) -> IntArray:
     """For each point the first one at the same place, (n,)."""
     from scipy.spatial import cKDTree
@@ -159,9 +153,7 @@ def _first_at_place(points: FloatArray) -> IntArray:
     first = first_equal_row(points)
     distinct, of_point = np.unique(first, return_inverse=True)
     close = cKDTree(points[distinct]).query_pairs(_PLACE, output_type="ndarray")
-    n = len(distinct)
-    graph = sp.coo_array((np.ones(len(close)), close.T), shape=(n, n))
-    place = csgraph.connected_components(graph, directed=False)[1]
+    place = label_linked(close.T, len(distinct))
     lowest = np.unique(place, return_index=True)[1]
     return np.asarray(distinct[lowest[place]][of_point])
 
