@@ -68,8 +68,6 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     rows = np.ascontiguousarray(rows + 0)  # + 0 turns -0.0 into 0.0
     first = np.arange(len(rows), dtype=np.int64)
     candidates = _hash_repeats(rows)
-    if len(candidates) == 0:
-        return first
     columns = rows[candidates].T
     order = np.lexsort(columns)  # stable: equal rows stay in their original order
     ordered = columns[:, order]
@@ -130,6 +128,4 @@ def _hash_repeats(rows: npt.NDArray[Any]) -> IntArray:
         mixed ^= mixed >> np.uint64(29)
     ordered = np.sort(mixed)
     repeated = np.unique(ordered[1:][ordered[1:] == ordered[:-1]])
-    if len(repeated) == 0:
-        return np.empty(0, dtype=np.int64)
     return np.flatnonzero(np.isin(mixed, repeated))

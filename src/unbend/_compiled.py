@@ -43,14 +43,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
-        try:
+        with suppress(Exception):  # a file that cannot be read or loaded is as good as none
             path, origin = self._locate(sig, target_context.codegen())
             content = path.read_bytes()
             code = content[len(origin) :]
             if content == _seal(origin, code):
                 return self._impl.rebuild(target_context, pickle.loads(code))
-        except Exception:  # a file that cannot be read or loaded is as good as none
-            return None
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -2,11 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from unbend.canonical._canonical_form import (
-    CanonicalForm,
-    canonical_form,
-    sampled_canonical_form,
-)
+from unbend.canonical._canonical_form import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.canonical._interpolation import distance_coefficients, interpolate
 from unbend.canonical._mds import sampled_scaling
 from unbend.canonical._pose import check_form, lay_into_pose

@@ -7,6 +7,7 @@ the rows of Phi at the samples, S = Phi_P^T Phi_P. The equations are those of Ya
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,13 @@ def interpolate(
     """
     if not isinstance(spectrum, Spectrum):
         raise InputError(f"interpolate needs a Spectrum, not {type(spectrum).__name__}")
-    unit = _at_unit_area(spectrum)
+    area = spectrum.areas.sum()
+    unit = replace(
+        spectrum,
+        eigenvalues=spectrum.eigenvalues * area,
+        eigenfunctions=spectrum.eigenfunctions * np.sqrt(area),
+        areas=spectrum.areas / area,
+    )
     ids = vertex_ids(samples, len(spectrum.areas), "samples")
     operator = interpolation_operator(unit, ids, mu)
     return np.asarray(unit.eigenfunctions @ (operator @ _rows(values, len(ids))))
@@ -185,13 +192,3 @@ def _at_samples(spectrum: Spectrum, samples: IntArray, mu: float) -> tuple[Float
     if not np.isfinite(at_samples).all():
         raise InputError("a sample is a vertex that no face uses")
     return at_samples, at_samples.T @ at_samples
-
-
-def _at_unit_area(spectrum: Spectrum) -> Spectrum:
-    area = spectrum.areas.sum()
-    return Spectrum(
-        spectrum.eigenvalues * area,
-        spectrum.eigenfunctions * np.sqrt(area),
-        spectrum.areas / area,
-        spectrum.laplacian,
-    )

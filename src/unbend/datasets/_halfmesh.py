@@ -15,11 +15,7 @@ _ROUNDS = 6  # of flips at most
 
 
 def collapse_short_edges(
-    vertices: FloatArray,
-    faces: IntArray,
-    on_plane: BoolArray,
-    sizes: FloatArray,
-    excess: int,
+    vertices: FloatArray, faces: IntArray, on_plane: BoolArray, sizes: FloatArray, excess: int
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Remove up to ``excess`` vertices of the whole surface; edges short for their ``sizes`` go."""
     edges = edge_ends(faces, len(vertices))

@@ -12,9 +12,7 @@ _SPECIES: dict[str, dict[str, float]] = {
     "child": {"legs": 0.72, "arms": 0.72, "torso": 0.78, "head": 1.02, "girth": 0.88},
     "ape": {"legs": 0.66, "arms": 1.3, "torso": 1.02, "head": 1.0, "girth": 1.25},
 }
-_DEFAULTS = {
-    "legs": 1.0, "arms": 1.0, "torso": 1.0, "head": 1.0, "girth": 1.0, "hands": 1.0, "limbs": 1.0,
-}  # fmt: skip
+_DEFAULTS = dict.fromkeys(("legs", "arms", "torso", "head", "girth", "hands", "limbs"), 1.0)
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
 _POSES: dict[str, Pose] = {

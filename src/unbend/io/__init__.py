@@ -19,20 +19,10 @@ from unbend.io._maps import (
     whole_numbers,
     write_map,
 )
-from unbend.io._markups import (
-    MARKUP_SUFFIXES,
-    read_markup_pairs,
-    read_markups,
-    write_markups,
-)
+from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups, write_markups
 from unbend.io._meshes import as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
-from unbend.io._values import (
-    VALUE_SUFFIXES,
-    check_storable,
-    read_values,
-    write_values,
-)
+from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, WRITE_SUFFIXES, write_mesh
 
 __all__ = [

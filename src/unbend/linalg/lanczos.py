@@ -62,11 +62,7 @@ def working_columns(k: int) -> int:
 
 
 def measure_eigenpairs(
-    stiffness: SparseMatrix,
-    areas: FloatArray,
-    values: FloatArray,
-    vectors: FloatArray,
-    tol: float,
+    stiffness: SparseMatrix, areas: FloatArray, values: FloatArray, vectors: FloatArray, tol: float
 ) -> tuple[float, float]:
     """Measure the errors of eigenpairs from one random combination of them.
 

@@ -35,8 +35,6 @@ def green_and_diagonal(
     A is the diagonal matrix of the areas. The diagonal comes from the factor, by selected
     inversion. Small meshes solve for every column of K instead.
 
-    Notes
-    -----
     Let B be the inverse of the pinned matrix, u = B a / sum(a), and P the projection to functions
     of zero mean. Then K = P B P^T = B - u 1^T - 1 u^T + 1 1^T (a^T u) / sum(a). In the same way,
     K A K follows from B P^T A P B = B A B - sum(a) u u^T.

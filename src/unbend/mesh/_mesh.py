@@ -58,12 +58,7 @@ class Mesh:
     notes: tuple[str, ...] = ()
 
     def __init__(
-        self,
-        vertices: Any,
-        faces: Any = None,
-        *,
-        name: str = "mesh",
-        notes: tuple[str, ...] = (),
+        self, vertices: Any, faces: Any = None, *, name: str = "mesh", notes: tuple[str, ...] = ()
     ) -> None:
         vertices = _vertex_array(vertices, name)
         faces = _face_array(faces, name)

@@ -56,10 +56,9 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
         left -= done
     while (parents[parents] != parents).any():
         parents = parents[parents]
-    kept = np.flatnonzero(parents == np.arange(n))
-    number = np.full(n, -1)
-    number[kept] = np.arange(len(kept))
-    return Decimated(kept, number[faces], number[parents])
+    is_kept = parents == np.arange(n)
+    number = np.cumsum(is_kept) - 1
+    return Decimated(np.flatnonzero(is_kept), number[faces], number[parents])
 
 
 def _quadrics(vertices: FloatArray, faces: IntArray, edges: Edges) -> FloatArray:

@@ -218,11 +218,7 @@ def _heights(
 
 
 def _sides(
-    tetrahedra: Tetrahedra,
-    points: FloatArray,
-    spacing: FloatArray,
-    grid: Grid,
-    winding: FloatArray,
+    tetrahedra: Tetrahedra, points: FloatArray, spacing: FloatArray, grid: Grid, winding: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Winding number (t,) in the empty balls, and normals (n, 3) of the points.
 

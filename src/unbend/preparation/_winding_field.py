@@ -93,9 +93,8 @@ def winding_number(grid: Grid, n: int) -> tuple[FloatArray, FloatArray]:
         normals, winding = normals + length * step, winding + length * turned
         # The normals turn to the gradient and keep their lengths.
         slope = [grid.values(grid.field(-1j * wave * winding)) for wave in grid.waves]
-        normals = unit_vectors(np.stack(slope, axis=1)) * np.linalg.norm(
-            normals, axis=1, keepdims=True
-        )
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = unit_vectors(np.stack(slope, axis=1)) * lengths
     field = grid.field(_winding(grid, kernel, normals))
     return normals, field - _outside(field)
 

@@ -113,9 +113,7 @@ def write(
     uvs: FloatArray | None = None,
 ) -> None:
     """Write positions and faces; colours follow the positions, as most programs read them."""
-    rows = vertices
-    if colors is not None:
-        rows = np.hstack([rows, colors / 255])
+    rows = vertices if colors is None else np.hstack([vertices, colors / 255])
     file.write(write_table(rows, "v "))
     if uvs is None:
         file.write(write_table(faces + 1, "f "))

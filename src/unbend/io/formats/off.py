@@ -19,8 +19,6 @@ from unbend.io.formats.contents import (
 from unbend.io.formats.contents import table as write_table
 
 _KEYWORD = re.compile(r"\s*(?:ST)?C?N?(4?n?)OFF(\s+BINARY)?")
-
-
 _EXTRAS = {b"ST": "texture coordinates", b"C": "colours", b"N": "normals"}
 
 
