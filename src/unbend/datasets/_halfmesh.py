@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.mesh import edge_ends
+from unbend.mesh import edge_ends, find_edges, other_sides
 
 _ROUNDS = 6  # of flips at most
 
@@ -118,12 +118,8 @@ def delaunay_flips(vertices: FloatArray, faces: IntArray, on_plane: BoolArray) -
     for _ in range(_ROUNDS):
         tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         apexes = faces[:, [2, 0, 1]].ravel()
-        keys = tails * n + heads
-        order = np.argsort(keys)
-        twin = np.searchsorted(keys, heads * n + tails, sorter=order)
-        twin = order[np.minimum(twin, len(order) - 1)]
-        paired = (keys[twin] == heads * n + tails) & (tails < heads)
-        one = np.flatnonzero(paired)
+        twin = other_sides(find_edges(faces, n))
+        one = np.flatnonzero((twin >= 0) & (tails < heads))
         two = twin[one]
         a, b, c, d = tails[one], heads[one], apexes[one], apexes[two]
         excess = _angle(vertices, c, a, b) + _angle(vertices, d, b, a) - np.pi

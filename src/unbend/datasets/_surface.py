@@ -62,26 +62,20 @@ def surface_net(
     if symmetric:
         vertices[np.argwhere(mixed)[:, 0] == 0, 0] = 0.0
     quads = []
+    steps = np.eye(3, dtype=np.int64)
     for axis in range(3):
-        u, v = (axis + 1) % 3, (axis + 2) % 3
-        low, high = [slice(None)] * 3, [slice(None)] * 3
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        crossed = inside[tuple(low)] != inside[tuple(high)]
+        u, v = steps[(axis + 1) % 3], steps[(axis + 2) % 3]
+        crossed = np.diff(inside, axis=axis)
         if axis != 0:
             crossed[0] = False  # the plane x = -spacing / 2 belongs to the mirror image
         nodes = np.argwhere(crossed)
-        ring = []
-        for du, dv in ((0, 0), (-1, 0), (-1, -1), (0, -1)):
-            cell = nodes.copy()
-            cell[:, u] += du
-            cell[:, v] += dv
-            ring.append(number[tuple(cell.T)])
-        ring_array = np.stack(ring, axis=1)
-        outward = inside[tuple(low)][crossed]
-        ring_array[~outward] = ring_array[~outward][:, ::-1]
-        quads.append(ring_array)
-    quad = np.concatenate(quads)[:, ::-1]
-    return vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])[:, ::-1].copy()
+        ring = [number[tuple((nodes - away).T)] for away in (0 * u, u, u + v, v)]
+        inward = ~inside[tuple(nodes.T)]
+        quad = np.stack(ring, axis=1)
+        quad[inward] = quad[inward, ::-1]
+        quads.append(quad)
+    all_quads = np.concatenate(quads)
+    return vertices, np.concatenate([all_quads[:, [1, 2, 3]], all_quads[:, [0, 1, 3]]])
 
 
 def _corners(inside: BoolArray) -> list[BoolArray]:
@@ -159,10 +153,7 @@ def _even_out(
     area = float(np.linalg.norm(face_normals(vertices, faces), axis=1).sum())
     even = (1.15 * area / n_vertices) ** 0.5  # edge length if all triangles were equilateral
     vertices, thickness = _relax(cones, vertices, faces, on_plane, 4)
-    while True:
-        count = 2 * len(vertices) - int(on_plane.sum())
-        if count == n_vertices:
-            break
+    while (count := 2 * len(vertices) - int(on_plane.sum())) != n_vertices:
         goal = max(n_vertices, int(0.75 * count))
         # A limb needs a few vertices around it, however coarse the mesh.
         sizes = np.clip(thickness, 0.35 * even, even)

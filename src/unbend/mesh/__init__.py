@@ -15,6 +15,7 @@ from unbend.mesh._topology import (
     has_repeated_index,
     label_linked,
     measure_faces,
+    other_sides,
     proper_faces,
 )
 from unbend.mesh._winding import orient_consistently
@@ -36,6 +37,7 @@ __all__ = [
     "measure_corners",
     "measure_faces",
     "orient_consistently",
+    "other_sides",
     "proper_faces",
     "used_vertices",
     "vertex_areas",

@@ -110,17 +110,15 @@ def find_components(faces: IntArray, n_vertices: int) -> Components:
         return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
     used = np.zeros(n_vertices, dtype=bool)
     used[faces] = True
-    labels, first, number = np.unique(label[used], return_index=True, return_inverse=True)
-    vertex_count = np.bincount(number, minlength=len(labels))
-    compact = np.empty(n_vertices, dtype=np.int64)
-    compact[used] = number
-    face_count = np.bincount(compact[faces[:, 0]], minlength=len(labels))
+    _, first, number, vertex_count = np.unique(
+        label[used], return_index=True, return_inverse=True, return_counts=True
+    )
+    of_vertex = np.full(n_vertices, -1, dtype=np.int64)
+    of_vertex[used] = number
+    face_count = np.bincount(of_vertex[faces[:, 0]], minlength=len(first))
     # Most vertices first, then most faces, then the earliest vertex: never up to chance.
     order = np.lexsort([first, -face_count, -vertex_count])
-    rank = np.empty(len(labels), dtype=np.int64)
-    rank[order] = np.arange(len(labels))
-    of_vertex = np.full(n_vertices, -1, dtype=np.int64)
-    of_vertex[used] = rank[number]
+    of_vertex[used] = np.argsort(order)[number]
     return Components(of_vertex, vertex_count[order], face_count[order])
 
 

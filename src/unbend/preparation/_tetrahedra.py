@@ -223,7 +223,6 @@ def split(faces: IntArray, edges: IntArray) -> tuple[IntArray, IntArray]:
     own[swapped] = own[swapped, ::-1]
     order = np.argsort(edges, axis=None, kind="stable")
     same = np.flatnonzero(np.diff(edges.ravel()[order]) == 0)
-    pairs = np.concatenate([own[order[same]].T, own[order[same + 1]].T], axis=0)
-    joined = np.concatenate([pairs[[0, 2]], pairs[[1, 3]]], axis=1)
-    vertex = label_linked(joined, faces.size)
+    links = own[order[same]].ravel(), own[order[same + 1]].ravel()
+    vertex = label_linked(links, faces.size)
     return faces.ravel()[np.unique(vertex, return_index=True)[1]], vertex.reshape(-1, 3)

@@ -186,8 +186,7 @@ def _triangles_around(points: FloatArray) -> tuple[IntArray, BoolArray, BoolArra
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     centres, corners = triangles[order, :1], corners[order]
-    new = np.ones(len(corners), dtype=bool)
-    new[1:] = (corners[1:] != corners[:-1]).any(axis=1)
+    new = np.diff(corners, axis=0, prepend=-1).any(axis=1)
     faces = corners[new]
     found = np.zeros(faces.shape, dtype=bool)
     found[np.cumsum(new) - 1, (corners == centres).argmax(axis=1)] = True
