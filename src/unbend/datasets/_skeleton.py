@@ -134,19 +134,12 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
 
 def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
     """Carry points of the resting skin into a pose, by dual quaternions (Kavan et al. 2007)."""
-    own = joint_rotations(bones, pose)
-    index = {bone.name: i for i, bone in enumerate(bones)}
-    turns = np.empty((len(bones), 3, 3))
-    shifts = np.empty((len(bones), 3))
-    for i, bone in enumerate(bones):
-        head = np.array(bone.head)
-        if bone.parent is None:
-            turns[i] = own[i]
-            shifts[i] = head - own[i] @ head
-        else:
-            p = index[bone.parent]
-            turns[i] = turns[p] @ own[i]
-            shifts[i] = turns[p] @ head + shifts[p] - turns[i] @ head
+    motions: dict[str | None, tuple[FloatArray, FloatArray]] = {None: (np.eye(3), np.zeros(3))}
+    for bone, own in zip(bones, joint_rotations(bones, pose), strict=True):
+        turn, shift = motions[bone.parent]
+        head, turned = np.array(bone.head), turn @ own
+        motions[bone.name] = turned, turn @ head + shift - turned @ head
+    turns, shifts = (np.stack([motions[bone.name][i] for bone in bones]) for i in range(2))
     weights = skin_weights(bones, points)
     real = Rotation.from_matrix(turns).as_quat()[:, [3, 0, 1, 2]]
     dual = 0.5 * _multiply(np.column_stack([np.zeros(len(bones)), shifts]), real)
@@ -155,8 +148,8 @@ def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArr
     q, d = signed @ real, signed @ dual
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     q, d = q / norm, d / norm
-    shift = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
-    return np.asarray(Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shift)
+    shifts = 2 * _multiply(d, q * [1, -1, -1, -1])[:, 1:]
+    return np.asarray(Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(np.array(points)) + shifts)
 
 
 def _multiply(p: FloatArray, q: FloatArray) -> FloatArray:

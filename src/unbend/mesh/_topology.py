@@ -135,14 +135,8 @@ def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
         return int((_walk_around(faces, edges, len(degree)) < degree).sum())
     side = edges.of_side.reshape(-1, 3)
     # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
-    leaving, arriving = side, side[:, [2, 0, 1]]
-    pairs = np.stack(
-        [
-            2 * leaving + (edges.ends[leaving, 1] == faces),
-            2 * arriving + (edges.ends[arriving, 1] == faces),
-        ],
-        axis=-1,
-    )
+    both = np.stack([side, side[:, [2, 0, 1]]], axis=-1)
+    pairs = 2 * both + (edges.ends[both, 1] == faces[..., None])
     fan = group_rows(pairs.reshape(-1, 2), 2 * len(edges.ends))[: faces.size]
     corner_of_fan = np.unique(fan, return_index=True)[1]
     fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
