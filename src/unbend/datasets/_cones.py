@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from unbend._parallel import slices
 from unbend._types import FloatArray, IntArray
 
 # From points (n, 3) to the values there, negative inside, and their gradients.
@@ -73,12 +74,8 @@ class Cones:
     def distances(self, points: FloatArray, cones: Sequence[int] | None = None) -> FloatArray:
         """Signed distances, (n_cones, n_points)."""
         which = np.arange(len(self.heads)) if cones is None else np.asarray(cones)
-        step = max(1, _CHUNK // len(which))
-        parts = [
-            self.measure(which[:, None], points[i : i + step])[0]
-            for i in range(0, len(points), step)
-        ]
-        return np.concatenate(parts, axis=1)
+        some = slices(len(points), max(1, _CHUNK // len(which)))
+        return np.concatenate([self.measure(which[:, None], points[s])[0] for s in some], axis=1)
 
     def local_field(self, near: FloatArray) -> tuple[Field, FloatArray]:
         """Blend the cones into one function that holds for points that stay close to ``near``.

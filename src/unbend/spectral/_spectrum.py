@@ -192,9 +192,8 @@ def whole_eigenpairs(
     functions[:, mixed] /= np.sqrt(operator.areas @ functions[:, mixed] ** 2)
     equal = max(_EQUAL * tolerance, _ROUNDING) * np.maximum(values[1:], _MEAN_DISTANCE)
     equal[:c] = -1.0  # the null space has its basis
-    k = count
-    if count < len(operator.areas):
-        k = int(np.flatnonzero(np.append(True, np.diff(values) > equal))[-1])
+    ends = np.flatnonzero(np.append(True, np.diff(values) > equal))
+    k = int(ends[-1]) if count < len(operator.areas) else count
     functions = fix_basis(functions[:, :k], values[:k], equal[: k - 1])
     values, functions = values[:k], fix_signs(functions, operator.areas)
     if lacking := _lacking(operator, values, functions, tolerance):
