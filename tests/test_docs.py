@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import unbend
 from unbend import write_mesh
 from unbend.cli import app
-from unbend.collection import _adding, _engine
+from unbend.collection import _collection, _engine
 from unbend.datasets import make_biped, make_quadruped
 
 ROOT = Path(__file__).parents[1]
@@ -56,7 +56,7 @@ WITH_CODE = [one for one in PAGES if blocks(one, "python") and one.stem != "firs
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda one: one.stem)
 def test_python_on_a_page_runs_from_top_to_bottom(page, folder, monkeypatch):
     # In this process: what the README does is done by others.
-    monkeypatch.setattr(_adding, "engine", lambda **_: _engine.engine(workers=0))
+    monkeypatch.setattr(_collection, "engine", lambda **_: _engine.engine(workers=0))
     known = {}
     for code in blocks(page, "python"):
         compiled = compile(code, page.name, "exec")

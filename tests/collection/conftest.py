@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from stones import write_stones
-from unbend.collection import Collection
+from unbend.collection import Collection, _collection
 
 
 @pytest.fixture(scope="session")
@@ -35,18 +34,14 @@ def own(filled: Collection, tmp_path: Path) -> Collection:
 
 
 @pytest.fixture
-def idle_engine(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], dict]:
-    """Put an engine into a module that does nothing; what it is asked for is in the dictionary."""
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """Put an engine that does nothing into its place, and give what it will be asked for."""
+    asked: dict[str, object] = {}
 
-    def put(module: object) -> dict:
-        asked = {}
+    @contextmanager
+    def engine(**given):
+        asked.update(given)
+        yield lambda work, items: []
 
-        @contextmanager
-        def engine(**given):
-            asked.update(given)
-            yield lambda work, items: []
-
-        monkeypatch.setattr(module, "engine", engine)
-        return asked
-
-    return put
+    monkeypatch.setattr(_collection, "engine", engine)
+    return asked

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from unbend import Mesh, read_mesh, write_mesh
 from unbend.collection import (
     Collection,
     Failure,
-    _adding,
     _collection,
     _ranking,
     _store,
@@ -106,15 +104,14 @@ def test_a_file_that_kills_its_worker_is_named_too(
     def deadly(**options):
         yield lambda function, items: ([Outcome(item, None, "it died")] for item in items if item)
 
-    monkeypatch.setattr(_adding, "engine", deadly)
+    monkeypatch.setattr(_collection, "engine", deadly)
     done = Collection(tmp_path / "store").add(path)
     assert (done.added, done.failures) == (0, (Failure(str(path), "it died"),))
 
 
 def test_workers_are_those_asked_for(
-    stones: Path, tmp_path: Path, idle_engine: Callable[[object], dict]
+    stones: Path, tmp_path: Path, asked: dict[str, object]
 ) -> None:
-    asked = idle_engine(_adding)
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
     Collection(tmp_path / "store").add(stones, **where)
     assert asked == where

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 from stones import BALL
 from unbend import Mesh, match, read_map, read_match, write_mesh
-from unbend.collection import Collection, _pairs
+from unbend.collection import Collection
 from unbend.errors import FileError, InputError
 
 
@@ -81,9 +80,8 @@ def test_what_cannot_be_matched_is_named_once(
 
 
 def test_workers_are_those_asked_for(
-    three: tuple[Collection, list[Path]], tmp_path: Path, idle_engine: Callable[[object], dict]
+    three: tuple[Collection, list[Path]], tmp_path: Path, asked: dict[str, object]
 ) -> None:
-    asked = idle_engine(_pairs)
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
     collection, paths = three
     for pairs in (None, [(str(paths[0]), str(paths[1]))]):

@@ -14,7 +14,14 @@ import pytest
 
 from stones import BALL, rows_of, write_stones
 from unbend import write_mesh
-from unbend.collection import DESCRIPTOR_VERSION, Added, Collection, _adding, find_file
+from unbend.collection import (
+    DESCRIPTOR_VERSION,
+    Added,
+    Collection,
+    _adding,
+    _collection,
+    find_file,
+)
 from unbend.collection._engine import Outcome
 from unbend.collection._store import Store
 from unbend.errors import FileError, InputError, UnbendWarning
@@ -88,7 +95,7 @@ def test_the_twin_of_a_file_that_kills_its_worker_fails_too(
     def deadly(**options):
         yield lambda work, items: [[Outcome(item, None, "it died") for item in items if item]]
 
-    monkeypatch.setattr(_adding, "engine", deadly)
+    monkeypatch.setattr(_collection, "engine", deadly)
     done = store.add(pair)
     assert [(one.path, one.reason) for one in done.failures] == [(path, "it died") for path in pair]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.collection import Collection, _registering, mean_shape, read_registrations
+from unbend.collection import Collection, mean_shape, read_registrations
 from unbend.datasets import make_quadruped
 from unbend.errors import FileError, InputError
 
@@ -196,10 +195,7 @@ def test_mistakes_leave_nothing(made: Path, tmp_path: Path) -> None:
         read_registrations(tmp_path)
 
 
-def test_workers_are_those_asked_for(
-    made: Path, tmp_path: Path, idle_engine: Callable[[object], dict]
-) -> None:
-    asked = idle_engine(_registering)
+def test_workers_are_those_asked_for(made: Path, tmp_path: Path, asked: dict[str, object]) -> None:
     where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
     (tmp_path / "out").mkdir()
     with pytest.raises(FileError, match="cannot read"):  # for nothing was done

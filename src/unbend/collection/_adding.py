@@ -13,7 +13,7 @@ import numpy as np
 
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
-from unbend.collection._engine import counted, engine
+from unbend.collection._engine import Engine, counted
 from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
@@ -30,12 +30,7 @@ File = tuple[str, str]  # path and hash
 
 
 def add_files(
-    store: Store,
-    given: Sequence[str],
-    *,
-    workers: int | None,
-    scheduler: str | None,
-    progress: Progress | None,
+    store: Store, given: Sequence[str], workers: Engine, progress: Progress | None
 ) -> Added:
     """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
     start = time.monotonic()
@@ -46,14 +41,12 @@ def add_files(
         tell(adding.computed, adding.skipped, len(adding.failures))
 
     fresh = adding.fresh(given)
-    first = None
     for first in fresh:
         show()
-        if first is not None:
-            break
-    if first is not None:
+        if first is None:
+            continue
         try:
-            with engine(workers=workers, scheduler=scheduler) as run:
+            with workers as run:
                 for outcomes in run(make_row, itertools.chain([first], fresh)):
                     for file, value, reason in outcomes:
                         adding.take(file, value or Failure(file[0], reason or ""))
@@ -61,6 +54,7 @@ def add_files(
                     show()
         finally:  # an interrupted run keeps what is finished too
             adding.commit()
+        break
     adding.finish()
     if adding.added or adding.new_paths:
         store.tidy()

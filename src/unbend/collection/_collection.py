@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy.typing as npt
 
@@ -14,6 +13,7 @@ from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import describe, make_basis, sample_form
+from unbend.collection._engine import engine
 from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
@@ -133,13 +133,9 @@ class Collection:
         """
         self._store.check_version()
         given = [paths] if isinstance(paths, str | os.PathLike) else paths
-        return add_files(
-            self._store,
-            [os.fspath(one) for one in given],
-            workers=workers,
-            scheduler=scheduler,
-            progress=progress,
-        )
+        files = [os.fspath(one) for one in given]
+        processes = engine(workers=workers, scheduler=scheduler)
+        return add_files(self._store, files, processes, progress)
 
     def search(
         self,
@@ -290,9 +286,8 @@ class Collection:
         FileError
             If the folder cannot be made, or is inside the collection's.
         """
-        return match_pairs(
-            self._store, pairs, out, workers=workers, scheduler=scheduler, progress=progress
-        )
+        processes = engine(workers=workers, scheduler=scheduler)
+        return match_pairs(self._store, pairs, out, processes, progress)
 
     def register(
         self,
@@ -344,8 +339,8 @@ class Collection:
         --------
         read_registrations : Reads them again, for :func:`mean_shape`.
         """
-        options: Any = {"workers": workers, "scheduler": scheduler, "progress": progress}
-        return register_collection(self._store, template, out, landmarks or {}, **options)
+        processes = engine(workers=workers, scheduler=scheduler)
+        return register_collection(self._store, template, out, landmarks or {}, processes, progress)
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""

@@ -11,8 +11,8 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from datetime import timedelta
 from typing import Any, NamedTuple
 
@@ -42,6 +42,7 @@ class Outcome(NamedTuple):
 
 
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
+Engine = AbstractContextManager[Run]  # its workers start with the block
 
 
 def attempt(work: Callable[[Any], None], task: Any) -> Failure | None:
@@ -58,20 +59,22 @@ def attempt(work: Callable[[Any], None], task: Any) -> Failure | None:
 def attempt_all(
     run: Run,
     work: Callable[[Any], None],
-    tasks: Iterable[Any],
-    total: int,
+    tasks: Sequence[Any],
     noun: str,
     progress: Progress | None,
-) -> Iterator[Failure | None]:
-    """:func:`attempt` tasks that have a name, and report the progress."""
-    tell, done, failed = counted(progress, noun, total), 0, 0
+) -> list[Failure]:
+    """:func:`attempt` tasks that have a name, report the progress, and return the failures."""
+    tell, done = counted(progress, noun, len(tasks)), 0
+    failures: list[Failure] = []
     for outcomes in run(functools.partial(attempt, work), tasks):
+        done += len(outcomes)
         for task, failure, reason in outcomes:
             if reason is not None:
                 failure = Failure(task.name, reason)
-            done, failed = done + 1, failed + (failure is not None)
-            yield failure
-        tell(done, 0, failed)
+            if failure is not None:
+                failures.append(failure)
+        tell(done, 0, len(failures))
+    return failures
 
 
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:

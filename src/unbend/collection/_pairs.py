@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._types import Progress
-from unbend.collection._engine import attempt_all, engine
+from unbend.collection._engine import Engine, attempt_all
 from unbend.collection._files import find_file, make_folder, stem
 from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
@@ -32,7 +32,7 @@ class Task(NamedTuple):
     """A shape to compute the spectrum of, or a pair to match."""
 
     entries: tuple[Entry, ...]
-    out: str  # folder of all results
+    out: Path  # folder of all results
     store: str  # path of the collection
 
     @property
@@ -44,39 +44,30 @@ def match_pairs(
     store: Store,
     named: Iterable[tuple[str | os.PathLike[str], str | os.PathLike[str]]] | None,
     out: str | os.PathLike[str],
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
+    workers: Engine,
+    progress: Progress | None,
 ) -> Matched:
-    """Match pairs of shapes that have no match yet, and write a table of all.
-
-    See `Collection.match`.
-    """
+    """Match pairs that have no match yet, and write a table of all; see `Collection.match`."""
     start = time.monotonic()
     check_outside(store.path, out)
     pairs = _chosen(store, named)
     folder = make_folder(out)
     left = [pair for pair in pairs if not _done(folder, pair)]
-    failures: list[Failure] = []
-    outcomes: list[Failure | None] = []
+    tasks: list[Task] = []
+    lost: list[Failure] = []
+    failed: list[Failure] = []
     if left:
-        with engine(workers=workers, scheduler=scheduler) as run:
+        with workers as run:
             shapes = {entry.id: entry for pair in left for entry in pair}.values()
-            tasks = [Task((entry,), str(folder), store.path) for entry in shapes]
-            spectra = attempt_all(run, keep_spectrum, tasks, len(tasks), "spectra", progress)
-            failures += filter(None, spectra)
-            bad = {one.path for one in failures}
-            tasks = [
-                Task(pair, str(folder), store.path)
-                for pair in left
-                if bad.isdisjoint(one.path for one in pair)
-            ]
-            outcomes += attempt_all(run, match_pair, tasks, len(left), "pairs", progress)
+            tasks = [Task((entry,), folder, store.path) for entry in shapes]
+            lost = attempt_all(run, keep_spectrum, tasks, "spectra", progress)
+            bad = {one.path for one in lost}
+            good = [pair for pair in left if bad.isdisjoint(one.path for one in pair)]
+            tasks = [Task(pair, folder, store.path) for pair in good]
+            failed = attempt_all(run, match_pair, tasks, "pairs", progress)
     write_table(folder / _TABLE, _table(folder, pairs))
-    failures += filter(None, outcomes)
     skipped, seconds = len(pairs) - len(left), time.monotonic() - start
-    return Matched(outcomes.count(None), skipped, tuple(failures), seconds)
+    return Matched(len(tasks) - len(failed), skipped, (*lost, *failed), seconds)
 
 
 def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]:
@@ -92,16 +83,16 @@ def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]
 
 def keep_spectrum(task: Task) -> None:
     """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
-    with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT):
+    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT):
         prepare_spectrum(_read(task.entries[0], task.store))
 
 
 def match_pair(task: Task) -> None:
     """Match two shapes and write the result."""
     source, target = task.entries
-    with use_cache(Path(task.out, _SPECTRA), gib=_NO_LIMIT):
+    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT):
         found = match(_read(source, task.store), _read(target, task.store))
-    path = Path(task.out, file_name(source, target))
+    path = task.out / file_name(source, target)
     write_map(path.with_suffix(".csv"), found.source_to_target)
     write_match(path, found)  # last: it says that the pair is done
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import IntArray, Progress
-from unbend.collection._engine import attempt_all, engine
+from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import find_file, find_files, hashed, make_folder, stem
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
@@ -50,7 +50,8 @@ def register_collection(
     template: str | os.PathLike[str],
     out: str | os.PathLike[str],
     landmarks: Mapping[str, npt.ArrayLike],
-    **options: Any,
+    workers: Engine,
+    progress: Progress | None,
 ) -> Registered:
     """Register a template to all shapes of a collection; see `Collection.register`."""
     check_outside(store.path, out)
@@ -59,7 +60,7 @@ def register_collection(
         template = find_file(store.find(template), store.path)
     known = {store.find(name).id: pairs for name, pairs in landmarks.items()}
     shapes = sorted(store.entries(), key=lambda one: one.path)
-    return _register(shapes, template, out, known, store=store.path, **options)
+    return _register(shapes, template, out, known, (), store.path, workers, progress)
 
 
 def register_files(
@@ -70,7 +71,7 @@ def register_files(
     files = {one[1]: one[0] for one in found if not isinstance(one, Failure)}
     shapes = [Entry(digest, path, 0, 0, 0, "") for digest, path in files.items()]
     failures = [one for one in found if isinstance(one, Failure)]
-    return _register(shapes, template, out, {}, failures, workers=0, progress=progress)
+    return _register(shapes, template, out, {}, failures, None, engine(workers=0), progress)
 
 
 def _register(
@@ -78,12 +79,10 @@ def _register(
     template: str | os.PathLike[str],
     out: str | os.PathLike[str],
     landmarks: Mapping[str, npt.ArrayLike],  # by id
-    failures: Sequence[Failure] = (),
-    *,
-    store: str | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
+    failures: Sequence[Failure],
+    store: str | None,
+    workers: Engine,
+    progress: Progress | None,
 ) -> Registered:
     start = time.monotonic()
     mesh = read_mesh(template)
@@ -104,9 +103,8 @@ def _register(
     left = [task for task in tasks if not _done(task)]
     failed: list[Failure] = []
     if left:
-        with engine(workers=workers, scheduler=scheduler) as run:
-            done = attempt_all(run, register_shape, left, len(left), "shapes", progress)
-            failed += filter(None, done)
+        with workers as run:
+            failed = attempt_all(run, register_shape, left, "shapes", progress)
     bad = {one.path for one in failed}
     every = (*failures, *failed)
     rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
