@@ -51,7 +51,7 @@ def match_pairs(
     start = time.monotonic()
     check_outside(store.path, out)
     pairs = _chosen(store, named)
-    folder = make_folder(out)
+    folder = make_folder(out).absolute()  # workers elsewhere have another current folder
     left = [pair for pair in pairs if not _done(folder, pair)]
     tasks: list[Task] = []
     lost: list[Failure] = []
