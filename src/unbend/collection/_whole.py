@@ -115,14 +115,13 @@ def _stitched(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArr
     piece = find_components(faces, len(vertices)).of_vertex[boundary]
     if not len(boundary) or (piece == piece[0]).all():
         return vertices, faces
-    partner, least = np.full(len(boundary), -1), np.full(len(boundary), _SEAM)
     near = cKDTree(vertices[boundary]).query_pairs(_SEAM, output_type="ndarray")
     near = near[piece[near[:, 0]] != piece[near[:, 1]]]
     lengths = np.linalg.norm(np.diff(vertices[boundary[near]], axis=1)[:, 0], axis=1)
-    for (i, j), length in zip(near.tolist(), lengths, strict=True):
-        for here, there in ((i, j), (j, i)):
-            if length < least[here]:
-                partner[here], least[here] = there, length
+    both_ways = np.stack([near, near[:, ::-1]], axis=1)
+    here, there = both_ways[np.argsort(lengths, kind="stable")[::-1]].reshape(-1, 2).T
+    partner = np.full(len(boundary), -1)
+    partner[here] = there  # the nearest is the last that is written
     paired = np.flatnonzero((partner >= 0) & (partner[partner] == np.arange(len(boundary))))
     image = np.arange(len(vertices))
     image[boundary[paired]] = boundary[np.minimum(paired, partner[paired])]
@@ -213,23 +212,23 @@ def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
     """
     n = len(points)
     count, piece = connected_components(stiffness, directed=False)
-    links = [np.empty((0, 2), dtype=np.int64)]
-    if count > 1:
-        tree = cKDTree(points)
-        touching = min(_TOUCH, 2 / np.sqrt(n))  # at most two edges of an even mesh
-        near = tree.query_pairs(touching, output_type="ndarray")
-        links.append(near[piece[near[:, 0]] != piece[near[:, 1]]])
-        piece = _merged(piece, links[-1])
-        for k in _NEIGHBOURS:
-            if piece.max() > _FEW:
-                apart, there = tree.query(points, min(k, n))
-                links.append(_to_others(piece, apart, there))
-                piece = _merged(piece, links[-1])
-        while piece.max() > 0:
-            counts = np.bincount(piece)
-            smallest = np.flatnonzero(counts == counts.min())
-            links.append(np.concatenate([_to_rest(points, piece == one) for one in smallest]))
+    if count == 1:
+        return sp.csr_array((n, n))
+    tree = cKDTree(points)
+    touching = min(_TOUCH, 2 / np.sqrt(n))  # at most two edges of an even mesh
+    near = tree.query_pairs(touching, output_type="ndarray")
+    links = [near[piece[near[:, 0]] != piece[near[:, 1]]]]
+    piece = _merged(piece, links[-1])
+    for k in _NEIGHBOURS:
+        if piece.max() > _FEW:
+            apart, there = tree.query(points, min(k, n))
+            links.append(_to_others(piece, apart, there))
             piece = _merged(piece, links[-1])
+    while piece.max() > 0:
+        counts = np.bincount(piece)
+        smallest = np.flatnonzero(counts == counts.min())
+        links.append(np.concatenate([_to_rest(points, piece == one) for one in smallest]))
+        piece = _merged(piece, links[-1])
     ends = np.unique(np.sort(np.concatenate(links), axis=1), axis=0)
     weights = np.full(len(ends), _LINK_WEIGHT)
     graph = sp.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
