@@ -312,8 +312,7 @@ def _setting(share: int, memory: int) -> Iterator[None]:
     of the main module, the processes do not run the user's script again.
     """
     names: dict[str, Any] = vars(sys.modules["__main__"])
-    hidden: list[str] = [name for name in ("__file__", "__spec__") if name in names]
-    main = {name: names.pop(name) for name in hidden}
+    main = {name: names.pop(name) for name in {"__file__", "__spec__"} & names.keys()}
     names["__spec__"] = None
     before = dict(os.environ)
     os.environ.update({f"{one}_NUM_THREADS": str(share) for one in _THREADS_OF})

@@ -10,7 +10,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,11 +31,8 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
     Hidden files are left out of folders. A name that is none of these comes back as it is.
     """
     for one in given:
-        matches: Iterable[str] = [one]
-        if not os.path.exists(one) and glob.has_magic(one):
-            found = glob.iglob(one, recursive=True)
-            matches = itertools.chain([next(found, one)], found)
-        for match in matches:
+        found = iter([one] if os.path.exists(one) else glob.iglob(one, recursive=True))
+        for match in itertools.chain([next(found, one)], found):
             if os.path.isdir(match):
                 yield from _walk(os.path.abspath(match))
             else:

@@ -188,10 +188,10 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     variances = zip(range(1, k + 1), statistics.variances.tolist(), shares.tolist(), strict=True)
     columns = statistics.sizes, found.confidences, found.coverages, statistics.scores
     scores = zip(found.names, np.column_stack(columns).tolist(), strict=True)
-    heads = ("path", "size", "confidence", "coverage"), [f"score_{i + 1}" for i in range(k)]
+    heads = "path", "size", "confidence", "coverage", *(f"score_{i + 1}" for i in range(k))
     tables: dict[str, list[Iterable[object]]] = {
         "variances.csv": [("component", "variance", "share"), *variances],
-        "scores.csv": [(*heads[0], *heads[1]), *((name, *row) for name, row in scores)],
+        "scores.csv": [heads, *((name, *row) for name, row in scores)],
         "left_out.csv": [("path", "reason"), *((one.path, one.reason) for one in found.left_out)],
     }
     for name, rows in tables.items():

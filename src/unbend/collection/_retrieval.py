@@ -22,8 +22,6 @@ _FIRST_PAGE = 32
 # Shares of a class found at which precision is told.
 _RECALL_LEVELS = np.arange(1, 21) / 20
 
-_File = tuple[int, str]  # number of its shape, and path
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Retrieval(Brief):
@@ -200,33 +198,25 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
     table = Path(table)
     rows = read_table(table, ("path", "label"))
     files = {os.path.abspath(path): (i, path) for i, some in enumerate(shapes) for path in some}
-    ends: dict[str, list[_File]] = {}
+    ends: dict[str, list[tuple[int, str]]] = {}
     for file in files.values():
         parts = Path(file[1]).parts
         for start in range(len(parts)):
             ends.setdefault("/".join(parts[start:]), []).append(file)
     labels: list[dict[str, str]] = [{} for _ in shapes]  # by path
     for line, (path, label) in enumerate(rows, start=2):
-        i, path = _find(path, table, files, ends, line)
+        places = (os.path.abspath(folder / path) for folder in (Path(), table.parent))
+        found = [files[place] for place in places if place in files][:1]
+        found = found or ends.get("/".join(Path(path).parts), [])
+        if len({i for i, _ in found}) != 1:
+            what = "several shapes" if found else "no shape"
+            raise FileError(f"{table}: line {line}: {path} is {what} of the collection")
+        i, path = found[0]
         if labels[i].setdefault(path, label) != label:
             raise FileError(
                 f"{table}: line {line} calls {path} a {label}, an earlier one a {labels[i][path]}"
             )
     return [_agreed(one, table) for one in labels]
-
-
-def _find(
-    path: str, table: Path, files: dict[str, _File], ends: dict[str, list[_File]], line: int
-) -> _File:
-    for folder in (Path(), table.parent):
-        absolute = os.path.abspath(folder / path)
-        if absolute in files:
-            return files[absolute]
-    found = ends.get("/".join(Path(path).parts), [])
-    if len({i for i, _ in found}) != 1:
-        what = "several shapes" if found else "no shape"
-        raise FileError(f"{table}: line {line}: {path} is {what} of the collection")
-    return found[0]
 
 
 def _agreed(labels: dict[str, str], table: Path) -> str | None:

@@ -189,9 +189,10 @@ class Store:
 
     def version(self) -> str | None:
         """Version of the descriptors; None where there are none."""
+        if not self.exists:
+            return None
         with self._explained():
-            query = self._table.search().select(["version"]).limit(1) if self.exists else None
-            rows = query.to_list() if query is not None else []
+            rows = self._table.search().select(["version"]).limit(1).to_list()
         return rows[0]["version"] if rows else None
 
     def check_version(self) -> None:
@@ -324,13 +325,11 @@ class Store:
                         count += len(batch)
                 return count
             for batch in self.batches([*_SMALL, "version", "descriptor"]):
-                table = pa.Table.from_batches([batch])
-                numbers = table["descriptor"].combine_chunks()
-                flat = numbers.flatten().to_numpy().reshape(-1, numbers.type.list_size)
-                table = table.drop_columns(["descriptor"])
-                for i, column in enumerate(flat.T):
-                    table = table.append_column(f"descriptor_{i}", [column])
-                csv.write_csv(table, file, csv.WriteOptions(include_header=not count))
+                columns = dict(zip(batch.schema.names, batch.columns, strict=True))
+                vectors = columns.pop("descriptor")
+                flat = vectors.flatten().to_numpy().reshape(len(batch), -1)
+                columns |= {f"descriptor_{i}": column for i, column in enumerate(flat.T)}
+                csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=not count))
                 count += len(batch)
         return count
 
@@ -370,9 +369,6 @@ def _check_folder(path: Path) -> None:
 def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
     import pyarrow as pa
 
-    def fixed(width: int) -> Any:
-        return pa.list_(pa.float32(), width)
-
     schema = pa.schema(
         [
             ("id", pa.string()),
@@ -382,8 +378,8 @@ def _arrow(rows: Sequence[dict[str, Any]]) -> Any:
             ("area", pa.float64()),
             ("notes", pa.string()),
             ("version", pa.string()),
-            ("descriptor", fixed(len(rows[0]["descriptor"]))),
-            ("form", fixed(FORM_POINTS * FORM_COMPONENTS)),
+            ("descriptor", pa.list_(pa.float32(), len(rows[0]["descriptor"]))),
+            ("form", pa.list_(pa.float32(), FORM_POINTS * FORM_COMPONENTS)),
             ("thumbnail", pa.binary()),
         ],
         metadata={"parameters": json.dumps(_PARAMETERS)},
