@@ -166,7 +166,7 @@ def _checked_match(arrays: _Arrays) -> Match:
     found: dict[str, Any] = {
         "source_to_target": _vertices(arrays, "source_to_target", n, m),
         "target_to_source": _vertices(arrays, "target_to_source", m, n),
-        "functional_map": _numbers(arrays, "functional_map", 2),
+        "functional_map": _numbers("functional_map", arrays["functional_map"], 2),
     }
     rows, columns = found["functional_map"].shape
     if rows > n or columns > m:
@@ -178,7 +178,7 @@ def _checked_match(arrays: _Arrays) -> Match:
         if name == "confidence" and is_float and np.array_equal(arrays[name], np.nan, True):
             found[name] = np.nan
         else:
-            found[name] = float(_numbers(arrays, name, 0, *_RANGES[name]))
+            found[name] = float(_numbers(name, arrays[name], 0, *_RANGES[name]))
     if "mirrored" in arrays:
         found["mirrored"] = _vertices(arrays, "mirrored", n, m)
     if "expected_error" in arrays:
@@ -191,10 +191,10 @@ def _checked_match(arrays: _Arrays) -> Match:
         found["faces"] = _vertices(arrays, "faces", n, None)
         found["weights"] = _row_numbers(arrays, "weights", found["faces"], "face", 3)
     if "hypotheses" in arrays:
-        known = _numbers(arrays, "hypotheses", 2)
+        known = _numbers("hypotheses", arrays["hypotheses"], 2)
         if known.shape[1] != 3:
             raise FileError(f"its hypotheses have {known.shape[1]} columns, not 3; match again")
-        _check_range("hypotheses", known[:, 1], -1, 1)
+        _numbers("hypotheses", known[:, 1], 1, -1, 1)
         found["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
     for name, below in (("missed_landmarks", None), ("landmark_hints", n)):
         if name in arrays:
@@ -212,22 +212,21 @@ def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> I
 
 
 def _numbers(
-    arrays: _Arrays, name: str, n_dimensions: int, least: float = -np.inf, most: float = np.inf
+    name: str,
+    array: npt.NDArray[Any],
+    n_dimensions: int,
+    least: float = -np.inf,
+    most: float = np.inf,
 ) -> FloatArray:
     """Check finite numbers in a range."""
-    array = arrays[name]
     if array.ndim != n_dimensions or array.dtype.kind not in "fiu":
         what = f"a table of {n_dimensions} dimensions" if n_dimensions else "a number"
         raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {what}")
     if not np.isfinite(array).all():
         raise FileError(f"its {name} holds what is not finite")
-    _check_range(name, array, least, most)
-    return np.asarray(array, dtype=np.float64)
-
-
-def _check_range(name: str, array: npt.NDArray[Any], least: float, most: float) -> None:
     if array.size and not (least - _ROUNDING <= array.min() and array.max() <= most + _ROUNDING):
         raise FileError(f"its {name} is not from {least:g} to {most:g}")
+    return np.asarray(array, dtype=np.float64)
 
 
 def _row_numbers(

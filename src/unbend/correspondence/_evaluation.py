@@ -196,7 +196,8 @@ def evaluate(
     sources = vertex_ids(source_points, len(images), "source_points")
     truth = _ground_truth(target_points, len(sources), target, "target_points")
     found = images[sources]
-    rows = np.flatnonzero((found >= 0) & (truth >= 0))
+    given, true = found >= 0, truth >= 0
+    rows = np.flatnonzero(given & true)
     direct = _errors(target, truth, found, rows, "target_points", distance)
     map_min = vertex_min = None
     if mirrored_target_points is not None:
@@ -207,14 +208,12 @@ def evaluate(
         map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
         vertex_min = np.minimum(direct[both], mirrored)
     areas = vertex_areas(target)
-    given, true = found >= 0, truth >= 0
-    hits = int((given & true).sum())
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
-        overlap=Overlap(*(hits / int(some.sum()) for some in (given, true, given | true))),
+        overlap=Overlap(*(len(rows) / int(some.sum()) for some in (given, true, given | true))),
     )
 
 

@@ -166,7 +166,10 @@ def register(
     fit.run(progress)
 
     places = fit.places * size + middle
-    vertices = _moved_along(template.vertices, rest, places)
+    # Vertices that no face uses follow the similarity nearest to the motion of the others.
+    scale = _extent(places) / _extent(rest)
+    rotation, shift = procrustes(scale * rest, places, reflect=False)
+    vertices = scale * template.vertices @ rotation.T + shift
     vertices[used] = places
     off, valid = fit.distances()
     tolerance = _COVERED * fit.edge
@@ -233,10 +236,3 @@ def _scale(rest: FloatArray, goal: FloatArray, matched: BoolArray, faces: IntArr
 
 def _extent(points: FloatArray) -> float:
     return float(np.linalg.norm(points - points.mean(axis=0)))
-
-
-def _moved_along(vertices: FloatArray, rest: FloatArray, places: FloatArray) -> FloatArray:
-    """Move all vertices by the similarity nearest to the motion of those at rest to places."""
-    scale = _extent(places) / _extent(rest)
-    rotation, shift = procrustes(scale * rest, places, reflect=False)
-    return np.asarray(scale * vertices @ rotation.T + shift)
