@@ -61,7 +61,7 @@ def test_what_kills_its_worker_is_named_and_all_else_goes_on(
     # The cluster gives no worker up that takes its time to start again.
     hasty = dask.config.set({"distributed.deploy.lost-worker-timeout": "0s"})
     with hasty, engine(workers=2) as run:
-        assert list(run.args[0].nthreads().values()) == [1, 1]
+        assert list(run.args[0]().nthreads().values()) == [1, 1]
         with pytest.raises(ValueError, match="No client"):
             default_client()  # what else the user does with Dask is left alone
         found = results(run, items)
@@ -101,7 +101,7 @@ def test_what_was_done_is_done_again_where_its_worker_dies_before_it_is_fetched(
         found = of(*arguments)
         if found and item in alive:
             alive.remove(item)
-            run.args[0].run(os._exit, 1, on_error="ignore")  # in every worker of its client
+            run.args[0]().run(os._exit, 1, on_error="ignore")  # in every worker of its client
         return found
 
     monkeypatch.setattr(_engine, "_arrived", arrived)
@@ -142,9 +142,14 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_engine, "_PATIENCE_SECONDS", 2)
     with (
         pytest.raises(InputError, match="no Dask scheduler answers"),
-        engine(scheduler="tcp://127.0.0.1:1"),
+        engine(scheduler="tcp://127.0.0.1:1") as run,
     ):
-        pass
+        results(run, ["1"])
+
+
+def test_without_work_nobody_is_asked() -> None:
+    with engine(scheduler="tcp://127.0.0.1:1") as run:
+        assert results(run, [None]) == {}
 
 
 def test_a_scheduler_that_goes_away_is_told() -> None:
@@ -227,8 +232,8 @@ def test_a_cluster_that_is_ended_half_made_is_left_to_itself(
     left: list[object] = []
     monkeypatch.setattr(distributed, "LocalCluster", interrupted)
     monkeypatch.setattr(atexit, "unregister", left.append)
-    with pytest.raises(KeyboardInterrupt), engine(workers=1):
-        pass
+    with pytest.raises(KeyboardInterrupt), engine(workers=1) as run:
+        results(run, ["1"])
     assert left == [distributed.deploy.spec.close_clusters]
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
-from unbend.collection._engine import Engine, counted
+from unbend.collection._engine import Engine, Outcome, counted
 from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
@@ -34,27 +33,13 @@ def add_files(
 ) -> Added:
     """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
     start = time.monotonic()
-    adding = _Adding(store)
-    tell = counted(progress, "shapes", sum(1 for _ in find_files(given)))
-
-    def show() -> None:
-        tell(adding.computed, adding.skipped, len(adding.failures))
-
-    fresh = adding.fresh(given)
-    for first in fresh:
-        show()
-        if first is None:
-            continue
-        try:
-            with workers as run:
-                for outcomes in run(make_row, itertools.chain([first], fresh)):
-                    for file, value, reason in outcomes:
-                        adding.take(file, value or Failure(file[0], reason or ""))
-                    adding.commit(if_due=True)
-                    show()
-        finally:  # an interrupted run keeps what is finished too
-            adding.commit()
-        break
+    adding = _Adding(store, counted(progress, "shapes", sum(1 for _ in find_files(given))))
+    try:
+        with workers as run:
+            for outcomes in run(make_row, adding.fresh(given)):
+                adding.take(outcomes)
+    finally:  # an interrupted run keeps what is finished too
+        adding.commit()
     adding.finish()
     if adding.added or adding.new_paths:
         store.tidy()
@@ -66,19 +51,15 @@ def add_files(
 class _Adding:
     """The state of adding: counts, failures, and rows that wait to be committed."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, tell: Callable[[int, int, int], None]) -> None:
         self.added = self.skipped = self.new_paths = 0
         self.failures: list[Failure] = []
-        self._store = store
+        self._store, self._tell = store, tell
         self._rows: list[dict[str, Any]] = []
         self._next = 0.0  # when the next commit is due
         self._given: set[str] = set()  # hashes of what workers were given
         self._bad: dict[str, Failure] = {}  # by hashes of these
         self._copies: list[File] = []  # other files with such hashes
-
-    @property
-    def computed(self) -> int:
-        return self.added + len(self._rows) + len(self.failures)
 
     def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
         """Files with new content, and None after each batch."""
@@ -111,12 +92,19 @@ class _Adding:
         self._store.remove(sorted(filter(is_gone, old - {path for path, _ in files})))
         return paths
 
-    def take(self, file: File, value: dict[str, Any] | Failure) -> None:
-        if isinstance(value, Failure):
-            self._bad[file[1]] = value
-            self.failures.append(value)
-        else:
-            self._rows.append(value)
+    def take(self, outcomes: list[Outcome]) -> None:
+        """Keep rows and failures, commit if it is time, and tell how far it is."""
+        for file, row, reason in outcomes:
+            if reason is not None:
+                row = Failure(file[0], reason)
+            if isinstance(row, Failure):
+                self._bad[file[1]] = row
+                self.failures.append(row)
+            else:
+                self._rows.append(row)
+        self.commit(if_due=True)
+        computed = self.added + len(self._rows) + len(self.failures)
+        self._tell(computed, self.skipped, len(self.failures))
 
     def commit(self, *, if_due: bool = False) -> None:
         start = time.monotonic()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import itertools
 import logging
 import os
 import queue
@@ -12,7 +13,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from datetime import timedelta
 from typing import Any, NamedTuple
 
@@ -42,7 +43,7 @@ class Outcome(NamedTuple):
 
 
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
-Engine = AbstractContextManager[Run]  # its workers start with the block
+Engine = AbstractContextManager[Run]
 
 
 def attempt(work: Callable[[Any], None], task: Any) -> Failure | None:
@@ -105,7 +106,7 @@ def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, 
 
 @contextmanager
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Iterator[Run]:
-    """Workers for as long as the ``with`` block lasts; see `Collection.add` for the options.
+    """Workers from the first item to the end of the block; see `Collection.add` for the options.
 
     Yields a callable that applies a function, which workers can import and which raises nothing, to
     an iterable of items. It gives lists of :class:`Outcome`, in any order and perhaps empty, and
@@ -120,8 +121,9 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
     if workers == 0:
         yield _here
         return
-    with _client(workers, scheduler) as client:
-        yield functools.partial(_there, client)
+    with ExitStack() as stack:
+        start = functools.cache(lambda: stack.enter_context(_client(workers, scheduler)))
+        yield functools.partial(_there, start)
 
 
 def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list[Outcome]]:
@@ -130,14 +132,22 @@ def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list
 
 
 def _there(
-    client: Any, function: Callable[[Any], Any], items: Iterable[Any]
+    start: Callable[[], Any], function: Callable[[Any], Any], items: Iterable[Any]
 ) -> Iterator[list[Outcome]]:
     """Work on all items; at the end one at a time on those whose worker crashed."""
+    source = iter(items)
+    for first in source:
+        yield []
+        if first is not None:
+            break
+    else:
+        return
+    client = start()
     suspects: list[Any] = []
-    for alone in (False, True):
-        items, suspects = suspects if alone else items, []
-        yield from _stream(client, function, items, suspects, alone=alone)
-    yield [Outcome(item, None, _DEADLY) for item in suspects]
+    deadly: list[Any] = []
+    yield from _stream(client, function, itertools.chain([first], source), suspects, alone=False)
+    yield from _stream(client, function, suspects, deadly, alone=True)
+    yield [Outcome(item, None, _DEADLY) for item in deadly]
 
 
 def _stream(
@@ -204,12 +214,11 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
 def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
     """All that is in a queue, after waiting a while for the first."""
     found = []
-    try:
+    with suppress(queue.Empty):
         found.append(finished.get(timeout=patience))
         while True:
             found.append(finished.get_nowait())
-    except queue.Empty:
-        return found
+    return found
 
 
 def _plan(client: Any) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from unbend._types import Progress
 from unbend.collection._engine import Engine, attempt_all
 from unbend.collection._files import find_file, make_folder, stem
-from unbend.collection._rows import Entry, Failure, Matched
+from unbend.collection._rows import Entry, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
 from unbend.errors import InputError
@@ -53,18 +53,14 @@ def match_pairs(
     pairs = _chosen(store, named)
     folder = make_folder(out).absolute()  # workers elsewhere have another current folder
     left = [pair for pair in pairs if not _done(folder, pair)]
-    tasks: list[Task] = []
-    lost: list[Failure] = []
-    failed: list[Failure] = []
-    if left:
-        with workers as run:
-            shapes = {entry.id: entry for pair in left for entry in pair}.values()
-            tasks = [Task((entry,), folder, store.path) for entry in shapes]
-            lost = attempt_all(run, keep_spectrum, tasks, "spectra", progress)
-            bad = {one.path for one in lost}
-            good = [pair for pair in left if bad.isdisjoint(one.path for one in pair)]
-            tasks = [Task(pair, folder, store.path) for pair in good]
-            failed = attempt_all(run, match_pair, tasks, "pairs", progress)
+    with workers as run:
+        shapes = {entry.id: entry for pair in left for entry in pair}.values()
+        tasks = [Task((entry,), folder, store.path) for entry in shapes]
+        lost = attempt_all(run, keep_spectrum, tasks, "spectra", progress)
+        bad = {one.path for one in lost}
+        good = [pair for pair in left if bad.isdisjoint(one.path for one in pair)]
+        tasks = [Task(pair, folder, store.path) for pair in good]
+        failed = attempt_all(run, match_pair, tasks, "pairs", progress)
     write_table(folder / _TABLE, _table(folder, pairs))
     skipped, seconds = len(pairs) - len(left), time.monotonic() - start
     return Matched(len(tasks) - len(failed), skipped, (*lost, *failed), seconds)

@@ -101,10 +101,8 @@ def _register(
         files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
         tasks.append(Task(one, store, original, pairs, *files))
     left = [task for task in tasks if not _done(task)]
-    failed: list[Failure] = []
-    if left:
-        with workers as run:
-            failed = attempt_all(run, register_shape, left, "shapes", progress)
+    with workers as run:
+        failed = attempt_all(run, register_shape, left, "shapes", progress)
     bad = {one.path for one in failed}
     every = (*failures, *failed)
     rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
