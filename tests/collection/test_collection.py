@@ -21,7 +21,6 @@ from unbend.collection import (
     Collection,
     Failure,
     _collection,
-    _ranking,
     _store,
     descriptor,
 )
@@ -217,9 +216,9 @@ def test_distances_are_those_of_the_descriptors(filled: Collection) -> None:
 
 def test_a_table_too_large_is_refused(filled: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
     tables = 3 * 8 * 12**2  # so many bytes have three numbers for each pair
-    monkeypatch.setattr(_ranking, "available_memory", lambda: tables)
+    monkeypatch.setattr(_collection, "available_memory", lambda: tables)
     assert filled.distances()[1].shape == (12, 12)
-    monkeypatch.setattr(_ranking, "available_memory", lambda: tables - 1)
+    monkeypatch.setattr(_collection, "available_memory", lambda: tables - 1)
     with pytest.raises(InputError, match="all pairs of 12 shapes need"):
         filled.distances()
 

@@ -6,16 +6,18 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import is_whole
+from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._engine import engine
 from unbend.collection._pairs import match_pairs
-from unbend.collection._ranking import descriptor_distances, rank_by_form, rank_by_match
+from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, check_outside
@@ -210,8 +212,20 @@ class Collection:
             If the collection is empty or of another version, or the table does not fit into
             memory.
         """
+        from scipy.spatial.distance import cdist
+
         self._store.check_filled()
-        return descriptor_distances(self._store)
+        n = self._store.n_shapes()
+        free, needed = available_memory(), 3 * 8 * n**2
+        if free is not None and needed > free:
+            raise InputError(
+                f"all pairs of {n:,} shapes need {needed / 2**30:.1f} GiB of memory and "
+                f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
+            )
+        rows = {row["id"]: row["descriptor"] for row in self._store.select(["id", "descriptor"])}
+        entries = sorted((one for one in self if one.id in rows), key=lambda one: one.path)
+        descriptors = np.array([rows[one.id] for one in entries])
+        return entries, cdist(descriptors, descriptors)
 
     def find(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.

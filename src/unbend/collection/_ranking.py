@@ -1,4 +1,4 @@
-"""Distances of descriptors; re-ranking of the best hits by canonical forms or matches."""
+"""Re-ranking of the best hits by canonical forms or matches."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.alignment import align
 from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._files import find_file
-from unbend.collection._rows import Entry, Hit
+from unbend.collection._rows import Hit
 from unbend.collection._store import Store
-from unbend.errors import FileError, InputError, UnbendError, UnbendWarning, warn
+from unbend.errors import FileError, UnbendError, UnbendWarning, warn
 from unbend.io import read_mesh
 from unbend.matching import match
 from unbend.mesh import Mesh
@@ -51,23 +50,6 @@ def rank_by_match(
             warnings.simplefilter("ignore", UnbendWarning)
             energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
     return _ranked(hits, energies)
-
-
-def descriptor_distances(store: Store) -> tuple[list[Entry], FloatArray]:
-    """Distances between the descriptors of all shapes; see `Collection.distances`."""
-    n = store.n_shapes()
-    free, needed = available_memory(), 3 * 8 * n**2
-    if free is not None and needed > free:
-        raise InputError(
-            f"all pairs of {n:,} shapes need {needed / 2**30:.1f} GiB of memory and "
-            f"{free / 2**30:.1f} GiB are free; search the collection instead, or export it"
-        )
-    from scipy.spatial.distance import cdist
-
-    rows = {row["id"]: row["descriptor"] for row in store.select(["id", "descriptor"])}
-    entries = sorted((one for one in store.entries() if one.id in rows), key=lambda one: one.path)
-    descriptors = np.array([rows[one.id] for one in entries])
-    return entries, cdist(descriptors, descriptors)
 
 
 def _ranked(hits: Sequence[Hit], values: Sequence[float]) -> list[Hit]:

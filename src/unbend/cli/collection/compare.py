@@ -191,10 +191,9 @@ def evaluate(
 
     entries, distances = opened(store).distances()
     found = unbend.collection.read_labels(labels, [(entry.path, *entry.also) for entry in entries])
-    kept = np.array([i for i, label in enumerate(found) if label is not None], dtype=int)
-    classes = [label for label in found if label is not None]
-    if len(kept) < len(entries):
-        left_out = len(entries) - len(kept)
+    kept = [i for i, label in enumerate(found) if label is not None]
+    classes = [found[i] for i in kept]
+    if left_out := len(entries) - len(kept):
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
     measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
     names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,11 +42,7 @@ def match(
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
-    chosen = None
-    if pairs is not None:
-        chosen = [
-            (source, target) for source, target in unbend.io.read_table(pairs, ("source", "target"))
-        ]
+    chosen: Any = None if pairs is None else unbend.io.read_table(pairs, ("source", "target"))
     with progress_on_stderr() as progress:
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
