@@ -128,10 +128,9 @@ def _done(task: Task) -> bool:
     """Whether both files are there, made with these landmarks."""
     try:
         with np.load(task.result, allow_pickle=False) as arrays:
-            same = np.array_equal(arrays["landmarks"], task.landmarks)
+            return np.array_equal(arrays["landmarks"], task.landmarks) and task.mesh.exists()
     except _DAMAGED:
         return False
-    return same and task.mesh.exists()
 
 
 def register_shape(task: Task) -> None:

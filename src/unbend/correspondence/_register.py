@@ -16,14 +16,7 @@ from unbend.correspondence._projection import make_target
 from unbend.correspondence._transfer import as_point_map, positions_on_target
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError, MeshError
-from unbend.io import (
-    COLOR_SUFFIXES,
-    SCALAR_SUFFIXES,
-    MeshLike,
-    as_mesh,
-    value_colors,
-    write_mesh,
-)
+from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
 from unbend.mesh import Mesh, orient_consistently, vertex_areas

@@ -159,13 +159,7 @@ def groups(
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
     guess = None if n else f"-n N for another number of groups; {len(members)} stand out most"
-    tell(
-        {"store": store, "groups": paths},
-        lines,
-        written=[csv],
-        report=report,
-        next_step=guess,
-    )
+    tell({"store": store, "groups": paths}, lines, written=[csv], report=report, next_step=guess)
 
 
 def evaluate(

@@ -91,12 +91,7 @@ def register(
     pairs = None if landmarks is None else _read_landmarks(landmarks)
     with progress_on_stderr() as progress:
         done = collection.register(
-            template,
-            out,
-            landmarks=pairs,
-            workers=workers,
-            scheduler=scheduler,
-            progress=progress,
+            template, out, landmarks=pairs, workers=workers, scheduler=scheduler, progress=progress
         )
     result = {
         "store": store,

@@ -172,11 +172,7 @@ def remove(
         kept = f"; the shape stays as {shown(min(left[entry.id]))}" if left[entry.id] else ""
         lines.append(f"removed {shown_shape(entry)}{kept}")
     tell(
-        {
-            "store": store,
-            "removed": removed,
-            "n_shapes": len(collection),
-        },
+        {"store": store, "removed": removed, "n_shapes": len(collection)},
         [*lines, f"{store} has {len(collection):,} shapes"],
     )
 
