@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from unbend import Mesh, canonical_form, spectrum, write_mesh
-from unbend.collection import Failure, _adding
+from unbend.collection import _adding
 from unbend.collection._adding import make_row
 from unbend.collection._descriptor import FORM_POINTS, Basis, sample_form
 from unbend.datasets import make_sphere
-from unbend.errors import UnbendWarning
+from unbend.errors import MeshError, UnbendWarning
 from unbend.mesh import vertex_areas
 
 BALL = make_sphere(3)
@@ -51,7 +51,7 @@ def test_of_few_points_some_repeat() -> None:
 def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = str(tmp_path / "shape.ply")
 
-    def described() -> dict | Failure:
+    def described() -> dict:
         return make_row((path, "0"))
 
     for faces, area in ((BALL.faces, vertex_areas(BALL).sum()), (BALL.faces[:0], 0)):
@@ -67,8 +67,10 @@ def test_a_row_tells_what_a_file_holds(tmp_path: Path, monkeypatch: pytest.Monke
             return np.array(numbers)
 
         monkeypatch.setattr(_adding, "describe", describe)
-        row = described()
         if np.isfinite(numbers).all():
-            assert "it is odd" in row["notes"]
+            assert "it is odd" in described()["notes"]
         else:
-            assert row == Failure(path, "its description is not finite; try unbend check on it")
+            with pytest.raises(
+                MeshError, match=r"^its description is not finite; try unbend check"
+            ):
+                described()

@@ -16,6 +16,7 @@ from unbend.collection._engine import Engine, Outcome, counted
 from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
+from unbend.errors import MeshError
 from unbend.io import read_mesh
 from unbend.mesh import vertex_areas
 from unbend.report.raster import thumbnail
@@ -95,13 +96,11 @@ class _Adding:
     def take(self, outcomes: list[Outcome]) -> None:
         """Keep rows and failures, commit if it is time, and tell how far it is."""
         for file, row, reason in outcomes:
-            if reason is not None:
-                row = Failure(file[0], reason)
-            if isinstance(row, Failure):
-                self._bad[file[1]] = row
-                self.failures.append(row)
-            else:
+            if reason is None:
                 self._rows.append(row)
+            else:
+                self._bad[file[1]] = Failure(file[0], reason)
+                self.failures.append(self._bad[file[1]])
         self.commit(if_due=True)
         computed = self.added + len(self._rows) + len(self.failures)
         self._tell(computed, self.skipped, len(self.failures))
@@ -129,29 +128,26 @@ class _Adding:
             self.skipped -= len(bad)
 
 
-def make_row(file: File) -> dict[str, Any] | Failure:
-    """Read a shape and compute its columns in the store; any error becomes its failure."""
+def make_row(file: File) -> dict[str, Any]:
+    """Read a shape and compute its columns in the store."""
     path, digest = file
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            mesh = read_mesh(path)
-            basis = make_basis(mesh)
-            descriptor, form = describe(basis), sample_form(basis)
-        if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
-            return Failure(path, "its description is not finite; try unbend check on it")
-        notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])
-        return {
-            "id": digest,
-            "path": path,
-            "n_vertices": mesh.n_vertices,
-            "n_faces": mesh.n_faces,
-            "area": float(vertex_areas(mesh).sum()) if mesh.n_faces else 0.0,
-            "notes": "; ".join(note.removeprefix(f"{mesh.name}: ") for note in notes),
-            "version": DESCRIPTOR_VERSION,
-            "descriptor": descriptor,
-            "form": form.astype(np.float32).ravel(),
-            "thumbnail": thumbnail(mesh, _THUMBNAIL),
-        }
-    except Exception as error:  # of any kind: other meshes go on
-        return Failure.of(path, error)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mesh = read_mesh(path)
+        basis = make_basis(mesh)
+        descriptor, form = describe(basis), sample_form(basis)
+    if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
+        raise MeshError("its description is not finite; try unbend check on it")
+    notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])
+    return {
+        "id": digest,
+        "path": path,
+        "n_vertices": mesh.n_vertices,
+        "n_faces": mesh.n_faces,
+        "area": float(vertex_areas(mesh).sum()) if mesh.n_faces else 0.0,
+        "notes": "; ".join(note.removeprefix(f"{mesh.name}: ") for note in notes),
+        "version": DESCRIPTOR_VERSION,
+        "descriptor": descriptor,
+        "form": form.astype(np.float32).ravel(),
+        "thumbnail": thumbnail(mesh, _THUMBNAIL),
+    }

@@ -46,17 +46,6 @@ Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[list[Outcome]]]
 Engine = AbstractContextManager[Run]
 
 
-def attempt(work: Callable[[Any], None], task: Any) -> Failure | None:
-    """Work on a task without warnings; any error becomes a failure of its name."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnbendWarning)
-            work(task)
-    except Exception as error:
-        return Failure.of(task.name, error)
-    return None
-
-
 def attempt_all(
     run: Run,
     work: Callable[[Any], None],
@@ -64,16 +53,12 @@ def attempt_all(
     noun: str,
     progress: Progress | None,
 ) -> list[Failure]:
-    """:func:`attempt` tasks that have a name, report the progress, and return the failures."""
+    """Work on tasks that have a name, report the progress, and return the failures."""
     tell, done = counted(progress, noun, len(tasks)), 0
     failures: list[Failure] = []
-    for outcomes in run(functools.partial(attempt, work), tasks):
+    for outcomes in run(work, tasks):
         done += len(outcomes)
-        for task, failure, reason in outcomes:
-            if reason is not None:
-                failure = Failure(task.name, reason)
-            if failure is not None:
-                failures.append(failure)
+        failures += [Failure(task.name, why) for task, _, why in outcomes if why is not None]
         tell(done, 0, len(failures))
     return failures
 
@@ -108,9 +93,9 @@ def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, 
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Iterator[Run]:
     """Workers from the first item to the end of the block; see `Collection.add` for the options.
 
-    Yields a callable that applies a function, which workers can import and which raises nothing, to
-    an iterable of items. It gives lists of :class:`Outcome`, in any order and perhaps empty, and
-    takes no more items than are worked on. An item that is None yields the results so far, for
+    Yields a callable that applies a function, which workers can import, to an iterable of items. It
+    gives lists of :class:`Outcome`, in any order and perhaps empty, and takes no more items than
+    are worked on. An item that is None yields the results so far, for
     iterables that take their time. A worker that crashes is replaced. The items it had are tried
     again at the end, one at a time; an item whose worker crashes again is reported.
     """
@@ -128,7 +113,7 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
 
 def _here(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[list[Outcome]]:
     for item in items:
-        yield [] if item is None else [Outcome(item, function(item))]
+        yield [] if item is None else _call(function, [item])
 
 
 def _there(
@@ -188,8 +173,17 @@ def _stream(
             (room, size), planned = _plan(client), time.monotonic()  # workers come and go
 
 
-def _call(function: Callable[[Any], Any], items: list[Any]) -> list[Any]:
-    return [function(item) for item in items]
+def _call(function: Callable[[Any], Any], items: list[Any]) -> list[Outcome]:
+    """Work on items without warnings; any error is the reason why one has no value."""
+    outcomes = []
+    for item in items:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UnbendWarning)
+                outcomes.append(Outcome(item, function(item)))
+        except Exception as error:  # of any kind: other items go on
+            outcomes.append(Outcome(item, None, Failure.of("", error).reason))
+    return outcomes
 
 
 def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]:
@@ -197,7 +191,7 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
 
     try:
         # If the worker crashed before the result was fetched, Dask computes it again.
-        values = future.result()
+        return list(future.result())
     except KilledWorker:
         suspects += lot
         return []
@@ -208,7 +202,6 @@ def _outcomes(future: Any, lot: list[Any], suspects: list[Any]) -> list[Outcome]
         ) from None
     except Exception as error:
         return [Outcome(item, None, f"{type(error).__name__}: {error}") for item in lot]
-    return [Outcome(item, value) for item, value in zip(lot, values, strict=True)]
 
 
 def _arrived(finished: queue.SimpleQueue[Any], patience: float) -> list[Any]:
