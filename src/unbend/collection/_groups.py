@@ -63,11 +63,11 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     tried = [n_groups] if n_groups else range(2, min(_MOST_TRIED, n - 1) + 1)
     cuts = [fcluster(tree, count, "maxclust") for count in tried]
     best = cuts[0] if n_groups else max(cuts, key=lambda labels: silhouette(distances, labels))
-    names, places, sizes = np.unique(best, return_index=True, return_counts=True)
-    order = np.lexsort([places, -sizes])
-    number = np.empty(names.max() + 1, dtype=np.int64)
-    number[names[order]] = np.arange(len(names))
-    return np.asarray(number[best])
+    _, firsts, group, sizes = np.unique(
+        best, return_index=True, return_inverse=True, return_counts=True
+    )
+    rank = np.lexsort([firsts, -sizes]).argsort()
+    return rank[group].astype(np.int64)
 
 
 def silhouette(distances: FloatArray, labels: IntArray) -> float:

@@ -179,13 +179,11 @@ def _preimages(
     faces, weights = closest_faces(
         target.vertices[there], places, source.faces, fans, vertices[there]
     )
-    corners = np.full((len(vertices), 3), -1, dtype=np.int64)
-    shares = np.zeros((len(vertices), 3))
-    corners[there], shares[there] = source.faces[faces], weights
     # Partners without faces are used as they are.
-    alone = there[weights.sum(axis=1) == 0]
-    corners[alone] = vertices[alone, None]
-    shares[alone] = (1, 0, 0)
+    corners, shares = vertices.repeat(3).reshape(-1, 3), np.tile([1.0, 0, 0], (len(vertices), 1))
+    on_face = weights.sum(axis=1) != 0
+    inside = there[on_face]
+    corners[inside], shares[inside] = source.faces[faces[on_face]], weights[on_face]
     return corners, shares
 
 
