@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import shutil
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 
 from stones import BALL
 from unbend import Mesh, match, read_map, read_match, write_mesh
-from unbend.collection import Collection
+from unbend.collection import Collection, _collection
+from unbend.collection._engine import Outcome
 from unbend.errors import FileError, InputError
 
 
@@ -88,6 +90,27 @@ def test_workers_are_those_asked_for(
         asked.clear()
         collection.match(pairs, tmp_path / "matches", **where)
         assert asked == where
+
+
+def test_workers_with_another_current_folder_write_into_the_same(
+    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, paths = three
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path)
+
+    def run(work, items):
+        monkeypatch.chdir(tmp_path / "elsewhere")
+        yield [Outcome(item, work(item)) for item in items]
+
+    @contextmanager
+    def engine(**options):
+        yield run
+
+    monkeypatch.setattr(_collection, "engine", engine)
+    done = collection.match([(str(paths[0]), str(paths[1]))], "matches")
+    assert (done.matched, done.failures) == (1, ())
+    assert len(list((tmp_path / "matches").glob("*.npz"))) == 1
 
 
 def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
