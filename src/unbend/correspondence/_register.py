@@ -123,15 +123,15 @@ def register(
     template, scan = as_mesh(template), as_mesh(scan)
     if template.is_point_cloud:
         raise InputError(f"{template.name}: a template needs faces, and this is a point cloud")
-    points = surface_of_points(scan) if scan.is_point_cloud else None
     if match is None:
-        scan = scan if points is None else points.mesh
+        scan = surface_of_points(scan).mesh if scan.is_point_cloud else scan
         match = find_match(template, scan, barycentric=True, progress=progress)
     elif isinstance(match, Match):
         warn_of_disorder(match)
     goal = positions_on_target(match, scan, template)
     images = as_point_map(match)
-    if points is not None and scan.is_point_cloud:
+    if scan.is_point_cloud:
+        points = surface_of_points(scan)
         images = np.where(images < 0, -1, points.vertex_of_point[images])
         scan = points.mesh
     on_surface = np.zeros(scan.n_vertices, dtype=bool)
