@@ -35,6 +35,7 @@ def add_files(
     """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
     start = time.monotonic()
     adding = _Adding(store, counted(progress, "shapes", sum(1 for _ in find_files(given))))
+    adding.take([])  # tells how many there are
     try:
         with workers as run:
             for outcomes in run(make_row, adding.fresh(given)):

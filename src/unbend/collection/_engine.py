@@ -95,9 +95,9 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
 
     Yields a callable that applies a function, which workers can import, to an iterable of items. It
     gives lists of :class:`Outcome`, in any order and perhaps empty, and takes no more items than
-    are worked on. An item that is None yields the results so far, for
-    iterables that take their time. A worker that crashes is replaced. The items it had are tried
-    again at the end, one at a time; an item whose worker crashes again is reported.
+    are worked on. An item that is None yields the results so far, for iterables that take their
+    time. A worker that crashes is replaced. The items it had are tried again at the end, one at a
+    time; an item whose worker crashes again is reported.
     """
     if workers is not None and workers < 0:
         raise InputError(f"workers must be 0 or more, not {workers}")
@@ -122,7 +122,7 @@ def _there(
     """Work on all items; at the end one at a time on those whose worker crashed."""
     source = iter(items)
     for first in source:
-        yield []
+        yield []  # workers take their time to start
         if first is not None:
             break
     else:
