@@ -25,6 +25,7 @@ def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
 
 
 html_file = _writable(".html")
+figure_file = _writable(".png", ".pdf", ".svg")
 
 
 def _map_file(path: str | None) -> str | None:
@@ -56,14 +57,10 @@ def count(name: str, least: int | None = 1) -> Any:
     return typer.Option("-n", name, metavar="N", min=least)
 
 
-Figure = Annotated[
-    str | None,
-    typer.Option("--figure", metavar="PNG", callback=_writable(".png", ".pdf", ".svg")),
-]
+Figure = Annotated[str | None, typer.Option(metavar="PNG", callback=figure_file)]
 Report = Annotated[
     str | None,
     typer.Option(
-        "--report",
         metavar="HTML",
         callback=html_file,
         help="Write an interactive page of pictures, for a browser.",
@@ -86,20 +83,15 @@ Source = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map f
 Target = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]
 Csv = Annotated[
     str | None,
-    typer.Option(
-        "--csv", metavar="OUT", callback=_writable(".csv"), help="Write the table to a file, too."
-    ),
+    typer.Option(metavar="OUT", callback=_writable(".csv"), help="Write the table to a file, too."),
 ]
 Up = Annotated[
     choices.Axis,
-    typer.Option(
-        "--up", help="The axis that points upward in pictures; for two shapes, the source's."
-    ),
+    typer.Option(help="The axis that points upward in pictures; for two shapes, the source's."),
 ]
 Component = Annotated[
     str | None,  # a number where it is one
     typer.Option(
-        "--component",
         metavar="largest|NUMBER",
         callback=parse_component,
         help="Which connected component to keep; numbers count from 0, largest first.",
@@ -107,15 +99,10 @@ Component = Annotated[
 ]
 Laplacian = Annotated[
     choices.LaplacianKind,
-    typer.Option("--laplacian", help="auto: robust for degenerate faces or non-manifold edges."),
+    typer.Option(help="auto: robust for degenerate faces or non-manifold edges."),
 ]
 Cache = Annotated[
-    bool,
-    typer.Option(
-        "--cache/--no-cache",
-        callback=_switch_cache,
-        help="Keep eigenpairs on disk for later runs.",
-    ),
+    bool, typer.Option(callback=_switch_cache, help="Keep eigenpairs on disk for later runs.")
 ]
 
 # Of commands that read a map or make a match.
@@ -132,20 +119,18 @@ MapOut = Annotated[
 ]
 Base = Annotated[
     int | None,
-    typer.Option("--base", metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
+    typer.Option(metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
 ]
 Partial = Annotated[
     choices.Partial,
     typer.Option(
-        "--partial",
         help="Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
-        "boundary.",
+        "boundary."
     ),
 ]
 Landmarks = Annotated[
     list[str] | None,
     typer.Option(
-        "--landmarks",
         metavar="FILE",
         help="Landmarks: a .csv file, on each line a source vertex and a target vertex, counted "
         "from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
@@ -154,7 +139,6 @@ Landmarks = Annotated[
 MinConfidence = Annotated[
     float | None,
     typer.Option(
-        "--min-confidence",
         metavar="X",
         min=0,
         max=1,
@@ -205,7 +189,6 @@ Store = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        "--workers",
         metavar="N",
         min=0,
         help="Local processes; by default as many as there are processors and memory for. 0: none "
@@ -215,7 +198,6 @@ Workers = Annotated[
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        "--scheduler",
         metavar="tcp://HOST:PORT",
         help="A Dask scheduler whose workers to use; they must see the files under these paths.",
     ),

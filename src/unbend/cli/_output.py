@@ -206,8 +206,7 @@ def _plain(value: Any) -> Any:
 
 def rows(values: Mapping[str, str]) -> list[str]:
     """Put names and values into two aligned columns."""
-    width = max(map(len, values)) + 2
-    return [f"{name:<{width}}{value}" for name, value in values.items()]
+    return table("<<", *values.items())
 
 
 def table(align: str, *cells: Sequence[str]) -> list[str]:

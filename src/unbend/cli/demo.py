@@ -23,7 +23,7 @@ _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 
 
 def demo(
-    out: Annotated[str, options.out("PNG")] = "unbend-demo.png",
+    out: Annotated[str, options.out("PNG", options.figure_file)] = "unbend-demo.png",
 ) -> None:
     """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
@@ -36,7 +36,6 @@ def demo(
       unbend demo
       unbend demo -o picture.png
     """
-    unbend.io.check_writable(out, (".png", ".pdf", ".svg"))
     columns: list[Column] = []
     with progress_on_stderr() as progress:
         for species, make in (

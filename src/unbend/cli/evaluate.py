@@ -18,7 +18,7 @@ _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
 def evaluate(
     map_file: Annotated[str, typer.Argument(metavar="MAP")],
-    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    target: options.Target,
     source_truth: Annotated[str, typer.Argument(metavar="SOURCE_TRUTH")],
     target_truth: Annotated[str, typer.Argument(metavar="TARGET_TRUTH")],
     mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
@@ -59,6 +59,16 @@ def evaluate(
         if figure is not None:
             unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
     names = ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
+    protocols = {
+        name: {
+            "n_rows": len(found.errors(name)),
+            "mean": found.mean(name),
+            "median": found.median(name),
+            "auc": found.auc(name),
+            "curve": found.curve(name),
+        }
+        for name in names
+    }
     tell(
         {
             "map": map_file,
@@ -68,31 +78,22 @@ def evaluate(
             "coverage": found.coverage,
             "overlap": found.overlap,
             "thresholds": unbend.correspondence.THRESHOLDS,
-            "protocols": {name: _measures(found, name) for name in names},
+            "protocols": protocols,
         },
-        _summary(found, names),
+        _summary(found, protocols),
         shapes=[shape],
         written=[figure],
     )
 
 
-def _measures(found: unbend.correspondence.Evaluation, name: str) -> dict[str, Any]:
-    return {
-        "n_rows": len(found.errors(name)),
-        "mean": found.mean(name),
-        "median": found.median(name),
-        "auc": found.auc(name),
-        "curve": found.curve(name),
-    }
-
-
-def _summary(found: unbend.correspondence.Evaluation, names: list[str]) -> list[str]:
+def _summary(
+    found: unbend.correspondence.Evaluation, protocols: dict[str, dict[str, Any]]
+) -> list[str]:
     columns = [int(abs(unbend.correspondence.THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
-    for name in names:
-        curve = found.curve(name)
-        numbers = f"{found.mean(name):.4f}", f"{found.median(name):.4f}", f"{found.auc(name):.3f}"
-        cells.append([name, *numbers, *(f"{curve[i]:.1f} %" for i in columns)])
+    for name, one in protocols.items():
+        numbers = f"{one['mean']:.4f}", f"{one['median']:.4f}", f"{one['auc']:.3f}"
+        cells.append([name, *numbers, *(f"{one['curve'][i]:.1f} %" for i in columns)])
     counts = f"{len(found.direct):,} rows"
     if found.map_min is not None and len(found.map_min) < len(found.direct):
         counts += f", {len(found.map_min):,} of them with a mirrored truth"

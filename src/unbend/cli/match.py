@@ -44,7 +44,7 @@ def match(
     n_matches: Annotated[int, options.count("--n-matches", None)] = 1,
     n_eigenpairs: int = 30,
     allow_mirror: Annotated[bool, typer.Option("--allow-mirror")] = False,
-    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
+    refine: bool = True,
     component: options.Component = None,
     figure: options.Figure = None,
     colored: Annotated[tuple[str, str] | None, typer.Option(metavar="OUT OUT")] = None,
@@ -120,11 +120,16 @@ def match(
         if not unsure:
             progress("writing", 0)
             if out is not None:
+                plain = Path(out)
                 for i, one in enumerate((found, *found.alternatives)):
-                    maps.append(_numbered(out, i))
+                    maps.append(str(plain.with_stem(f"{plain.stem}-{i + 1}")) if i else out)
                     write_result(maps[i], one, shapes)
             if colored is not None:
-                _write_colored((source, target), component is None, shapes, found, colored)
+                colors = unbend.report.match_colors(shapes[0], shapes[1], found)
+                everything = zip(colored, (source, target), shapes, colors, strict=True)
+                for file, original, shape, own in everything:
+                    like = lines_to_keep(file, original, whole=component is None)
+                    unbend.write_mesh(file, shape, colors=own, like=like)
             looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
             show_match(shapes, found, figure, report, progress=progress, **looks)
     warn_if_doubtful(found, seen=report is not None and not unsure)
@@ -192,21 +197,3 @@ def describe_side(orientation: float) -> str:
 def _measures(found: unbend.Match) -> dict[str, Any]:
     names = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
     return {name: getattr(found, name) for name in names}
-
-
-def _numbered(out: str, i: int) -> str:
-    """Name the file of the i-th way to match: ``map.npz``, ``map-2.npz`` and so on."""
-    path = Path(out)
-    return out if i == 0 else str(path.with_name(f"{path.stem}-{i + 1}{path.suffix}"))
-
-
-def _write_colored(
-    originals: tuple[str, str],
-    whole: bool,
-    shapes: list[unbend.Mesh],
-    found: unbend.Match,
-    paths: tuple[str, str],
-) -> None:
-    colors = unbend.report.match_colors(shapes[0], shapes[1], found)
-    for path, shape, one, original in zip(paths, shapes, colors, originals, strict=True):
-        unbend.write_mesh(path, shape, colors=one, like=lines_to_keep(path, original, whole=whole))

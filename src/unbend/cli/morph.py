@@ -14,8 +14,8 @@ from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 
 def morph(
-    source: Annotated[str, typer.Argument(metavar="SOURCE")],
-    target: Annotated[str, typer.Argument(metavar="TARGET")],
+    source: options.Source,
+    target: options.Target,
     out: Annotated[str, options.out()],
     steps: Annotated[int, typer.Option(metavar="N", min=1)] = 1,
     *,

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 import unbend
 from unbend.cli import _options as options
 from unbend.cli._input import is_unsure, read_shapes, show_match, write_result
@@ -16,7 +12,7 @@ def symmetry(
     mesh: options.Mesh,
     out: options.MapOut = None,
     min_confidence: options.MinConfidence = None,
-    refine: Annotated[bool, typer.Option("--refine/--no-refine")] = True,
+    refine: bool = True,
     component: options.Component = None,
     figure: options.Figure = None,
     report: options.Report = None,

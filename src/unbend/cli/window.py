@@ -15,9 +15,9 @@ from unbend.errors import FileError
 
 def app(
     files: Annotated[list[str] | None, typer.Argument(metavar="FILES")] = None,
-    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535)] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser")] = True,
-    collection: Annotated[str | None, typer.Option("--collection", metavar="STORE")] = None,
+    port: Annotated[int, typer.Option(metavar="N", min=0, max=65535)] = 0,
+    browser: bool = True,
+    collection: Annotated[str | None, typer.Option(metavar="STORE")] = None,
 ) -> None:
     """Open a window in the browser in which shapes are matched without typing.
 
