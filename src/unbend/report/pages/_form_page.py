@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import warnings
 from html import escape
-from typing import Any
 
 import numpy as np
 
 from unbend._display import table
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, Progress
 from unbend.canonical import CanonicalForm, check_form
 from unbend.choices import Axis
 from unbend.distances import spectral_filter
@@ -31,14 +30,7 @@ from unbend.report.pages._document import (
     section,
     select,
 )
-from unbend.report.pages._shown import (
-    cells_of,
-    faces_within,
-    pack_places,
-    pack_whole,
-    places_as_colors,
-    show,
-)
+from unbend.report.pages._shown import Shown, pack_places, pack_whole, show
 from unbend.report.shape_figures import turned_to_fit
 from unbend.spectral import spectrum
 
@@ -115,12 +107,10 @@ def form_page(
     step("page, places", 0.0)
     inside = np.asarray(np.isfinite(form.points).all(axis=1))
     shown = show(mesh)
-    rows = shown.ids
-    places = turned_to_fit(form.points, mesh)[rows]
     surface = None
     if posed is not None:
-        fitted = turned_to_fit(np.where(inside[:, None], posed, np.nan), mesh, reflect=False)
-        surface = _packed(fitted[rows], shown.faces)
+        there = np.where(inside[:, None], posed, np.nan)
+        surface = shown.moved(turned_to_fit(there, mesh, reflect=False))
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside)
     # Length in the form of a biharmonic distance of 1.
@@ -142,28 +132,26 @@ def form_page(
             ),
             _form_facts(form),
             "</div>",
-            _facts(mesh, form, shown.facts(mesh), command),
+            _facts(shown, form, command),
         ],
         {
-            "shape": shown.packed(mesh.vertices)
+            "shape": shown.packed()
             | {
-                "colors": pack_places(places_as_colors(mesh, shown)[rows]),
-                "known": pack_whole(inside[rows].astype(np.int64)),
+                "colors": shown.colors(shown.places),
+                "known": pack_whole(inside[shown.ids].astype(np.int64)),
             },
-            "form": _packed(places, shown.faces),
+            "form": shown.moved(turned_to_fit(form.points, mesh)),
             "surface": surface,
-            "embedding": pack_places(embedding[rows], float(np.ptp(embedding[inside])) / _STEPS),
+            "embedding": pack_places(
+                embedding[shown.ids], float(np.ptp(embedding[inside])) / _STEPS
+            ),
             "unit": unit if form.distance == "biharmonic" else None,
-            "cells": cells_of(mesh.vertices[rows]),
+            "cells": shown.cells(),
         },
         ["form.js"],
         path=path,
         heading=f'{escape(mesh.name)}<span class="arrow">and</span>its canonical form',
     )
-
-
-def _packed(places: FloatArray, faces: IntArray) -> dict[str, Any]:
-    return {"places": pack_places(places), "faces": faces_within(places, faces)}
 
 
 def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -210,10 +198,11 @@ def _form_facts(form: CanonicalForm) -> str:
     )
 
 
-def _facts(mesh: Mesh, form: CanonicalForm, facts: tuple[str, ...], command: str) -> str:
+def _facts(shown: Shown, form: CanonicalForm, command: str) -> str:
+    mesh = shown.mesh
     rows = [
-        ("shape", "; ".join([mesh.name, f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"])),
-        ("done to it", "; ".join([*mesh.notes, *form.notes, *facts]) or "nothing"),
+        ("shape", f"{mesh.name}; {mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"),
+        ("done to it", "; ".join([*mesh.notes, *form.notes, *shown.facts]) or "nothing"),
         (
             "form",
             f"{form.method} {form.distance}, {form.weighting} weights, {form.laplacian} Laplacian",

@@ -24,16 +24,7 @@ from unbend.mesh import Mesh, edge_ends, vertex_areas
 from unbend.report.figures import drawable, fit_rigidly
 from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import Page, begin_page, make_page
-from unbend.report.pages._shown import (
-    Shown,
-    cells_of,
-    checked_landmarks,
-    faces_within,
-    pack_places,
-    pack_whole,
-    places_as_colors,
-    show,
-)
+from unbend.report.pages._shown import Shown, checked_landmarks, pack_places, pack_whole, show
 
 # The error at the end of the colour scale.
 _WORST = 0.1
@@ -121,14 +112,13 @@ def match_page(
     carried = carry(source.vertices, first, "scalar", source, target)
     target = _standing_alike(target, source, carried, forward >= 0)
     shown = show(source), show(target)
-    rows = shown[0].ids
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
     pairs = checked_landmarks(landmarks, [source, target])
     packed = []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        packed.append(_pack_map(source, target, one, shown, forms, truth, first=i == 0))
+        packed.append(_pack_map(one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
     columns = [words.errors(found, _WORST)] if found is not None else []
@@ -155,17 +145,13 @@ def match_page(
             '<div class="columns">',
             *columns,
             "</div>",
-            words.facts((source, target), shown, known, command, _WORST),
+            words.facts(shown, known, command, _WORST),
         ],
         {
-            "source": shown[0].packed(source.vertices)
-            | {"colors": pack_places(places_as_colors(source, shown[0])[rows])},
-            "target": shown[1].packed(target.vertices),
+            "source": shown[0].packed() | {"colors": shown[0].colors(shown[0].places)},
+            "target": shown[1].packed(),
             "forms": {
-                side: {
-                    "places": pack_places(form[part.ids]),
-                    "faces": faces_within(form[part.ids], part.faces),
-                }
+                side: part.moved(form)
                 for side, form, part in zip(("source", "target"), forms, shown, strict=True)
             },
             "maps": packed,
@@ -174,7 +160,7 @@ def match_page(
                 for pair in pairs
             ],
             "worst": _WORST,
-            "cells": cells_of(source.vertices[rows]),
+            "cells": shown[0].cells(),
         },
         ["match.js"],
         path=path,
@@ -212,8 +198,6 @@ def _standing_alike(target: Mesh, source: Mesh, carried: FloatArray, matched: Bo
 
 
 def _pack_map(
-    source: Mesh,
-    target: Mesh,
     match: Match | IntArray,
     shown: tuple[Shown, Shown],
     forms: tuple[FloatArray, FloatArray],
@@ -227,17 +211,17 @@ def _pack_map(
     `first` says that the page shows this map first.
     """
     ours, theirs = shown
+    source, target = ours.mesh, theirs.mesh
     forward = as_point_map(match)
     backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
     carried = carry(source.vertices, match, "scalar", source, target)
-    colors = places_as_colors(source, ours, carried)[theirs.ids]
     shares = _FRAMES if first else _FEW_FRAMES
     errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
     expected = match.expected_error if isinstance(match, Match) else None
     return {
         "source": _links(forward[ours.ids], theirs),
-        "target": _links(backward[theirs.ids], ours) | {"colors": pack_places(colors)},
-        "frames": [pack_places(one) for one in _frames(source, target, match, ours, shares)],
+        "target": _links(backward[theirs.ids], ours) | {"colors": ours.colors(carried[theirs.ids])},
+        "frames": [pack_places(one) for one in _frames(ours, target, match, shares)],
         "errors": None if errors is None else _pack_errors(errors[ours.ids]),
         "expected": None if expected is None else _pack_errors(expected[ours.ids]),
         **_motion(forms, forward),
@@ -253,14 +237,11 @@ def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
     """Pack partners, -1 for none, and the shown vertices that stand for them."""
     seen = np.where(partners >= 0, other.stand_ins[partners], -1)
     same = (seen == partners).all()
-    return {
-        "partners": pack_whole(partners),
-        "standIns": None if same else pack_whole(seen),
-    }
+    return {"partners": pack_whole(partners), "standIns": None if same else pack_whole(seen)}
 
 
 def _frames(
-    source: Mesh, target: Mesh, match: Match | IntArray, ours: Shown, shares: Sequence[float]
+    ours: Shown, target: Mesh, match: Match | IntArray, shares: Sequence[float]
 ) -> list[FloatArray]:
     """Positions of the shown vertices along the morph; none if fewer than three have an image."""
     images = as_point_map(match)[ours.ids]
@@ -274,7 +255,7 @@ def _frames(
             faces=match.faces[ours.ids],
             weights=match.weights[ours.ids],
         )
-    thin = Mesh(source.vertices[ours.ids], ours.faces)
+    thin = Mesh(ours.places, ours.faces)
     return [morph(thin, target, along, share).vertices for share in shares]
 
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from unbend._display import is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
-from unbend.mesh import Mesh
 from unbend.report.pages._document import (
     canvas,
     controls,
@@ -150,7 +149,6 @@ def hypotheses(match: Match) -> str:
 
 
 def facts(
-    meshes: tuple[Mesh, Mesh],
     shown: tuple[Shown, Shown],
     match: Match | None,
     command: str,
@@ -158,9 +156,9 @@ def facts(
 ) -> str:
     """Section on what was matched, what was done to it, and by which command."""
     rows = []
-    for side, mesh, part in zip(("source", "target"), meshes, shown, strict=True):
-        facts = [f"{mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"]
-        rows.append((side, "; ".join([mesh.name, *facts, *mesh.notes, *part.facts(mesh)])))
+    for side, part in zip(("source", "target"), shown, strict=True):
+        size = f"{part.mesh.n_vertices:,} vertices, {part.mesh.n_faces:,} faces"
+        rows.append((side, "; ".join([part.mesh.name, size, *part.mesh.notes, *part.facts])))
     rows.append(
         ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )

@@ -26,32 +26,57 @@ _STEPS = 2**14
 class Shown(NamedTuple):
     """The part of a mesh that a page shows."""
 
+    mesh: Mesh
     ids: IntArray  # (m,) vertices of the mesh that are shown, ascending
     faces: IntArray  # (f, 3) of the shown vertices
     stand_ins: IntArray  # (n,) shown vertex that stands for each of the mesh's; -1 for unused ones
 
-    def facts(self, mesh: Mesh) -> tuple[str, ...]:
+    @property
+    def places(self) -> FloatArray:
+        """Positions (m, 3) of the shown vertices."""
+        return self.mesh.vertices[self.ids]
+
+    @property
+    def facts(self) -> list[str]:
         """Sentences on what is not shown."""
-        facts, n_used = [], int((self.stand_ins >= 0).sum())
-        if n_used < mesh.n_vertices:
-            facts.append(
-                f"{plural(mesh.n_vertices - n_used, 'vertex')}, used by no face, not shown"
-            )
+        n, n_used = self.mesh.n_vertices, int((self.stand_ins >= 0).sum())
+        facts = []
+        if n_used < n:
+            facts.append(f"{plural(n - n_used, 'vertex')}, used by no face, not shown")
         if len(self.ids) < n_used:
             facts.append(
                 f"{len(self.ids):,} of {n_used:,} vertices are drawn; results were computed on all "
                 "of them"
             )
-        return tuple(facts)
+        return facts
 
-    def packed(self, places: FloatArray) -> dict[str, Any]:
-        """Pack places of all vertices, (n, 3), with the faces and, where needed, the numbers."""
-        everything = len(self.ids) == len(self.stand_ins)
+    def packed(self) -> dict[str, Any]:
+        """Pack positions with the faces and, where needed, the numbers of the vertices."""
+        everything = len(self.ids) == self.mesh.n_vertices
         return {
-            "places": pack_places(places[self.ids]),
+            "places": pack_places(self.places),
             "faces": pack_whole(self.faces),
             "ids": None if everything else pack_whole(self.ids),
         }
+
+    def moved(self, places: FloatArray) -> dict[str, Any]:
+        """Pack other positions (n, 3) of all vertices, and the faces there, None where all are."""
+        places = places[self.ids]
+        inside = np.asarray(np.isfinite(places).all(axis=1))[self.faces].all(axis=1)
+        faces = None if inside.all() else pack_whole(self.faces[inside])
+        return {"places": pack_places(places), "faces": faces}
+
+    def colors(self, places: FloatArray) -> dict[str, Any]:
+        """Pack places (k, 3) within the box around what is shown, 0 to 1, longest side first."""
+        sides = np.ptp(self.places, axis=0)
+        order = np.argsort(-sides, kind="stable")
+        shares = (places - self.places.min(axis=0)) / np.maximum(sides, 1e-300)
+        return pack_places(shares[:, order])
+
+    def cells(self) -> list[float]:
+        """How often grid lines that make squares cross the longest and the middle side."""
+        sides = np.sort(np.ptp(self.places, axis=0))[::-1]
+        return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
 
 
 def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
@@ -63,31 +88,7 @@ def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
         kept, faces, parents = decimate(snap(mesh.vertices[ids]), faces, most)
     stand_ins = np.full(mesh.n_vertices, -1)
     stand_ins[ids] = parents
-    return Shown(ids[kept], faces, stand_ins)
-
-
-def places_as_colors(mesh: Mesh, shown: Shown, carried: FloatArray | None = None) -> FloatArray:
-    """Positions within the box around the shown part, 0 to 1, the longest side first.
-
-    Positions are those of the vertices, or others in the same space: `carried`.
-    """
-    seen = mesh.vertices[shown.ids]
-    sides = np.ptp(seen, axis=0)
-    order = np.argsort(-sides, kind="stable")
-    places = mesh.vertices if carried is None else carried
-    return np.asarray(((places - seen.min(axis=0)) / np.maximum(sides, 1e-300))[:, order])
-
-
-def cells_of(places: FloatArray) -> list[float]:
-    """How often grid lines that make squares cross the longest and the middle side."""
-    sides = np.sort(np.ptp(places, axis=0))[::-1]
-    return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
-
-
-def faces_within(places: FloatArray, faces: IntArray) -> dict[str, Any] | None:
-    """Pack the faces whose corners are finite; None where all are."""
-    inside = np.asarray(np.isfinite(places).all(axis=1))[faces].all(axis=1)
-    return None if inside.all() else pack_whole(faces[inside])
+    return Shown(mesh, ids[kept], faces, stand_ins)
 
 
 def checked_landmarks(landmarks: npt.ArrayLike | None, meshes: Sequence[Mesh]) -> list[list[int]]:

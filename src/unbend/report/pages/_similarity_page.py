@@ -309,7 +309,7 @@ def _read_shapes(
             shown = show(mesh, most)
             thinned += len(shown.ids) < (shown.stand_ins >= 0).sum()
             drawn = {
-                "places": pack_places(mesh.vertices[shown.ids]),
+                "places": pack_places(shown.places),
                 "faces": pack_whole(shown.faces),
             }
         packed.append({"name": mesh.name, "told": facts, "drawn": drawn})

@@ -28,14 +28,7 @@ from unbend.report.pages._document import (
     section,
     select,
 )
-from unbend.report.pages._shown import (
-    cells_of,
-    checked_landmarks,
-    pack_places,
-    pack_whole,
-    places_as_colors,
-    show,
-)
+from unbend.report.pages._shown import checked_landmarks, pack_places, pack_whole, show
 
 # Saved positions and values are exact to this share of the widest range.
 _STEPS = 2**20
@@ -123,17 +116,17 @@ def view(
 
 def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], list[str]]:
     shown = show(mesh)
-    places = mesh.vertices[shown.ids]
-    packed = shown.packed(mesh.vertices) | {
+    places = shown.places
+    packed = shown.packed() | {
         "name": mesh.name,
         "n": mesh.n_vertices,
         "places": pack_places(places, float(np.ptp(places, axis=0).max()) / _STEPS or None),
-        "colors": pack_places(places_as_colors(mesh, shown)[shown.ids]),
-        "cells": cells_of(places),
+        "colors": shown.colors(places),
+        "cells": shown.cells(),
         "standIns": pack_whole(shown.stand_ins),
     }
-    facts = [f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}", *mesh.notes]
-    facts += shown.facts(mesh)
+    size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"
+    facts = [size, *mesh.notes, *shown.facts]
     if scalars is not None:
         low, high = np.nanmin(scalars), np.nanmax(scalars)
         facts.append(f"values from {low:.5g} to {high:.5g}")
