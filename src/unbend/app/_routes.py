@@ -29,12 +29,12 @@ _POLICY = (
 )
 # Pages of results have their own policy in them; in this sandbox they cannot call the app.
 _PAGE_POLICY = "sandbox allow-scripts allow-downloads; frame-ancestors 'self'"
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "same-origin",
-    "X-Content-Type-Options": "nosniff",
-}
+_HEADERS = [
+    (b"cache-control", b"no-store"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"referrer-policy", b"same-origin"),
+    (b"x-content-type-options", b"nosniff"),
+]
 _ASSETS = {
     "": ("unbend.app", "app.html", "text/html"),
     "app.js": ("unbend.app", "app.js", "text/javascript"),
@@ -109,10 +109,7 @@ def make_app(
         return JSONResponse(None)
 
     async def shape(request: Request) -> Response:
-        i = request.path_params["i"]
-        if request.path_params["what"] == "picture":
-            return FileResponse(session.shape_picture(i))
-        path, name = session.shape_file(i)
+        path, name = session.shape_file(**request.path_params)
         return FileResponse(path, filename=name)
 
     async def page(request: Request) -> Response:
@@ -139,7 +136,7 @@ def make_app(
         Route("/files", upload, methods=["PUT"]),
         Route("/jobs", submit, methods=["POST"]),
         Route("/{kind}/{i:int}", remove, methods=["DELETE"]),
-        Route("/shapes/{i:int}/{what}", shape),
+        Route("/shapes/{i:int}/{kind}", shape),
         Route("/results/{i:int}/page", page),
         Route("/results/{i:int}/landmarks", landmarks, methods=["PUT"]),
         Route("/results/{i:int}/found/{n:int}", open_found, methods=["POST"]),
@@ -154,6 +151,8 @@ def make_app(
 
 def _guarded(app: Any, token: str, port: int) -> Any:
     """Refuse requests of other pages, names and addresses, and add headers to all answers."""
+    from starlette.responses import PlainTextResponse
+
     names = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
     hosts = {name.encode(): f"http://{name}".encode() for name in names}
 
@@ -169,25 +168,18 @@ def _guarded(app: Any, token: str, port: int) -> Any:
         known = secrets.compare_digest(
             scope["path"].lstrip("/").split("/")[0].encode(), token.encode()
         )
-        status = 0
+        answer, refusal = app, "unbend app: open the address that the command printed"
         if host not in hosts or foreign or (changes and origin is None):
-            status = 403
+            answer = PlainTextResponse(refusal, 403)
         elif not known:
-            status = 404
+            answer = PlainTextResponse(refusal, 404)
 
-        async def answer(message: Any) -> None:
+        async def send_with_headers(message: Any) -> None:
             if message["type"] == "http.response.start":
-                extra = [(name.lower().encode(), text.encode()) for name, text in _HEADERS.items()]
-                message["headers"] = [*message["headers"], *extra]
+                message["headers"] = [*message["headers"], *_HEADERS]
             await send(message)
 
-        if not status:
-            await app(scope, receive, answer)
-            return
-        text = b"unbend app: open the address that the command printed"
-        head = [(b"content-type", b"text/plain"), (b"content-length", str(len(text)).encode())]
-        await answer({"type": "http.response.start", "status": status, "headers": head})
-        await answer({"type": "http.response.body", "body": text})
+        await answer(scope, receive, send_with_headers)
 
     return guarded
 

@@ -7,7 +7,6 @@ import contextlib
 import secrets
 import socket
 import time
-import urllib.error
 import urllib.request
 import webbrowser
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -41,15 +40,11 @@ def serve(
         import uvicorn
     except ImportError:
         raise MissingExtraError("uvicorn", "starlette") from None
-    listener = socket.socket()
+    try:
+        listener = socket.create_server(("127.0.0.1", port))
+    except (OSError, OverflowError):
+        raise InputError(f"port {port} of this machine cannot be had; leave out --port") from None
     with listener:
-        try:
-            listener.bind(("127.0.0.1", port))
-        except (OSError, OverflowError):
-            raise InputError(
-                f"port {port} of this machine cannot be had; leave out --port"
-            ) from None
-        listener.listen()
         port = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{port}/{token}/"
@@ -105,8 +100,6 @@ def _answers(address: str) -> bool:
     try:
         with opener.open(address, timeout=2) as answer:
             return bool(answer.status == 200)
-    except urllib.error.HTTPError:
-        return False
     except TimeoutError:
         return True
     except OSError:

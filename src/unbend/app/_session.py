@@ -137,13 +137,12 @@ class Session:
                 if shape["state"] == "good":
                     self._submit({"do": "look", "shapes": [i]})
 
-    def shape_file(self, i: int) -> tuple[str, str]:
-        """Path and name of a shape."""
-        return self._shapes[i]["path"], self._shapes[i]["name"]
-
-    def shape_picture(self, i: int) -> str:
-        """Path of a shape's picture."""
-        return str(self._shapes[i]["picture_path"])
+    def shape_file(self, i: int, kind: str = "file") -> tuple[str, str | None]:
+        """Path of a shape's file or picture; files have a name."""
+        shape = self._shapes[i]
+        if kind == "picture":
+            return shape["picture_path"], None
+        return shape["path"], shape["name"]
 
     def remove_shape(self, i: int) -> None:
         """Forget a shape, and remove its file if it is ours."""
@@ -299,9 +298,9 @@ def remove_dead(is_alive: Any) -> None:
 
 def _told(i: int, result: dict[str, Any]) -> dict[str, Any]:
     """Select what a page is told of a result: everything but paths."""
-    hidden = ("path", "folder", "map_file", "page")
-    told = {key: value for key, value in result.items() if key not in hidden} | {"id": i}
-    told["page"] = bool(result["page"])
+    told = result | {"id": i, "page": bool(result["page"])}
+    for key in ("folder", "map_file"):
+        told.pop(key, None)
     for key in ("files", "pictures", "alternatives", "found"):
         told[key] = [
             {name: value for name, value in one.items() if name != "path"}

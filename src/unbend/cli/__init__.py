@@ -65,32 +65,24 @@ class _Group(TyperGroup):
                     sys.stdout.flush()  # a closed pipe shows here rather than at exit
                 return result
         except UnbendError as error:
-            say("error", str(error))
-            raise typer.Exit(EXIT_REFUSED) from None
+            sentence = str(error)
         except MemoryError as error:
             what = f": {error}" if str(error) else ""
-            say(
-                "error",
-                f"there is too little memory{what}; reduce the mesh to fewer vertices first",
-            )
-            raise typer.Exit(EXIT_REFUSED) from None
+            sentence = f"there is too little memory{what}; reduce the mesh to fewer vertices first"
         except KeyboardInterrupt:
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
         except OSError as error:
-            if _is_broken_pipe(error):
-                _give_up_stdout()
-                raise typer.Exit(_EXIT_BROKEN_PIPE) from None
-            if error.filename is not None or error.errno not in _NO_ROOM:
+            broken = _is_broken_pipe(error)
+            if not broken and (error.filename is not None or error.errno not in _NO_ROOM):
                 raise
-            _give_up_stdout()
-            say("error", f"cannot write to standard output: {error.strerror}")
-            raise typer.Exit(EXIT_REFUSED) from None
-
-
-def _give_up_stdout() -> None:
-    """Give it somewhere to write: Python would flush it again at exit, and complain."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            # Python would flush stdout again at exit, and complain: give it somewhere to write.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            if broken:
+                raise typer.Exit(_EXIT_BROKEN_PIPE) from None
+            sentence = f"cannot write to standard output: {error.strerror}"
+        say("error", sentence)
+        raise typer.Exit(EXIT_REFUSED)
 
 
 def _is_broken_pipe(error: OSError) -> bool:

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 
     Column = tuple[str, unbend.Mesh, FloatArray, FloatArray, FloatArray]
 
-_POSES = {
-    "dog": ("standing", "galloping", "sitting"),
-    "human": ("standing", "running", "sitting"),
-}
+_POSES = {"dog": ("standing", "galloping", "sitting"), "human": ("standing", "running", "sitting")}
 _N_VERTICES = 4000
 _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 

@@ -63,13 +63,7 @@ def view(
     if b is not None:
         match = quoted("unbend", "match", a, b)
         next_step = f"{match} --landmarks landmarks.csv, once they are saved"
-    tell(
-        {"a": a, "b": b},
-        [],
-        shapes=shapes,
-        written=[out],
-        next_step=next_step,
-    )
+    tell({"a": a, "b": b}, [], shapes=shapes, written=[out], next_step=next_step)
 
 
 def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:
