@@ -56,10 +56,7 @@ def position_colors(vertices: Any) -> FloatArray:
     finite = np.isfinite(vertices).all(axis=1)
     colors = np.full(vertices.shape, 0.6)
     if finite.any():
-        places = vertices[finite] - vertices[finite].min(axis=0)
-        sides = places.max(axis=0)
-        order = np.argsort(-sides, kind="stable")
-        x, y, z = (places / np.maximum(sides, 1e-300))[:, order].T
+        x, y, z = places_in_box(vertices[finite], vertices[finite]).T
         # The same as ofPlace in pages/shaders.js.
         hue = np.deg2rad(325 - 240 * x + 70 * (z - 0.5))
         light = 0.6 + 0.2 * x + 0.2 * (y - 0.5)
@@ -67,3 +64,10 @@ def position_colors(vertices: Any) -> FloatArray:
         linear = (lab @ _LAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T
         colors[finite] = np.clip(linear, 0, 1) ** (1 / 2.2)
     return colors
+
+
+def places_in_box(points: FloatArray, others: FloatArray) -> FloatArray:
+    """Places (n, 3) of points in the box around others, 0 to 1, along its longest side first."""
+    sides = np.ptp(others, axis=0)
+    shares = (points - others.min(axis=0)) / np.maximum(sides, 1e-300)
+    return np.asarray(shares[:, np.argsort(-sides, kind="stable")])

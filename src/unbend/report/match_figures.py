@@ -15,7 +15,7 @@ from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.matching import Match
 from unbend.mesh import Mesh, used_vertices
-from unbend.report.colors import position_colors
+from unbend.report.colors import places_in_box, position_colors
 from unbend.report.figures import (
     FRONT_AND_BACK,
     as_written,
@@ -56,9 +56,8 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
     colors = position_colors(points)
     finite = np.isfinite(points).all(axis=1)
     if finite.any():
-        spread = points[finite] - points[finite].min(axis=0)
-        longest = spread[:, spread.max(axis=0).argmax()]
-        stripes = np.cos(2 * np.pi * _STRIPES * longest / max(float(longest.max()), 1e-300))
+        along = places_in_box(points[finite], points[finite])[:, 0]
+        stripes = np.cos(2 * np.pi * _STRIPES * along)
         colors[finite] *= 1 - _STRIPE_DEPTH * (0.5 - 0.5 * np.tanh(3 * stripes))[:, None]
     return colors
 

@@ -26,8 +26,6 @@ from unbend.report.pages import _match_words as words
 from unbend.report.pages._document import Page, begin_page, make_page
 from unbend.report.pages._shown import Shown, checked_landmarks, pack_places, pack_whole, show
 
-# The error at the end of the colour scale.
-_WORST = 0.1
 # Shares at which the morph is computed; pages interpolate with cubics. Maps other than the first
 # have fewer, to keep pages small.
 _FRAMES, _FEW_FRAMES = (0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 1.0)
@@ -121,7 +119,7 @@ def match_page(
         packed.append(_pack_map(one, shown, forms, truth, first=i == 0))
     found = None if truth is None else evaluate(first, target, *truth)
     known = first if isinstance(first, Match) else None
-    columns = [words.errors(found, _WORST)] if found is not None else []
+    columns = [words.errors(found)] if found is not None else []
     if known is not None and len(known.hypotheses) > 1:
         columns.append(words.hypotheses(known))
     matched = int((forward >= 0).sum())
@@ -133,19 +131,12 @@ def match_page(
         f"{source.name} to {target.name}",
         f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}.",
         [
-            words.pictures(
-                (source.name, target.name),
-                up,
-                list(maps),
-                morphs=bool(packed[0]["frames"]),
-                errors=found is not None,
-                expected=packed[0]["expected"] is not None,
-            ),
+            words.pictures((source.name, target.name), up, list(maps), packed[0]),
             words.forms(),
             '<div class="columns">',
             *columns,
             "</div>",
-            words.facts(shown, known, command, _WORST),
+            words.facts(shown, known, command),
         ],
         {
             "source": shown[0].packed() | {"colors": shown[0].colors(shown[0].places)},
@@ -159,7 +150,7 @@ def match_page(
                 [int(part.stand_ins[i]) for part, i in zip(shown, pair, strict=True)]
                 for pair in pairs
             ],
-            "worst": _WORST,
+            "worst": words.WORST,
             "cells": shown[0].cells(),
         },
         ["match.js"],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from unbend._display import is_doubtful, table, where_landmarks_help
 from unbend.correspondence import THRESHOLDS, Evaluation
@@ -20,6 +21,7 @@ from unbend.report.pages._document import (
 )
 from unbend.report.pages._shown import Shown
 
+WORST = 0.1  # the error at the end of the colour scale
 _HINT = (
     "Point at a place on either shape to see its partner on the other; click to keep it. Drag to "
     "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
@@ -39,28 +41,20 @@ def doubt(match: Match | None) -> str:
     )
 
 
-def pictures(
-    names: Sequence[str],
-    up: str,
-    maps: Sequence[str],
-    *,
-    morphs: bool,
-    errors: bool,
-    expected: bool,
-) -> str:
-    """Both shapes, with controls that move and colour them."""
+def pictures(names: Sequence[str], up: str, maps: Sequence[str], first: Mapping[str, Any]) -> str:
+    """Both shapes, with controls that move and colour them as the first map, packed, allows."""
     own = ""
     if len(maps) > 1:
         own += select("Map", "map", {str(i): one for i, one in enumerate(maps)})
-    if morphs:
+    if first["frames"]:
         own += (
             '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
             '</label><button type="button" id="play">Play</button>'
         )
     paints = {"0": "same place, same colour"}
-    if errors:
+    if first["errors"] is not None:
         paints["1"] = "by error"
-    if expected:
+    if first["expected"] is not None:
         paints["expected"] = "by expected error"
     own += select("Colours", "paint", paints | {"2": "plain"})
     sides = [
@@ -93,7 +87,7 @@ def forms() -> str:
     )
 
 
-def errors(found: Evaluation, worst: float) -> str:
+def errors(found: Evaluation) -> str:
     """Section with the map's errors against the ground truth."""
     curves = [("against the ground truth", found.curve())]
     rows = [("mean error", f"{found.mean():.4f}"), ("median error", f"{found.median():.4f}")]
@@ -115,7 +109,7 @@ def errors(found: Evaluation, worst: float) -> str:
         curve_svg(THRESHOLDS, curves, x, "points within it, %"),
         table(rows),
         hint(
-            f'Coloured by error: 0 <span class="scale"></span> {worst:g} and more. '
+            f'Coloured by error: 0 <span class="scale"></span> {WORST:g} and more. '
             "Vertices without ground truth take the mean of their neighbours, and are grey far "
             "from any with ground truth; the target shows the error of the points mapped to it."
         ),
@@ -148,12 +142,7 @@ def hypotheses(match: Match) -> str:
     )
 
 
-def facts(
-    shown: tuple[Shown, Shown],
-    match: Match | None,
-    command: str,
-    worst: float,
-) -> str:
+def facts(shown: tuple[Shown, Shown], match: Match | None, command: str) -> str:
     """Section on what was matched, what was done to it, and by which command."""
     rows = []
     for side, part in zip(("source", "target"), shown, strict=True):
@@ -180,7 +169,7 @@ def facts(
                 (
                     "expected error",
                     f"up to {median:.3f} at half of the vertices, {high:.3f} at 95 % (in square "
-                    f"roots of the target's area; coloured from 0 to {worst:g} and more)",
+                    f"roots of the target's area; coloured from 0 to {WORST:g} and more)",
                 )
             )
     return how_made(rows, command)

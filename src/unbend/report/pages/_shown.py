@@ -16,6 +16,7 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.mesh.decimation import decimate
+from unbend.report.colors import places_in_box
 
 MOST_VERTICES = 60_000
 _GRID = 14.0
@@ -67,11 +68,8 @@ class Shown(NamedTuple):
         return {"places": pack_places(places), "faces": faces}
 
     def colors(self, places: FloatArray) -> dict[str, Any]:
-        """Pack places (k, 3) within the box around what is shown, 0 to 1, longest side first."""
-        sides = np.ptp(self.places, axis=0)
-        order = np.argsort(-sides, kind="stable")
-        shares = (places - self.places.min(axis=0)) / np.maximum(sides, 1e-300)
-        return pack_places(shares[:, order])
+        """Pack what colours places (k, 3): where they are in the box around what is shown."""
+        return pack_places(places_in_box(places, self.places))
 
     def cells(self) -> list[float]:
         """How often grid lines that make squares cross the longest and the middle side."""
