@@ -151,8 +151,8 @@ function showResults() {
 function panel(result) {
   const { id } = result, blocks = [];
   const again = () => submit({ do: "landmarks", shapes: result.shapes, landmarks: result.landmarks });
-  if (result.confidence) blocks.push(make("p", {}, make("b", {}, `The map is ${result.confidence}. `), ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
-  else if (result.facts.length) blocks.push(make("p", {}, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
+  const trust = result.confidence && make("b", {}, `The map is ${result.confidence}. `);
+  if (result.facts.length) blocks.push(make("p", {}, trust, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   for (const text of result.warnings || []) blocks.push(make("p", { class: "trouble" }, text));
   if (result.do === "landmarks") blocks.push(make("div", { class: "controls", id: "placed" }));
   if (result.page) {
@@ -217,19 +217,18 @@ function uses(result, again) {
 function showPlaced(result) {
   const row = part("placed");
   if (result.do !== "landmarks" || !row) return;
-  const placed = result.placed || [], two = result.shapes.length > 1;
-  const landmarks = placed.map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+  const two = result.shapes.length > 1, landmarks = complete(result);
   const text = landmarks.length ? `${landmarks.length} placed.` : two ? "Click the same place on both shapes." : "Click a place on the shape.";
   if (row.dataset.text === text) return;
   row.dataset.text = text;
-  const act = (job) => () => submit({ ...job, shapes: result.shapes, landmarks: latest(result.id) });
+  const act = (job) => () => submit({ ...job, shapes: result.shapes, landmarks: complete(state.results.find(({ id }) => id === result.id)) });
   row.replaceChildren(make("span", {}, text), two
     ? button("Match with these", act({ do: "match", mirror: part("mirror").checked }), { class: "main", disabled: !landmarks.length })
     : button("Measure distances from there", act({ do: "distance" }), { class: "main", disabled: !landmarks.length }));
 }
 
-const latest = (id) => (state.results.find((one) => one.id === id)?.placed || [])
-  .map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+// The vertices of the landmarks that are on every shape of a result.
+const complete = (result) => (result?.placed || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
 
 // The page in the frame tells which landmarks are on it; after a reload, it is told them again.
 addEventListener("message", ({ source, data }) => {

@@ -6,7 +6,6 @@ start(async (data) => {
   const n = shape.places.length / 3, columns = embedding.length / n;
   const { number, shown } = numbering(shape.ids, n);
   const camera = new Camera();
-  camera.up = part("up").value;
   const known = Float32Array.from(shape.known, Number);
   const views = ["shape", "form", "surface"].filter((name) => data[name]).map((name) => {
     const positions = data[name].places, faces = data[name].faces || shape.faces;
@@ -16,11 +15,9 @@ start(async (data) => {
     return view;
   });
   const thicken = part("thicken");
-  thicken.addEventListener("input", () => {
-    views[1].fat = +thicken.value;
-    views[1].draw();
-  });
-  views[1].fat = +thicken.value;
+  const fatten = () => views[1].change({ fat: +thicken.value });
+  thicken.addEventListener("input", fatten);
+  fatten();
   listenToControls(views, views);
 
   // Spectral distance from one vertex to another, and the straight one between their points.
@@ -31,12 +28,11 @@ start(async (data) => {
   }
 
   const readout = part("readout"), box = part("shape-vertex"), paint = part("paint");
-  const tint = colorOf("--target");
+  const tint = colorOf("--target"), hint = readout.textContent;
   let pinned = -1;
 
   function color() {
     const [kind, k] = paint.value.split("-");
-    for (const view of views) view.paint = { place: 0, plain: 2, distance: 1, function: 3 }[kind];
     if (kind === "distance" || kind === "function") {
       const values = new Float32Array(n);
       for (let i = 0; i < n; i++) {
@@ -45,9 +41,9 @@ start(async (data) => {
       }
       const most = values.reduce((a, b, i) => (known[i] ? Math.max(a, Math.abs(b)) : a), 0) || 1;
       const shares = values.map((value) => value / most);
-      for (const view of views) view.set(view.meshes[0], "value", shares);
+      for (const view of views) view.set("value", shares);
     }
-    for (const view of views) view.draw();
+    for (const view of views) view.change({ paint: { place: 0, plain: 2, distance: 1, function: 3 }[kind] });
   }
 
   function mark(pointed) {
@@ -60,10 +56,9 @@ start(async (data) => {
     }
     readout.textContent = marked.length
       ? marked.map((vertex) => `vertex ${number(vertex)}`).join(" \u2194 ") + far
-      : readout.dataset.hint;
+      : hint;
     for (const view of views) {
-      view.marks = marked.map((vertex) => ({ mesh: view.meshes[0], vertex, tint }));
-      view.draw();
+      view.change({ marks: marked.map((vertex) => ({ mesh: view.meshes[0], vertex, tint })) });
     }
   }
 
@@ -82,6 +77,5 @@ start(async (data) => {
     pin(vertex);
     if (vertex < 0) readout.textContent = "that vertex is not shown";
   });
-  readout.dataset.hint = readout.textContent;
   paint.addEventListener("change", color);
 });

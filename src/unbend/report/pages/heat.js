@@ -37,6 +37,7 @@ class HeatMap {
   }
 
   color(value) {
+    if (value < 0) return [160, 160, 160]; // unknown
     const share = (value - this.low) / (this.high - this.low);
     return viridis(this.measure === "similarity" ? share : 1 - share);
   }
@@ -79,7 +80,7 @@ class HeatMap {
       for (let row = 0; row < n; row++) {
         for (let column = 0; column < n; column++) {
           const value = this.value(row, column);
-          const [r, g, b] = value < 0 ? [160, 160, 160] : this.color(value);
+          const [r, g, b] = this.color(value);
           context.fillStyle = 0.3 * r + 0.59 * g + 0.11 * b > 125 ? "#000" : "#fff";
           const told = value < 0 ? "?" : value.toFixed(digits);
           context.fillText(told, tall + (column + 0.5) * cell, top + (row + 0.5) * cell);
@@ -125,8 +126,7 @@ class HeatMap {
       const image = new ImageData(n, n);
       for (let row = 0; row < n; row++) {
         for (let column = 0; column < n; column++) {
-          const value = this.value(row, column);
-          image.data.set([...(value < 0 ? [160, 160, 160] : this.color(value)), 255], 4 * (row * n + column));
+          image.data.set([...this.color(this.value(row, column)), 255], 4 * (row * n + column));
         }
       }
       small.getContext("2d").putImageData(image, 0, 0);

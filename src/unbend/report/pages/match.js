@@ -4,7 +4,6 @@
 start(async (data) => {
   const camera = new Camera(), sides = [data.source, data.target], names = ["source", "target"];
   const room = roomFor(...sides.map((side) => side.places), ...data.maps[0].frames);
-  camera.up = part("up").value;
   const views = sides.map((side, i) => {
     Object.assign(side, numbering(side.ids, side.places.length / 3));
     const view = new View(part(names[i]), camera, room);
@@ -30,9 +29,8 @@ start(async (data) => {
 
   // Marks: what is pointed at, else what was clicked, as {side, vertex}.
   const readout = part("readout"), boxes = names.map((name) => part(`${name}-vertex`));
-  const tint = colorOf("--target");
+  const tint = colorOf("--target"), hint = readout.textContent;
   let pinned = null;
-  readout.dataset.hint = readout.textContent;
 
   function mark(chosen) {
     const shown = [-1, -1], numbers = [-1, -1];
@@ -43,13 +41,12 @@ start(async (data) => {
       shown[1 - side] = links.standIns[vertex];
       numbers[1 - side] = links.partners[vertex];
     }
-    readout.textContent = !chosen ? readout.dataset.hint : names.map((name, i) =>
+    readout.textContent = !chosen ? hint : names.map((name, i) =>
       numbers[i] < 0 ? `no ${name} vertex` : `${name} vertex ${numbers[i]}`).join("  \u2194  ");
     boxes.forEach((box, i) => { box.value = numbers[i] < 0 ? "" : numbers[i]; });
     all.forEach((view, v) => {
-      view.marks = (v < 2 ? [v] : [0, 1]).filter((i) => shown[i] >= 0).map((i) => (
-        { mesh: view.meshes[v < 2 ? 0 : i], vertex: shown[i], tint }));
-      view.draw();
+      view.change({ marks: (v < 2 ? [v] : [0, 1]).filter((i) => shown[i] >= 0).map((i) => (
+        { mesh: view.meshes[v < 2 ? 0 : i], vertex: shown[i], tint })) });
     });
   }
 
@@ -74,41 +71,40 @@ start(async (data) => {
 
   const paint = part("paint");
   function color() {
-    const links = names.map((name) => map[name]);
     const measured = { 1: map.errors, expected: map.expected }[paint.value];
     const errors = measured && measured.map((one) => (one > -0.5 ? one / data.worst : -1));
     views.forEach((view, i) => {
-      const { standIns, partners } = links[i];
+      const { standIns, partners } = map[names[i]];
       let known = Float32Array.from(partners, (one) => (one < 0 ? 0 : 1));
       if (errors) {
         // The target has no errors of its own: it shows those of what leads to it.
         const seen = i ? Float32Array.from(standIns, (one) => (one < 0 ? -1 : errors[one])) : errors;
-        view.set(view.meshes[0], "value", seen);
+        view.set("value", seen);
         known = seen.map((one) => (one < 0 ? 0 : 1));
       }
-      view.set(view.meshes[0], "known", known);
+      view.set("known", known);
       view.paint = errors ? 1 : paint.value === "expected" ? 2 : +paint.value;
     });
   }
   paint.addEventListener("change", color);
 
-  const morph = listenToMorph((places) => ours.set(ours.meshes[0], "positions", places));
+  const morph = listenToMorph((places) => ours.set("positions", places));
 
   function choose(index) {
     map = data.maps[index];
-    theirs.set(theirs.meshes[0], "place", map.target.colors);
+    theirs.set("place", map.target.colors);
     forms.turn(map);
     color();
     morph([sides[0].places, ...map.frames]);
     mark(pinned);
   }
   choose(0);
-  if (part("map")) part("map").addEventListener("change", (event) => choose(+event.target.value));
+  part("map")?.addEventListener("change", (event) => choose(+event.target.value));
 });
 
 // Two views of both forms, one over the other: as they are, and the source's turned to the target's.
 function showForms(forms, sides) {
-  const camera = new Camera(20, 20), both = [forms.source, forms.target];
+  const camera = new Camera(20, 20, "y"), both = [forms.source, forms.target];
   const colors = [colorOf("--source"), colorOf("--target")];
   const views = ["before", "after"].map((id) => {
     const view = new View(part(id), camera, roomFor(...both.map((form) => form.places)));
@@ -128,7 +124,7 @@ function showForms(forms, sides) {
       }
     }
     Object.assign(views[1], roomFor(turned, forms.target.places));
-    views[1].set(views[1].meshes[0], "positions", turned);
+    views[1].set("positions", turned);
   }
   return { views, turn };
 }

@@ -51,7 +51,7 @@ function numbering(ids, shown) {
 function listenToControls(views, shapes) {
   const cameras = views.map((view) => view.camera);
   part("reset").addEventListener("click", () => views.forEach((view) => view.camera.reset()));
-  if (part("linked")) part("linked").addEventListener("change", (event) => {
+  part("linked")?.addEventListener("change", (event) => {
     views.forEach((view, i) => {
       const before = view.camera;
       before.views = before.views.filter((one) => one !== view);
@@ -62,17 +62,14 @@ function listenToControls(views, shapes) {
     });
   });
   part("up").addEventListener("change", (event) => {
-    for (const view of shapes) {
-      view.camera.up = event.target.value;
-      view.draw();
+    for (const { camera } of shapes) {
+      camera.up = event.target.value;
+      camera.changed();
     }
   });
   for (const name of ["grid", "wire"]) {
-    if (part(name)) part(name).addEventListener("change", (event) => {
-      for (const view of views) {
-        view[name] = event.target.checked;
-        view.draw();
-      }
+    part(name)?.addEventListener("change", (event) => {
+      for (const view of views) view.change({ [name]: event.target.checked });
     });
   }
   part("picture").addEventListener("click", () => savePicture(shapes));

@@ -10,9 +10,9 @@ const MANY_FACES = 20000, STILL = 300;
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
 // share one turn together.
 class Camera {
-  constructor(azimuth = 50, elevation = 15) {
+  constructor(azimuth = 50, elevation = 15, up = part("up").value) {
     this.home = { azimuth, elevation, zoom: 1, x: 0, y: 0 };
-    this.up = "y";
+    this.up = up;
     this.views = [];
     this.reset();
   }
@@ -75,10 +75,8 @@ class View {
 
   // positions, faces, and per vertex perhaps place (3), value and known; tint where paint is 2.
   add(columns) {
-    const mesh = new Surface(columns);
-    this.meshes.push(mesh);
+    this.meshes.push(new Surface(columns));
     this.draw();
-    return mesh;
   }
 
   // Take all meshes away.
@@ -87,8 +85,15 @@ class View {
     this.meshes = [];
   }
 
-  set(mesh, column, values) {
-    mesh.set(column, values);
+  // Change a column of the first mesh.
+  set(column, values) {
+    this.meshes[0].set(column, values);
+    this.draw();
+  }
+
+  // Change how the meshes are drawn, or the marks on them.
+  change(what) {
+    Object.assign(this, what);
     this.draw();
   }
 

@@ -5,8 +5,7 @@ start(async (data) => {
   const { shapes, measure } = data, n = shapes.length;
   const readout = part("readout"), hint = readout.textContent;
   const names = ["first", "second"], choices = names.map((name) => part(`${name}-choice`));
-  const camera = new Camera(50, 15), chosen = [0, 0];
-  camera.up = part("up").value;
+  const camera = new Camera(), chosen = [0, 0];
   const nothing = { centre: [0, 0, 0], radius: 1, sides: [0, 1, 2].map(() => ({ across: 1, along: 1 })) };
   for (const { drawn } of shapes) if (drawn) drawn.room = roomFor(drawn.places);
   const views = names.map((name) => new View(part(name), camera, nothing));
@@ -14,7 +13,7 @@ start(async (data) => {
 
   // Pictures, drawn one by one in a canvas that nobody sees.
   const buttons = [...document.querySelectorAll(".card")], pictures = [];
-  const maker = new View(part("maker"), new Camera(50, 15), nothing);
+  const maker = new View(part("maker"), new Camera(), nothing);
   maker.paint = 2;
   function show(view, { drawn }) {
     view.clear();

@@ -10,7 +10,6 @@ const LETTERS = { a: [10, 0], d: [-10, 0], w: [0, 10], s: [0, -10] };
 start(async ({ shapes, landmarks: given }) => {
   const readout = part("readout"), paint = part("paint");
   const tint = colorOf("--target"), plain = colorOf("--source"), camera = new Camera();
-  camera.up = part("up").value;
   const views = shapes.map((shape, side) => {
     const room = roomFor(shape.places);
     Object.assign(shape, numbering(shape.ids, shape.places.length / 3), { size: 2 * room.radius, cursor: -1 });
@@ -30,8 +29,7 @@ start(async ({ shapes, landmarks: given }) => {
   listenToControls(views, views);
   function color() {
     views.forEach((view, side) => {
-      view.paint = paint.value === "1" && !shapes[side].values ? 2 : +paint.value;
-      view.draw();
+      view.change({ paint: paint.value === "1" && !shapes[side].values ? 2 : +paint.value });
     });
   }
   paint.addEventListener("change", color);
@@ -43,10 +41,9 @@ start(async ({ shapes, landmarks: given }) => {
   // The landmarks on the shapes and in the table.
   function show() {
     views.forEach((view, side) => {
-      view.landmarks = landmarks.list.filter(({ at }) => at[side] >= 0).map((one) => ({
+      view.change({ landmarks: landmarks.list.filter(({ at }) => at[side] >= 0).map((one) => ({
         mesh: view.meshes[0], vertex: shapes[side].seen(one.at[side]), label: one.name, one, tint: plain,
-      }));
-      view.draw();
+      })) });
     });
     part("landmarks").replaceChildren(...landmarks.list.map((one) => {
       const line = document.createElement("tr"), add = (what) => line.insertCell().append(what);
@@ -69,8 +66,7 @@ start(async ({ shapes, landmarks: given }) => {
   function mark(side, vertex) {
     views.forEach((view, other) => {
       const marked = other === side && vertex >= 0 ? vertex : shapes[other].cursor;
-      view.marks = marked < 0 ? [] : [{ mesh: view.meshes[0], vertex: marked, tint }];
-      view.draw();
+      view.change({ marks: marked < 0 ? [] : [{ mesh: view.meshes[0], vertex: marked, tint }] });
     });
     const { name, number, places, values, known } = shapes[side];
     if (vertex < 0) vertex = shapes[side].cursor;
