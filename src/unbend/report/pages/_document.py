@@ -9,7 +9,7 @@ import math
 import os
 import tempfile
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
@@ -203,9 +203,21 @@ def controls(own: str, up: str, *, grid: bool = True, several: bool = True) -> s
     )
 
 
+def side_by_side(
+    own: str, up: str, views: Iterable[str], usage: str = "", *, several: bool = True
+) -> str:
+    """Put views between controls and the line that tells what the pointer is on."""
+    above = controls(own, up, several=several)
+    return f'{above}<div class="pair">{"".join(views)}</div>\n{readout(usage)}'
+
+
 def readout(usage: str) -> str:
-    """Line that tells what the pointer is on, and at first how to use the page."""
-    return f'<p class="readout" id="readout" aria-live="polite">{escape(usage)}</p>'
+    """Line that tells what the pointer is on, and at first, if at all, how to use the page."""
+    text = usage and (
+        f"{usage} Drag to turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, "
+        "0 to start over."
+    )
+    return f'<p class="readout" id="readout" aria-live="polite">{escape(text)}</p>'
 
 
 def hint(html: str) -> str:

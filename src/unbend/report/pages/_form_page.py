@@ -21,14 +21,13 @@ from unbend.report.pages._document import (
     Page,
     begin_page,
     canvas,
-    controls,
     dots_svg,
     hint,
     how_made,
     make_page,
-    readout,
     section,
     select,
+    side_by_side,
 )
 from unbend.report.pages._shown import Shown, pack_places, pack_whole, show
 from unbend.report.shape_figures import turned_to_fit
@@ -38,10 +37,6 @@ from unbend.spectral import spectrum
 _N_EIGENPAIRS, _OFFERED = 60, 12
 # Distances on the page are exact to this share of the widest coordinate of their embedding.
 _STEPS = 2**13
-_HINT = (
-    "Click on a place to keep it, and point at another to read how far apart they are. Drag to "
-    "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
-)
 
 
 def form_page(
@@ -180,7 +175,8 @@ def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
     ]
     if detailed:
         views.append(canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}"))
-    return f'{controls(own, up)}<div class="pair">{"".join(views)}</div>\n{readout(_HINT)}'
+    usage = "Click on a place to keep it, and point at another to read how far apart they are."
+    return side_by_side(own, up, views, usage)
 
 
 def _form_facts(form: CanonicalForm) -> str:

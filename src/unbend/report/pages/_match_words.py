@@ -11,21 +11,16 @@ from unbend.correspondence import THRESHOLDS, Evaluation
 from unbend.matching import Match
 from unbend.report.pages._document import (
     canvas,
-    controls,
     curve_svg,
     hint,
     how_made,
-    readout,
     section,
     select,
+    side_by_side,
 )
 from unbend.report.pages._shown import Shown
 
 WORST = 0.1  # the error at the end of the colour scale
-_HINT = (
-    "Point at a place on either shape to see its partner on the other; click to keep it. Drag to "
-    "turn, shift-drag to shift, wheel or + and - to zoom, arrow keys to turn, 0 to start over."
-)
 
 
 def doubt(match: Match | None) -> str:
@@ -67,7 +62,8 @@ def pictures(names: Sequence[str], up: str, maps: Sequence[str], first: Mapping[
         )
         for side, name in zip(("source", "target"), names, strict=True)
     ]
-    return f'{controls(own, up)}<div class="pair">{"".join(sides)}</div>\n{readout(_HINT)}'
+    usage = "Point at a place on either shape to see its partner on the other; click to keep it."
+    return side_by_side(own, up, sides, usage)
 
 
 def forms() -> str:

@@ -42,11 +42,6 @@ _VERTICES_IN_ALL, _MOST_VERTICES, _LEAST_VERTICES = 300_000, 20_000, 1_000
 _SIDES = ("first", "second")
 MOST_SHAPES = _VERTICES_IN_ALL // _LEAST_VERTICES
 
-_HINT = (
-    "Choose a picture or a name to see a shape here. Drag to turn, shift-drag to shift, wheel or + "
-    "and - to zoom, arrow keys to turn, 0 to start over."
-)
-
 
 def similarity_page(
     shapes: Iterable[MeshLike],
@@ -337,7 +332,8 @@ def _body(
     return [
         controls(choices, up, grid=False),
         f'<div class="beside">\n<div>{"".join(blocks)}</div>\n'
-        f'<div class="views">{views}{readout(_HINT)}</div>\n</div>\n'
+        f'<div class="views">{views}{readout("Choose a picture or a name to see a shape here.")}'
+        "</div>\n</div>\n"
         '<canvas id="maker" aria-hidden="true"></canvas>',  # off screen, for the pictures
         how_made([*rows, *noted], command),
     ]

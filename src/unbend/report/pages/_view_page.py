@@ -21,12 +21,11 @@ from unbend.report.pages._document import (
     Page,
     begin_page,
     canvas,
-    controls,
     hint,
     make_page,
-    readout,
     section,
     select,
+    side_by_side,
 )
 from unbend.report.pages._shown import checked_landmarks, pack_places, pack_whole, show
 
@@ -152,7 +151,7 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
     paints = {"2": "plain", "0": "by place"}
     if scalars is not None:
         paints = {"1": "by value"} | paints
-    views = "".join(
+    views = [
         canvas(
             f"shape-{side}",
             name,
@@ -163,15 +162,13 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
             f'Load .mrk.json <input type="file" id="load-{side}" accept=".json"></label>',
         )
         for side, name in enumerate(names)
-    )
+    ]
     legend = ""
     if scalars is not None:
         low, high = np.nanmin(scalars), np.nanmax(scalars)
         legend = hint(f'Values: {low:.5g} <span class="scale"></span> {high:.5g}.')
-    return (
-        controls(select("Colours", "paint", paints), up, several=len(names) > 1)
-        + f'<div class="pair">{views}</div>\n{readout("")}{legend}{hint(_HINT)}'
-    )
+    paint = select("Colours", "paint", paints)
+    return side_by_side(paint, up, views, several=len(names) > 1) + legend + hint(_HINT)
 
 
 def _table(names: list[str]) -> str:
