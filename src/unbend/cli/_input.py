@@ -96,13 +96,6 @@ def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) ->
 # Maps, landmarks and matches.
 
 
-def read_any_map(path: str, base: int | None, target: unbend.Mesh) -> IntArray:
-    """Read the point map of a .npz match, or of any other map file."""
-    if keeps_all(path):
-        return unbend.read_match(path, target=target).source_to_target
-    return unbend.read_map(path, base=base, n_target=target.n_vertices)
-
-
 def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:
     """Read source vertices whose images are known, and those images, in one or more files."""
     sources = unbend.read_map(paths[0], n_target=n_source)

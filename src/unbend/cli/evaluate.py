@@ -10,7 +10,7 @@ import typer
 import unbend
 from unbend.choices import GeodesicKind
 from unbend.cli import _options as options
-from unbend.cli._input import read_any_map, read_truth
+from unbend.cli._input import keeps_all, read_truth
 from unbend.cli._output import progress_on_stderr, table, tell
 
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
@@ -51,7 +51,10 @@ def evaluate(
     with progress_on_stderr() as progress:
         progress("reading", 0)
         shape = unbend.read_mesh(target)
-        point_map = read_any_map(map_file, base, shape)
+        if keeps_all(map_file):
+            point_map = unbend.read_match(map_file, target=shape).source_to_target
+        else:
+            point_map = unbend.read_map(map_file, base=base, n_target=shape.n_vertices)
         files = [path for path in (source_truth, target_truth, mirrored_truth) if path is not None]
         sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
         progress(f"{distance} distances", 0)

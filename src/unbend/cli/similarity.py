@@ -73,9 +73,9 @@ def similarity(
                 )
         pairs = _compare(shapes, known, matrix, n_components, distance, progress)
         ranked = sorted(pairs, key=lambda one: -round(one[2], 9))
-        keys = ("model", "probe", "similarity", "confidence")
         named = [
-            dict(zip(keys, (paths[i], paths[j], *others), strict=True)) for i, j, *others in pairs
+            {"model": paths[i], "probe": paths[j], "similarity": value, "confidence": confidence}
+            for i, j, value, confidence in pairs
         ]
         cells: list[list[Any]] = [["model", "probe", "similarity", "match_confidence"]]
         if matrix:
