@@ -73,7 +73,9 @@ class _Group(TyperGroup):
             say("interrupted", "no file was left half-written")
             raise typer.Exit(_EXIT_INTERRUPTED) from None
         except OSError as error:
-            broken = _is_broken_pipe(error)
+            # Windows has no such error and calls the write itself invalid; files name theirs.
+            invalid = error.errno == errno.EINVAL and error.filename is None
+            broken = isinstance(error, BrokenPipeError) or (sys.platform == "win32" and invalid)
             if not broken and (error.filename is not None or error.errno not in _NO_ROOM):
                 raise
             # Python would flush stdout again at exit, and complain: give it somewhere to write.
@@ -83,12 +85,6 @@ class _Group(TyperGroup):
             sentence = f"cannot write to standard output: {error.strerror}"
         say("error", sentence)
         raise typer.Exit(EXIT_REFUSED)
-
-
-def _is_broken_pipe(error: OSError) -> bool:
-    # Windows has no such error and calls the write itself invalid; files name theirs.
-    invalid = error.errno == errno.EINVAL and error.filename is None
-    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and invalid)
 
 
 app = make_group(

@@ -69,8 +69,7 @@ def _(form: CanonicalForm) -> Any:
     figure = new_figure(5, 5)
     ax = figure.add_subplot()
     points = np.zeros((len(form.points), 3))
-    d = min(form.points.shape[1], 3)
-    points[:, :d] = form.points[:, :d]
+    points[:, : form.points.shape[1]] = form.points[:, :3]
     order = np.argsort(points[:, 2])
     ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
     ax.set_aspect("equal")

@@ -41,8 +41,7 @@ def draw_distances(
     >>> from unbend.report import draw_distances
     >>> draw_distances(["cat", "dog"], [[0, 2], [2, 0]], "distances.png")
     """
-    table = _square(names, distances)
-    _draw_table(names, table, table, path, label="distance", cmap="viridis_r")
+    _draw_table(names, distances, path, alike=False)
 
 
 def draw_similarities(
@@ -69,28 +68,18 @@ def draw_similarities(
     >>> from unbend.report import draw_similarities
     >>> draw_similarities(["cat", "dog"], [[1, 0.9], [0.9, 1]], "similarities.png")
     """
-    table = _square(names, similarities)
-    _draw_table(names, table, apart(table), path, label="similarity", cmap="viridis")
-
-
-def _square(names: Sequence[str], values: npt.ArrayLike) -> FloatArray:
-    table, n = np.asarray(values, dtype=np.float64), len(names)
-    if table.shape != (n, n) or n < 2:
-        raise InputError(f"{n} names need a table of shape ({n}, {n}), two at least")
-    return table
+    _draw_table(names, similarities, path, alike=True)
 
 
 def _draw_table(
-    names: Sequence[str],
-    table: FloatArray,
-    distances: FloatArray,
-    path: str | os.PathLike[str],
-    *,
-    label: str,
-    cmap: str,
+    names: Sequence[str], values: npt.ArrayLike, path: str | os.PathLike[str], *, alike: bool
 ) -> None:
-    n = len(names)
-    order, heights, places = join_alike(distances)
+    """Draw a table of similarities, or of distances."""
+    table, n = np.asarray(values, dtype=np.float64), len(names)
+    if table.shape != (n, n) or n < 2:
+        raise InputError(f"{n} names need a table of shape ({n}, {n}), two at least")
+    label, cmap = ("similarity", "viridis") if alike else ("distance", "viridis_r")
+    order, heights, places = join_alike(apart(table) if alike else table)
     table = table[np.ix_(order, order)]
     side = min(max(3.0, (0.42 if n <= _MOST_NUMBERS else 0.14) * n), 24.0)
     figure = new_figure(side + 3.0, side + 1.0)
