@@ -86,20 +86,19 @@ def rasterize(
     front = np.full((counts[1], counts[0]), -1, dtype=np.int64)
     shares = np.zeros((counts[1], counts[0], 3))
     _cover(flat, depths, front, shares)
-    place = np.flatnonzero(front.ravel() >= 0)
-    face, share = front.ravel()[place], shares.reshape(-1, 3)[place]
+    covered = front >= 0
+    face, share = front[covered], shares[covered]
     normals = vertex_normals(seen, faces)
     normal = np.einsum("ci,cij->cj", share, normals[faces[face]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     normal *= np.where(normal[:, 2:] < 0, -1.0, 1.0)
     color = np.einsum("ci,cij->cj", share, rgb[faces[face]])
-    image = np.zeros((counts[0] * counts[1], 4))
-    image[place, :3] = _lit(color, normal)
-    image[place, 3] = 1
+    image = np.zeros((*front.shape, 4))
+    image[covered, :3] = _lit(color, normal)
+    image[covered, 3] = 1
     if thicker:
-        flat = image.reshape(counts[1], counts[0], 4)
-        away, nearby = distance_transform_edt(flat[..., 3] == 0, return_indices=True)
-        image = np.where((away <= 2 * thicker)[..., None], flat[tuple(nearby)], 0.0)
+        away, nearby = distance_transform_edt(~covered, return_indices=True)
+        image = np.where((away <= 2 * thicker)[..., None], image[tuple(nearby)], 0.0)
     image = image.reshape(counts[1] // 2, 2, counts[0] // 2, 2, 4)
     alpha = image[..., 3:].mean(axis=(1, 3))
     blended = (image[..., :3] * image[..., 3:]).mean(axis=(1, 3)) / np.maximum(alpha, 1e-12)
