@@ -9,10 +9,11 @@ from unbend.preparation._prepare import (
     prepare,
     restrict,
 )
-from unbend.preparation._surface import surface_of_points, triangulate_points
+from unbend.preparation._surface import PointSurface, surface_of_points, triangulate_points
 
 __all__ = [
     "Diagnosis",
+    "PointSurface",
     "Prepared",
     "check_area",
     "check_size",
