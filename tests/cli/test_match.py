@@ -349,7 +349,11 @@ def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:
         ("match a.ply b.ply -o map.foo", 'unknown suffix ".foo"'),
         ("match a.ply b.ply --figure map.bmp", 'unknown suffix ".bmp"'),
         ("match a.ply b.ply --colored a.glb b.off", 'unknown suffix ".off"'),
-        ("match a.ply b.ply --colored c.glb ./c.glb", "--colored needs two files"),
+        ("match a.ply b.ply --colored c.glb ./c.glb", "two results cannot be written to one file"),
+        (
+            "transfer a.ply b.ply --values v.npy -o t.npy --expected-error t.npy",
+            "two results cannot be written to one file: t.npy",
+        ),
         ("match a.ply b.ply --report map.pdf", 'unknown suffix ".pdf"'),
         ("match a.ply b.ply --truth a.vts b.vts", "shown by --report"),
         ("match a.ply b.ply --report r.html --mirrored-truth a.vts", "needs --truth"),

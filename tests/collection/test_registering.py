@@ -147,6 +147,14 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
     assert len(np.load(out / "vertices.npy")) == len(done.shapes) == 2
     with pytest.raises(InputError, match=r"nobody.ply is not in the collection"):
         collection.register(out / "template.obj", out, landmarks={"nobody.ply": []}, workers=0)
+    name = Path(permuted).name
+    for given, problem in (
+        ({permuted: [[1, 2, 3, 4], [1, 2, 3, 4]]}, rf"{name} must be rows of two .* \(2, 4\)"),
+        ({permuted: [(1.7, 1.2)]}, rf"{name} must be rows of two .* float64"),
+        ({permuted: [(0, 1)], collection.find([permuted])[0].id: [(2, 3)]}, "is named twice"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            collection.register(out / "template.obj", out, landmarks=given, workers=0)
 
 
 def test_a_textured_template_keeps_its_lines(made: Path, tmp_path: Path) -> None:

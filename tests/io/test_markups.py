@@ -109,3 +109,16 @@ def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
         pair(tmp_path, ["nose", "tail"], ["nose"])
     with pytest.raises(InputError, match=r"2 points, .* 3: they must be pairs"):
         pair(tmp_path, ["a", "b"], ["c", "d", "e"])
+
+
+def test_landmarks_that_cannot_be_written_are_named(tmp_path: Path) -> None:
+    out = tmp_path / "a.mrk.json"
+    for vertices, labels, problem in (
+        ([-1], ["a"], "there is no vertex -1"),
+        ([999], ["a"], "there is no vertex 999"),
+        ([0.5], ["a"], "whole numbers"),
+        ([0, 1], ["a"], "2 landmarks need as many labels, not 1"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            write_markups(out, CUBE, vertices, labels)
+    assert not out.exists()

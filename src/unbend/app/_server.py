@@ -37,6 +37,7 @@ def serve(
     is not installed.
     """
     try:
+        import starlette  # noqa: F401
         import uvicorn
     except ImportError:
         raise MissingExtraError("uvicorn", "starlette") from None

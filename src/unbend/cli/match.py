@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -89,8 +88,6 @@ def match(
     """
     for path in colored or ():
         unbend.io.check_writable(path, unbend.io.COLOR_SUFFIXES)
-    if colored is not None and os.path.realpath(colored[0]) == os.path.realpath(colored[1]):
-        raise InputError(f"--colored needs two files, and both are {colored[0]}")
     if truth is not None and report is None:
         raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:

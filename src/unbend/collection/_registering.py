@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import array_of
 from unbend._types import IntArray, Progress
 from unbend.collection._engine import Engine, attempt_all, engine
 from unbend.collection._files import find_file, find_files, hashed, make_folder, stem
@@ -58,9 +59,26 @@ def register_collection(
     store.check_filled()
     if not os.path.exists(template):
         template = find_file(store.find(template), store.path)
-    known = {store.find(name).id: pairs for name, pairs in landmarks.items()}
+    known: dict[str, IntArray] = {}
+    for name, pairs in landmarks.items():
+        one = store.find(name)
+        if one.id in known:
+            raise InputError(f"landmarks: {name} is named twice; put its landmarks together")
+        known[one.id] = _landmark_pairs(name, pairs)
     shapes = sorted(store.entries(), key=lambda one: one.path)
     return _register(shapes, template, out, known, (), store.path, workers, progress)
+
+
+def _landmark_pairs(name: str, given: npt.ArrayLike) -> IntArray:
+    pairs = array_of(given, f"landmarks of {name}")
+    if not pairs.size:
+        return np.empty((0, 2), dtype=np.int64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
+        raise InputError(
+            f"landmarks of {name} must be rows of two vertex numbers, of the template and of the "
+            f"shape, not an array of shape {pairs.shape} and type {pairs.dtype}"
+        )
+    return pairs.astype(np.int64)
 
 
 def register_files(
@@ -78,7 +96,7 @@ def _register(
     shapes: Iterable[Entry],
     template: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    landmarks: Mapping[str, npt.ArrayLike],  # by id
+    landmarks: Mapping[str, IntArray],  # by id
     failures: Sequence[Failure],
     store: str | None,
     workers: Engine,
@@ -96,7 +114,7 @@ def _register(
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     tasks = []
     for one in shapes:
-        pairs = np.asarray(landmarks.get(one.id, ()), dtype=np.int64).reshape(-1, 2)
+        pairs = landmarks.get(one.id, np.empty((0, 2), dtype=np.int64))
         name = f"{stem(one)}-{one.id[:8]}"
         files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
         tasks.append(Task(one, store, original, pairs, *files))

@@ -21,7 +21,7 @@ from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import text_lines
-from unbend.mesh import used_vertices
+from unbend.mesh import used_vertices, vertex_ids
 
 MARKUP_SUFFIXES = (".json", ".fcsv")
 _FARTHEST = 0.03  # of the diagonal of the mesh's bounding box
@@ -115,9 +115,15 @@ def write_markups(
 ) -> None:
     """Write vertices of a mesh as landmarks for 3D Slicer, a .mrk.json file.
 
-    See :func:`read_markups` for the reverse.
+    See :func:`read_markups` for the reverse. Raises InputError for a vertex that the mesh lacks, or
+    another number of labels.
     """
     path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
+    vertices = vertex_ids(vertices, mesh.n_vertices, mesh.name)
+    if len(labels) != len(vertices):
+        raise InputError(
+            f"{mesh.name}: {len(vertices)} landmarks need as many labels, not {len(labels)}"
+        )
     points = [
         {
             "id": str(i + 1),
@@ -125,7 +131,7 @@ def write_markups(
             "description": f"vertex {vertex}",
             "position": mesh.vertices[vertex].tolist(),
         }
-        for i, (vertex, label) in enumerate(zip(np.asarray(vertices), labels, strict=True))
+        for i, (vertex, label) in enumerate(zip(vertices, labels, strict=True))
     ]
     markup = {"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": points}
     with atomic_write(path) as file:

@@ -210,7 +210,11 @@ class _Moving:
     """
 
     def __init__(
-        self, shape: Shape, goal: Shape, poses: Sequence[Pose], normal_weight: float
+        self,
+        shape: Shape,
+        goal: Shape,
+        poses: Sequence[Pose],
+        normal_weight: float = constants.NORMAL_WEIGHTS[0],
     ) -> None:
         self.shape, self.goal, self.normal_weight = shape, goal, normal_weight
         self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
