@@ -26,8 +26,7 @@ def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candi
     For whole shapes data weights rise several times over: what had slid while shapes were soft
     returns when they are stiff again. Parts would drift.
     """
-    if candidate.reflected != sides.turned:
-        sides = sides.reflected()
+    sides = _as_taken(sides, candidate)
     ours, theirs = sides.source.shape, sides.target.shape
     proxies = sides.source.proxies[MEDIUM], sides.target.proxies[MEDIUM]
     found = lift(candidate.registered, *proxies, ours, theirs)
@@ -45,8 +44,7 @@ def exact(sides: Sides, candidate: Candidate) -> Candidate:
     Normals keep a leg from catching the leg beside it, and tell candidates apart. But they differ
     between two meshes of one surface, so that a finished map is more exact when they count little.
     """
-    if candidate.reflected != sides.turned:
-        sides = sides.reflected()
+    sides = _as_taken(sides, candidate)
     ours, theirs = sides.source.shape, sides.target.shape
     (found,) = register(
         ours, theirs, [candidate.registered], (), 0, normal_weight=constants.NORMAL_WEIGHTS[1]
@@ -97,6 +95,11 @@ def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate
         none = float(shape.areas @ ~overlap)
         poses.append(pose._replace(overlap=overlap if none > least else np.ones_like(overlap)))
     return replace(candidate, registered=Registered(*found[:2], *poses))
+
+
+def _as_taken(sides: Sides, candidate: Candidate) -> Sides:
+    """Take the target as a candidate does: as it is, or as its mirror image."""
+    return sides if candidate.reflected == sides.turned else sides.reflected()
 
 
 def _as_most_around(shape: Shape, overlap: BoolArray) -> BoolArray:
