@@ -22,13 +22,14 @@ from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
 from unbend.errors import FileError, InputError
 from unbend.io import atomic_write, read_bytes, read_mesh, read_table, write_table
-from unbend.matching import match, prepare_spectrum
+from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
 _RESULTS = "registrations"  # folder of a file per shape, written after its mesh
 _KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
+_NONE = np.empty((0, 2), dtype=np.int64)  # landmarks
 
 
 class Task(NamedTuple):
@@ -64,21 +65,11 @@ def register_collection(
         one = store.find(name)
         if one.id in known:
             raise InputError(f"landmarks: {name} is named twice; put its landmarks together")
-        known[one.id] = _landmark_pairs(name, pairs)
+        what = f"landmarks of {name}"
+        given = array_of(pairs, what)
+        known[one.id] = landmark_pairs(given, what) if given.size else _NONE
     shapes = sorted(store.entries(), key=lambda one: one.path)
     return _register(shapes, template, out, known, (), store.path, workers, progress)
-
-
-def _landmark_pairs(name: str, given: npt.ArrayLike) -> IntArray:
-    pairs = array_of(given, f"landmarks of {name}")
-    if not pairs.size:
-        return np.empty((0, 2), dtype=np.int64)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
-        raise InputError(
-            f"landmarks of {name} must be rows of two vertex numbers, of the template and of the "
-            f"shape, not an array of shape {pairs.shape} and type {pairs.dtype}"
-        )
-    return pairs.astype(np.int64)
 
 
 def register_files(
@@ -114,7 +105,7 @@ def _register(
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     tasks = []
     for one in shapes:
-        pairs = landmarks.get(one.id, np.empty((0, 2), dtype=np.int64))
+        pairs = landmarks.get(one.id, _NONE)
         name = f"{stem(one)}-{one.id[:8]}"
         files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
         tasks.append(Task(one, store, original, pairs, *files))

@@ -271,13 +271,20 @@ def _check_count(n_eigenpairs: int) -> None:
         )
 
 
-def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
-    pairs = array_of(landmarks, "landmarks")
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
+def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
+    """Check that landmarks are rows of two whole numbers; return them as (l, 2) int64."""
+    pairs = array_of(landmarks, name)
+    whole = np.issubdtype(pairs.dtype, np.integer)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs) or not whole:
         raise InputError(
-            "landmarks must be rows of two vertex numbers, of the source and of the target, not "
-            f"an array of shape {pairs.shape}"
+            f"{name} must be rows of two vertex numbers, of the source and of the target, not an "
+            f"array of shape {pairs.shape} and type {pairs.dtype}"
         )
+    return pairs.astype(np.int64)
+
+
+def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
+    pairs = landmark_pairs(landmarks)
     if len(pairs) > MOST_LANDMARKS:
         raise InputError(f"give at most {MOST_LANDMARKS} landmarks, not {len(pairs)}")
     return tuple(
