@@ -190,6 +190,8 @@ class TestWriting:
         [
             ({"scalars": {"x": np.zeros(4)}}, "'x' cannot name values"),
             ({"scalars": {"two words": np.zeros(4)}}, "'two words' cannot name"),
+            ({"scalars": {"s": np.ones(4)}, "uvs": np.zeros((4, 2))}, "'s' cannot name"),
+            ({"scalars": {"color": np.ones(4)}, "colors": np.zeros((4, 3), int)}, "none of x"),
             ({"scalars": {"d": np.zeros(3)}}, "'d' have shape"),
             ({"colors": np.zeros((4, 3))}, "colors must be whole numbers"),
             ({"colors": np.full((4, 3), 256)}, "between 0 and 255"),

@@ -105,7 +105,10 @@ def write_mesh(
         raise InputError(".stl files hold triangles only; write points as .ply or .xyz")
     extras: dict[str, Any] = {}
     if scalars:
-        extras["scalars"] = _scalars(scalars, mesh.n_vertices)
+        taken = [*"xyz", "red", "green", "blue"]
+        taken += ["color", "colors"] if colors is not None else []
+        taken += ["s", "t", "uv"] if uvs is not None else []
+        extras["scalars"] = _scalars(scalars, mesh.n_vertices, taken)
     if colors is not None:
         extras["colors"] = _colors(colors, mesh.n_vertices)
     if uvs is not None:
@@ -141,16 +144,18 @@ def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8]
         return obj.rewrite(data, mesh.vertices, colors, os.fsencode(prefix))
 
 
-def _scalars(scalars: Mapping[str, npt.ArrayLike], n_vertices: int) -> dict[str, FloatArray]:
+def _scalars(
+    scalars: Mapping[str, npt.ArrayLike], n_vertices: int, taken: list[str]
+) -> dict[str, FloatArray]:
     arrays = {}
     if not isinstance(scalars, Mapping):
         raise InputError("scalars must be a dictionary of names and values")
     for name, values in scalars.items():
         word = isinstance(name, str) and re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
-        if not word or name in (*"xyz", "red", "green", "blue"):
+        if not word or name in taken:
             raise InputError(
                 f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
-                "and none of x, y, z, red, green, blue"
+                f"and none of {', '.join(taken)}"
             )
         array = numbers_of(values, f"scalars {name!r}")
         if array.shape != (n_vertices,):
