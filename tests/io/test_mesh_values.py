@@ -77,6 +77,16 @@ def test_properties_are_read_by_name(tmp_path: Path, encoding: str) -> None:
         read_values(path, name="nx")
 
 
+def test_names_that_are_alike_hide_no_values(tmp_path: Path) -> None:
+    path, names = tmp_path / "a.ply", ("a", "a_0", "a_1", "u", "v")
+    columns = dict(zip(names, np.arange(20.0).reshape(5, 4), strict=True))
+    write_mesh(path, SQUARE, scalars=columns, uvs=np.zeros((4, 2)))
+    for name, values in columns.items():
+        np.testing.assert_array_equal(read_values(path, name=name), values)
+    write_mesh(path, SQUARE, scalars={"color": [0.1, 0.2, 0.3, 0.4]})
+    assert read_values(path, name="color").tolist() == [0.1, 0.2, 0.3, 0.4]
+
+
 def test_a_word_that_is_no_number_is_named_only_when_it_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.ply"
     path.write_bytes(ply("ascii").replace(b"0.25", b"high"))

@@ -114,18 +114,18 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
     columns = {name: one for name, one in columns.items() if name not in (*_NORMAL, "alpha")}
     found: dict[str, npt.NDArray[Any]] = {}
     for name, parts in _TOGETHER:
-        if set(parts) <= set(columns):
-            found.setdefault(name, np.column_stack([columns.pop(part) for part in parts]))
-    for name in list(columns):
-        stem = name.removesuffix("_0")
-        numbered = list(takewhile(columns.__contains__, (f"{stem}_{i}" for i in count())))
-        if name != stem and len(numbered) > 1:
-            found[stem] = np.column_stack([columns.pop(part) for part in numbered])
-    found |= {name: np.array(one) for name, one in columns.items()}
+        if name not in found and set(parts) <= set(columns):
+            found[name] = np.column_stack([columns.pop(part) for part in parts])
     color = found.get("color")
     if color is not None and color.dtype.kind == "f":
         scale = 255 if np.nanmax(color, initial=0) <= 1 else 1
         found["color"] = np.rint(np.clip(np.nan_to_num(color) * scale, 0, 255)).astype(np.uint8)
+    for name in list(columns):
+        stem = name.removesuffix("_0")
+        numbered = list(takewhile(columns.__contains__, (f"{stem}_{i}" for i in count())))
+        if stem not in {**found, **columns} and len(numbered) > 1:
+            found[stem] = np.column_stack([columns.pop(part) for part in numbered])
+    found |= {name: np.array(one) for name, one in columns.items()}
     label = found.get("label")
     if label is not None and label.dtype.kind == "f" and (label == np.rint(label)).all():
         found["label"] = label.astype(np.int64)  # as write_values writes them
