@@ -26,11 +26,21 @@ def is_number(number: Any) -> TypeGuard[float]:
 
 
 def array_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
-    """Turn rows into an array; raise InputError if they have different lengths."""
+    """Turn rows into an array; raise InputError if some are masked, or their lengths differ."""
+    if np.ma.is_masked(values):
+        raise InputError(f"{what}: some are masked; fill them, or leave them out")
     try:
         return np.asarray(values)
     except ValueError:
         raise InputError(f"{what}: rows have different lengths, and must have one") from None
+
+
+def values_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
+    """Turn real numbers, truth values or text into an array; raise InputError for all else."""
+    array = array_of(values, what)
+    if array.dtype.kind not in "biufU":
+        raise InputError(f"{what} of type {array.dtype} are neither numbers nor labels")
+    return array
 
 
 def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
@@ -39,8 +49,6 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     Raises InputError if they are something else, some are masked, or rows have different lengths.
     """
     array = array_of(values, what)
-    if np.ma.is_masked(values):
-        raise InputError(f"{what}: some are masked; fill them, or leave them out")
     try:
         if array.dtype.kind not in "cSU":  # which NumPy would cut, or read
             return array.astype(np.float64, copy=False)

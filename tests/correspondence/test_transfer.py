@@ -177,7 +177,7 @@ ONE = _match([0], [0])
         ([[256, 0, 0]], ONE, {"kind": "color"}, "from 0 to 255"),
         ([[0.5, 0, 1]], ONE, {"kind": "color"}, "from 0 to 1; multiply by 255"),
         ([2**63], ONE, {}, "labels must be below 2.63, and one is 9223372036854775808"),
-        (np.ma.array([1.0], mask=[True]), ONE, {}, "masked; fill them first"),
+        (np.ma.array([1.0], mask=[True]), ONE, {}, "some are masked; fill them"),
         ([0.5], ONE, {"kind": "uv"}, "must have two columns"),
     ],
 )

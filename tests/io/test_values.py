@@ -112,6 +112,13 @@ def test_whole_numbers_only_where_all_are(tmp_path: Path) -> None:
         read_values(tmp_path / "a.txt")
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".txt"])
+def test_truth_values_are_numbers(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_values(path, [True, False, True], np.eye(3))
+    assert read_values(path).tolist() == [1, 0, 1]
+
+
 def test_words_have_an_end(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"part\n{'a' * 1000}\n")
     assert read_values(tmp_path / "a.csv").tolist() == ["a" * 1000]

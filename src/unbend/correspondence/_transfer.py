@@ -7,7 +7,7 @@ from typing import Any, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, first_largest
+from unbend._arrays import first_largest, values_of
 from unbend._types import FloatArray, IntArray
 from unbend.choices import ValueKind
 from unbend.deformation import closest_faces
@@ -88,8 +88,6 @@ def transfer(
     """
     source = None if source is None else as_mesh(source)
     target = None if target is None else as_mesh(target)
-    if np.ma.is_masked(values):
-        raise InputError("some of the values are masked; fill them first, for instance with NaN")
     if isinstance(match, Match):
         warn_of_disorder(match)
     return carry(values, match, kind, source, target)
@@ -103,7 +101,7 @@ def carry(
     target: Mesh | None = None,
 ) -> npt.NDArray[Any]:
     """Transfer values as :func:`transfer` does; for pictures, which warn of nothing."""
-    array = array_of(values, "values")
+    array = values_of(values, "values")
     images = as_point_map(match, source, target)
     if array.ndim == 0 or len(array) != len(images):
         rows = "is one value" if array.ndim == 0 else f"are {len(array)} rows"
@@ -211,8 +209,6 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
     """Decide how values are carried, see :func:`transfer`: never ``"auto"``."""
     if kind not in get_args(ValueKind):
         raise InputError(f"kind must be one of {', '.join(get_args(ValueKind))}, not {kind!r}")
-    if array.dtype.kind not in "biufU":
-        raise InputError(f"values of type {array.dtype} are neither numbers nor labels")
     if kind != "auto":
         return cast(ValueKind, kind)
     if array.dtype.kind == "f":

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of
+from unbend._arrays import values_of
 from unbend._text import plural
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
@@ -180,14 +180,14 @@ def write_values(
     mesh = as_mesh(mesh)
     if kind == "auto" or kind not in get_args(ValueKind):
         raise InputError(f"kind must be scalar, label, weights, color or uv, not {kind!r}")
-    array = array_of(values, "values")
+    array = values_of(values, "values")
     if array.size == 0 or array.ndim == 0 or len(array) != mesh.n_vertices:
         raise InputError(f"values must have one row for each of {mesh.n_vertices} vertices")
     check_storable(path, array, kind)
     columns = array.reshape(len(array), -1)
     word = kind if kind in ("label", "color", "uv") else "value"
     names = [f"{word}_{i}" for i in range(columns.shape[1])] if columns.shape[1] > 1 else [word]
-    rows = columns.tolist()
+    rows = (columns.astype(np.int64) if columns.dtype == bool else columns).tolist()
     if suffix == ".npy":
         with atomic_write(path) as file:
             np.save(file, array)
@@ -199,7 +199,7 @@ def write_values(
         with atomic_write(path) as file:
             file.write("".join(f"{' '.join(map(str, row))}\n" for row in rows).encode())
     elif kind == "color":
-        write_mesh(path, mesh, colors=array[:, :3], like=like)
+        write_mesh(path, mesh, colors=columns[:, :3], like=like)
     elif kind == "uv":
         # A vertex without texture coordinates still needs numbers to be drawn at all.
         write_mesh(path, mesh, uvs=np.nan_to_num(array))

@@ -163,6 +163,11 @@ def _scalars(
                 f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
                 f"of its {plural(n_vertices, 'vertex')}"
             )
+        if array_of(values, name).dtype.kind in "iu" and np.abs(array).max(initial=0) >= 2**53:
+            raise InputError(
+                f"scalars {name!r}: whole numbers must be below 2^53, since files hold them as "
+                "doubles; number them anew, or write a table"
+            )
         arrays[name] = array
     return arrays
 
