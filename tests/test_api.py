@@ -111,6 +111,7 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: write_values(out.with_suffix(".csv"), EVERY * 1j, BALL), "type complex128"),
         (lambda out: write_values(out, np.ma.masked_less(EVERY, 9), BALL), "some are masked"),
         (lambda out: write_values(out, EVERY, BALL, kind="color"), "colors must be whole numbers"),
+        (lambda out: write_values(out.with_suffix(".obj"), ["a"] * N, BALL), "values: needs real"),
         (lambda out: write_values(out, EVERY + 2**53, BALL), "must be below 2^53"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a map: rows have"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),

@@ -83,6 +83,8 @@ def test_names_that_are_alike_hide_no_values(tmp_path: Path) -> None:
     write_mesh(path, SQUARE, scalars=columns, uvs=np.zeros((4, 2)))
     for name, values in columns.items():
         np.testing.assert_array_equal(read_values(path, name=name), values)
+    write_mesh(path, SQUARE, scalars={"label": [1, 2, 3, np.inf]})
+    assert read_values(path).tolist() == [1, 2, 3, np.inf]
     write_mesh(path, SQUARE, scalars={"color": [0.1, 0.2, 0.3, 0.4]})
     assert read_values(path, name="color").tolist() == [0.1, 0.2, 0.3, 0.4]
 

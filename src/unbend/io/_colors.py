@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import numbers_of
 from unbend.errors import InputError
 
 # Viridis of matplotlib, at every sixteenth.
@@ -40,7 +41,7 @@ def value_colors(
     array = np.asarray(values)
     known = None
     if kind == "weights":
-        weights = array.reshape(len(array), -1)
+        weights = numbers_of(array, "values").reshape(len(array), -1)
         known, kind = np.arange(weights.shape[1]), "label"
         array = np.where(np.isfinite(weights).all(axis=1), weights.argmax(axis=1), -1)
     if array.ndim == 2 and array.shape[1] == 1:
@@ -55,7 +56,7 @@ def value_colors(
         of_labels: npt.NDArray[np.uint8] = _LABELS[np.searchsorted(known, array) % len(_LABELS)]
         of_labels[unknown] = _GREY
         return of_labels
-    numbers = array.astype(np.float64)
+    numbers = numbers_of(array, "values")
     finite = np.isfinite(numbers)
     shown = numbers[finite] if finite.any() else np.zeros(1)
     low, high = limits or (shown.min(), shown.max())

@@ -126,8 +126,8 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
         if stem not in {**found, **columns} and len(numbered) > 1:
             found[stem] = np.column_stack([columns.pop(part) for part in numbered])
     found |= {name: np.array(one) for name, one in columns.items()}
-    label = found.get("label")
-    if label is not None and label.dtype.kind == "f" and (label == np.rint(label)).all():
+    label = found.get("label", np.empty(0, int))
+    if label.dtype.kind == "f" and ((label == np.rint(label)) & (np.abs(label) < 2**53)).all():
         found["label"] = label.astype(np.int64)  # as write_values writes them
     return found
 
