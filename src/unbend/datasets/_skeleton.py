@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
+from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import nearest_rotation
 from unbend.datasets._cones import Cones
@@ -118,7 +119,7 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
     """
     angles = {bone.name: np.zeros(3) for bone in bones}
     for name, given in pose.items():
-        turn = np.asarray(given, dtype=np.float64)
+        turn = numbers_of(given, f"the angles of {name!r}")
         if turn.shape != (3,) or not np.isfinite(turn).all():
             raise InputError(f"the angles of {name!r} must be three finite numbers, not {given!r}")
         if name in angles:

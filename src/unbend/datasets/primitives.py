@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from unbend._arrays import is_whole
 from unbend._types import FloatArray, IntArray
+from unbend.errors import InputError
 from unbend.mesh import Mesh
 
 
@@ -15,11 +17,16 @@ def make_sphere(subdivisions: int = 4) -> Mesh:
     Parameters
     ----------
     subdivisions : int, default=4
-        Each one quadruples the faces; there are ``10 * 4**subdivisions + 2`` vertices.
+        0 to 10. Each one quadruples the faces; there are ``10 * 4**subdivisions + 2`` vertices.
 
     Returns
     -------
     Mesh
+
+    Raises
+    ------
+    InputError
+        If `subdivisions` is out of range.
 
     Notes
     -----
@@ -31,6 +38,8 @@ def make_sphere(subdivisions: int = 4) -> Mesh:
     >>> make_sphere(1)
     Mesh(42 vertices, 80 faces)
     """
+    if not (is_whole(subdivisions) and 0 <= subdivisions <= 10):
+        raise InputError(f"subdivisions must be a whole number from 0 to 10, not {subdivisions!r}")
     vertices, faces = _icosahedron()
     for _ in range(subdivisions):
         vertices, faces = _split_edges(vertices, faces)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._arrays import nearest_rows
+from unbend._arrays import is_number, is_whole, nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._reference import carry
@@ -118,8 +118,14 @@ def make_shape(
     """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
     sizes = _sizes(maker, species, proportions)
     bones, plain = (tuple(maker.bones(one)) for one in (sizes, maker.defaults))
-    if not 500 <= n_vertices <= 200_000:
-        raise InputError(f"n_vertices must be from 500 to 200000, not {n_vertices}")
+    if not (is_whole(n_vertices) and 500 <= n_vertices <= 200_000):
+        raise InputError(
+            f"n_vertices must be a whole number from 500 to 200000, not {n_vertices!r}"
+        )
+    seeds = {"meshing": meshing, "random_state": 0 if random_state is None else random_state}
+    for name, seed in seeds.items():
+        if not (is_whole(seed) and seed >= 0):
+            raise InputError(f"{name} must be a whole number, not negative, and not {seed!r}")
     angles = _angles(maker.poses, pose, random_state)
     rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, meshing)
     posed = restore_lengths(rest, move_skin(bones, rest, angles), faces) if angles else rest
@@ -128,24 +134,27 @@ def make_shape(
 
 def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, float]:
     """Combine the default, the species' and the caller's proportions, and check their names."""
-    if species not in maker.species:
+    if species not in list(maker.species):
         known = ", ".join(maker.species)
         raise InputError(f"there is no species {species!r}; the species are {known}")
     for key, value in given.items():
         if key not in maker.defaults:
             known = ", ".join(maker.defaults)
             raise InputError(f"there is no proportion {key!r}; the proportions are {known}")
-        if not np.isfinite(value) or (value <= 0 and key != "tail_lift"):
-            raise InputError(f"{key} must be a positive finite factor, not {value!r}")
+        low, high = (-180, 180) if key == "tail_lift" else (0, 10)
+        if not (is_number(value) and low < value <= high):
+            raise InputError(f"{key} must be above {low} and at most {high}, not {value!r}")
     return {**maker.defaults, **maker.species[species], **given}
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
     """Look up a named pose; for None, mix two and move every joint in use a little further."""
-    if isinstance(pose, str) and pose not in poses:
-        raise InputError(f"there is no pose {pose!r}; the poses are {', '.join(poses)}")
+    if isinstance(pose, Mapping):
+        return pose
     if pose is not None:
-        return poses[pose] if isinstance(pose, str) else pose
+        if pose not in list(poses):
+            raise InputError(f"there is no pose {pose!r}; the poses are {', '.join(poses)}")
+        return poses[pose]
     rng = np.random.default_rng(random_state)
     names = list(poses)
     first, second = rng.choice(len(names), 2, replace=False)
