@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from datetime import timedelta
 from typing import Any, NamedTuple
 
+from unbend._arrays import is_whole
 from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend._types import Progress
@@ -99,8 +100,8 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
     time. A worker that crashes is replaced. The items it had are tried again at the end, one at a
     time; an item whose worker crashes again is reported.
     """
-    if workers is not None and workers < 0:
-        raise InputError(f"workers must be 0 or more, not {workers}")
+    if workers is not None and not (is_whole(workers) and workers >= 0):
+        raise InputError(f"workers must be a whole number, 0 or more, not {workers!r}")
     if workers is not None and scheduler is not None:
         raise InputError("a scheduler has workers of its own; leave out workers")
     if workers == 0:
@@ -233,7 +234,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=_PATIENCE_SECONDS // 4, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except (OSError, TypeError, ValueError) as error:
             raise InputError(
                 f"no Dask scheduler answers at {scheduler!r}: start one with dask scheduler, and "
                 "give the address that it prints, as tcp://host:port"
