@@ -118,6 +118,7 @@ def test_what_does_not_go_together_is_refused(blob):
     for mesh, given, message in (
         (blob, canonical_form(blob, n_components=2), "needs a form of 3 dimensions, not 2"),
         (blob.vertices, form, "has no faces"),
+        (blob, form.points, "this needs a CanonicalForm, not ndarray"),
         (make_sphere(1), form, "the form has 642 points, but sphere has 42 vertices"),
     ):
         with pytest.raises(InputError, match=message):

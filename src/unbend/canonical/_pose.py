@@ -97,6 +97,8 @@ def lay_into_pose(
 
 def check_form(mesh: Mesh, form: CanonicalForm) -> None:
     """Raise InputError for a mesh without faces, or the form of another mesh."""
+    if not isinstance(form, CanonicalForm):
+        raise InputError(f"this needs a CanonicalForm, not {type(form).__name__}")
     if mesh.is_point_cloud:
         raise InputError(f"{mesh.name} has no faces, and this needs a surface")
     if len(form.points) != mesh.n_vertices:
