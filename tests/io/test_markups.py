@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -83,6 +84,12 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, text: str, problem: str) -
     path.write_text(text)
     with pytest.raises(FileError, match=problem):
         read_markups(path, CUBE)
+
+
+def test_a_mesh_without_vertices_has_no_place_for_landmarks(tmp_path: Path) -> None:
+    (tmp_path / "a.mrk.json").write_text(mrk(("nose", [3, 3, 3])))
+    with pytest.raises(InputError, match="nothing has no vertices"):
+        read_markups(tmp_path / "a.mrk.json", Mesh(np.empty((0, 3)), name="nothing"))
 
 
 @pytest.mark.parametrize("text", ["1,2\n", "1,a,b,c,0,0,0,1,1,1,0,nose,\n", "#\n", "\0"])

@@ -53,11 +53,15 @@ def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str
     ------
     FileError
         If the file cannot be read, or a point is farther from the mesh than 3 % of its size.
+    InputError
+        If the mesh has no vertices.
     """
     path, mesh = Path(path), as_mesh(mesh)
     data = read_bytes(path, MARKUP_SUFFIXES)
     used = used_vertices(mesh)
     there = np.flatnonzero(np.isfinite(used).all(axis=1))
+    if not len(there):
+        raise InputError(f"{mesh.name} has no vertices to be landmarks")
     tree = cKDTree(used[there])
     farthest = _FARTHEST * np.linalg.norm(np.ptp(used[there], axis=0))
     vertices = []
