@@ -50,6 +50,7 @@ def test_prints_the_farthest_vertex(mesh, blob):
     ("options", "message"),
     [
         (["--from", "642"], "there is no vertex 642"),
+        (["--from", "3", "--from", "7", "--from", "03"], "--from 3 is given twice; leave one out"),
         (["--from", "0", "-o", "field.obj"], "use .ply, .vtp, .npy or .csv"),
         (["--from", "0", "--distance", "diffusion", "--time", "-1"], "time must be positive"),
     ],

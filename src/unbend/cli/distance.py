@@ -10,6 +10,7 @@ import unbend
 from unbend.choices import DistanceKind
 from unbend.cli import _options as options
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
+from unbend.errors import InputError
 
 
 def _vertex(text: str) -> int:
@@ -57,6 +58,9 @@ def distance(
 
     from unbend._arrays import first_largest
 
+    twice = max(sources, key=sources.count)
+    if sources.count(twice) > 1:
+        raise InputError(f"--from {twice} is given twice; leave one out")
     if out is not None:
         unbend.io.check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
     with progress_on_stderr() as progress:
