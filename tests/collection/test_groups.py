@@ -31,6 +31,13 @@ def test_as_many_as_asked_for() -> None:
         find_groups(table, 20)
 
 
+@pytest.mark.parametrize(("table", "n", "most"), [(np.zeros((4, 4)), 3, 1), (1 - np.eye(4), 2, 1)])
+def test_what_is_equally_far_apart_is_not_separated_by_chance(table, n, most) -> None:
+    with pytest.raises(InputError, match=f"{n} groups would separate .*; ask for {most}, or"):
+        find_groups(table, n)
+    np.testing.assert_array_equal(find_groups(1 - np.eye(4), 4), np.arange(4))
+
+
 @pytest.mark.parametrize("n", [1, 2])
 def test_few_shapes(n: int) -> None:
     table = 1.0 - np.eye(n)

@@ -30,7 +30,8 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     Raises
     ------
     InputError
-        If there are fewer than `n_groups`, or the table is not one of distances.
+        If there are fewer than `n_groups`, equal distances do not allow that number, or the table
+        is not one of distances.
 
     References
     ----------
@@ -66,6 +67,11 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
     _, firsts, group, sizes = np.unique(
         best, return_index=True, return_inverse=True, return_counts=True
     )
+    if n_groups and len(sizes) < n_groups:
+        raise InputError(
+            f"{n_groups} groups would separate some that are equally far apart; ask for "
+            f"{len(sizes)}, or another number"
+        )
     rank = np.lexsort([firsts, -sizes]).argsort()
     return rank[group].astype(np.int64)
 
