@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from unbend import Mesh
+import unbend
+from unbend import Mesh, preparation
 from unbend.cli import app
 from unbend.io import write_mesh
+from unbend.preparation import Diagnosis
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -94,6 +96,8 @@ def test_a_refusal_says_why(folder: Path) -> None:
     assert code == 2
     assert "unbend cannot work with this mesh: three.off: faces use only 3 vertices" in out
     assert "next" not in out
+    write_mesh("two.off", (np.vstack([VERTICES[:3]] * 2), [[0, 1, 2], [3, 4, 5]]))
+    assert "unbend cannot work with this mesh: two.off: faces use only 3" in check("two.off")[1]
 
 
 def test_a_strip_with_one_side_cannot_be_matched(folder: Path, moebius_strip: Mesh) -> None:
@@ -165,6 +169,23 @@ def test_many_files_get_one_table_and_a_bad_one_does_not_end_it(folder: Path) ->
     assert [one["file"] for one in told] == ["t.off", "cut.off", "two.off"]
     assert told[1]["health"] is None
     assert check("t.off", "two.off")[0] == 0
+
+
+def test_a_mesh_that_memory_cannot_hold_does_not_end_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diagnose(mesh: Mesh) -> Diagnosis:
+        if mesh.name == "large.off":
+            raise MemoryError
+        return preparation.diagnose(mesh)
+
+    monkeypatch.setattr(unbend, "diagnose", diagnose)
+    write_mesh("large.off", (VERTICES, FACES))
+    write_mesh("t.off", (VERTICES, FACES))
+    code, out, err = check("large.off", "t.off")
+    assert code == 2
+    assert err == "error: large.off: there is too little memory; reduce it to fewer vertices\n"
+    assert "This mesh is healthy." in out
 
 
 def test_a_folder_stands_for_its_meshes(folder: Path) -> None:

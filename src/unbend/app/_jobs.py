@@ -38,13 +38,12 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
     told = list(mesh.notes)
     if mesh.is_point_cloud:
         told.append("These are points without faces. A surface between them is used.")
+    several = found.n_components > 1
     try:
-        prepare(mesh)
+        prepare(mesh, component="largest" if several else None)
     except InputError as refusal:
-        try:
-            prepare(mesh, component="largest")
-        except InputError:
-            return False, [f"unbend cannot work with this shape: {refusal}"]
+        return False, [f"unbend cannot work with this shape: {refusal}"]
+    if several:
         told.append(
             f"It has {found.n_components:,} separate pieces; the largest is used. If that is "
             "wrong, delete the small pieces in a program such as MeshLab or Blender."
@@ -61,7 +60,7 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
         told.append("Some faces are damaged. unbend works around them.")
     if found.unreferenced_vertices:
         told.append(f"{plural(found.unreferenced_vertices, 'vertex')} in no face: left out.")
-    if found.duplicate_vertices and found.n_components > 1:
+    if found.duplicate_vertices and several:
         told.append(
             "Some points lie exactly on others. If the surface is cut there, merge them first "
             "(in Blender: Merge by Distance)."

@@ -49,10 +49,13 @@ def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
     try:
         shape = unbend.read_mesh(path)
         health = unbend.diagnose(shape)
-    except UnbendError as error:
-        say("error", str(error))
-        return one | {"verdict": str(error), "health": None}, []
-    usable, verdict, next_step = _judge(shape, health, path)
+        usable, verdict, next_step = _judge(shape, health, path)
+    except (UnbendError, MemoryError) as error:
+        sentence = str(error)
+        if isinstance(error, MemoryError):
+            sentence = f"{path}: there is too little memory; reduce it to fewer vertices"
+        say("error", sentence)
+        return one | {"verdict": sentence, "health": None}, []
     one |= {"usable": usable, "verdict": verdict, "next_step": next_step}
     lines = [*_details(shape, health), "", verdict]
     return one | {"notes": shape.notes, "health": health}, lines
@@ -63,13 +66,12 @@ def _judge(
 ) -> tuple[bool, str, str | None]:
     """Try what computations will try: whether they can, in a sentence, and what to do next."""
     command = f"unbend canonical {quoted(path)} -o OUT.ply"
+    several = health.n_components > 1
     try:
-        prepared = unbend.preparation.prepare(shape)
+        prepared = unbend.preparation.prepare(shape, component="largest" if several else None)
     except InputError as refusal:
-        try:
-            unbend.preparation.prepare(shape, component="largest")
-        except InputError:
-            return False, f"unbend cannot work with this mesh: {refusal}", None
+        return False, f"unbend cannot work with this mesh: {refusal}", None
+    if several:
         sentence = "unbend can work with one component of this mesh."
         return True, sentence, f"{command} --component largest"
     if health.one_sided:
