@@ -36,7 +36,7 @@ def test_a_file_is_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("draw", [draw_distances, draw_similarities])
 def test_what_does_not_fit_is_refused(draw) -> None:
     for names, table in ((["a", "b"], [[1]]), (["a"], [[1]])):
-        with pytest.raises(InputError, match=f"{len(names)} names need a table of shape"):
+        with pytest.raises(InputError, match=f"{len(names)} shapes need values of shape"):
             draw(names, table, "a.png")
 
 

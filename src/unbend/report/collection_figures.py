@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
@@ -75,11 +76,10 @@ def _draw_table(
     names: Sequence[str], values: npt.ArrayLike, path: str | os.PathLike[str], *, alike: bool
 ) -> None:
     """Draw a table of similarities, or of distances."""
-    table, n = np.asarray(values, dtype=np.float64), len(names)
-    if table.shape != (n, n) or n < 2:
-        raise InputError(f"{n} names need a table of shape ({n}, {n}), two at least")
+    table, n = checked_table(values, len(names)), len(names)
     label, cmap = ("similarity", "viridis") if alike else ("distance", "viridis_r")
-    order, heights, places = join_alike(apart(table) if alike else table)
+    far = apart(table) if alike else np.nan_to_num(table, nan=1.0)
+    order, heights, places = join_alike(far)
     table = table[np.ix_(order, order)]
     side = min(max(3.0, (0.42 if n <= _MOST_NUMBERS else 0.14) * n), 24.0)
     figure = new_figure(side + 3.0, side + 1.0)
@@ -106,6 +106,19 @@ def _draw_table(
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7)
     save_figure(figure, path)
+
+
+def checked_table(values: npt.ArrayLike, n: int) -> FloatArray:
+    """Turn what n shapes are to each other into an array; InputError if that is no such table."""
+    table = numbers_of(values, "values")
+    if n < 2 or table.shape != (n, n):
+        raise InputError(
+            f"{n} shapes need values of shape ({n}, {n}), not {table.shape}, of two or more"
+        )
+    wrong = np.isinf(table).any() or (table < 0).any()
+    if wrong or not np.allclose(table, table.T, equal_nan=True):
+        raise InputError("values must be symmetric, finite and not negative, or NaN where unknown")
+    return table
 
 
 def apart(similarities: FloatArray) -> FloatArray:

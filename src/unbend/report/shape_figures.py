@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._arrays import numbers_of
+from unbend._types import BoolArray, FloatArray
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
 from unbend.io import MeshLike
@@ -87,7 +88,7 @@ def draw_form(
     ]
     captions = [mesh.name, "its canonical form"]
     if posed is not None:
-        fitted = turned_to_fit(np.where(inside, posed, np.nan), mesh, reflect=False)
+        fitted = posed_to_fit(posed, inside, mesh)
         row.append((fitted @ turn.T, mesh, colors, FRONT_AND_BACK[0]))
         captions.append("the surface in its form's pose")
     figure, _ = draw_grid([row], captions, 4.0, 3.45)
@@ -195,6 +196,16 @@ def draw_variation(
         figure.text(0.01, above, as_written(name), va="bottom", fontsize=8)
     same_scale([one for row in axes for one in row])
     save_figure(figure, path)
+
+
+def posed_to_fit(posed: npt.ArrayLike, inside: BoolArray, mesh: Mesh) -> FloatArray:
+    """Rotate the surface in its form's pose onto the shape, where `inside` (n, 1)."""
+    places = numbers_of(posed, "posed")
+    if places.shape != mesh.vertices.shape or not np.isfinite(places).any():
+        raise InputError(
+            f"posed must be places of shape {mesh.vertices.shape}, as lay_into_pose gives them"
+        )
+    return turned_to_fit(np.where(inside, places, np.nan), mesh, reflect=False)
 
 
 def turned_to_fit(points: FloatArray, mesh: Mesh, *, reflect: bool = True) -> FloatArray:

@@ -30,7 +30,7 @@ from unbend.report.pages._document import (
     side_by_side,
 )
 from unbend.report.pages._shown import Shown, pack_places, pack_whole, show
-from unbend.report.shape_figures import turned_to_fit
+from unbend.report.shape_figures import posed_to_fit, turned_to_fit
 from unbend.spectral import spectrum
 
 # Eigenfunctions that distances on the page are summed over, and eigenfunctions to choose from.
@@ -104,8 +104,7 @@ def form_page(
     shown = show(mesh)
     surface = None
     if posed is not None:
-        there = np.where(inside[:, None], posed, np.nan)
-        surface = shown.moved(turned_to_fit(there, mesh, reflect=False))
+        surface = shown.moved(posed_to_fit(posed, inside[:, None], mesh))
     step("page, eigenfunctions", 0.2)
     values, embedding = _embedding(mesh, form, inside)
     # Length in the form of a biharmonic distance of 1.

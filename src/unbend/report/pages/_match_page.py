@@ -17,7 +17,7 @@ from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, carry, evaluate, morph
-from unbend.errors import UnbendWarning
+from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
@@ -103,6 +103,8 @@ def match_page(
     """
     step = begin_page(path, up, progress)
     source, target = drawable(source), drawable(target)
+    if truth is not None and len(truth) not in (2, 3):
+        raise InputError("truth must be 2 or 3 lists: source points, images and mirror images")
     step("page, places", 0.0)
     maps = _maps(match)
     first = next(iter(maps.values()))

@@ -18,7 +18,7 @@ from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
-from unbend.report.collection_figures import apart, join_alike
+from unbend.report.collection_figures import apart, checked_table, join_alike
 from unbend.report.pages._document import (
     Page,
     begin_page,
@@ -213,20 +213,9 @@ def search_page(
 def _checked(
     n: int, values: npt.ArrayLike, measure: str, groups: npt.ArrayLike | None
 ) -> tuple[FloatArray, IntArray | None]:
-    array = numbers_of(values, "values")
     if measure not in get_args(Measure):
         raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
-    if n < 2 or array.shape != (n, n):
-        raise InputError(
-            f"a page of {n} shapes needs values of shape ({n}, {n}), not {array.shape}, and two "
-            "shapes at least"
-        )
-    if (
-        np.isinf(array).any()
-        or (array < 0).any()
-        or not np.allclose(array, array.T, equal_nan=True)
-    ):
-        raise InputError("values must be symmetric, finite and not negative, or NaN where unknown")
+    array = checked_table(values, n)
     if groups is None:
         return array, None
     numbers = array_of(groups, "groups")
