@@ -13,8 +13,8 @@ import pytest
 import unbend
 from unbend.alignment import procrustes
 from unbend.canonical import interpolate
-from unbend.collection import find_groups, retrieval_measures, shape_statistics
-from unbend.datasets import make_sphere
+from unbend.collection import find_groups, mean_shape, retrieval_measures, shape_statistics
+from unbend.datasets import make_sphere, rest_map
 from unbend.errors import (
     FileError,
     InputError,
@@ -23,8 +23,17 @@ from unbend.errors import (
     SolverError,
     UnbendWarning,
 )
-from unbend.io import invert_map, write_values
-from unbend.report import search_page, similarity_page
+from unbend.io import invert_map, read_markup_pairs, write_markups, write_values
+from unbend.report import (
+    draw_distances,
+    draw_form,
+    draw_similarities,
+    form_page,
+    match_page,
+    search_page,
+    similarity_page,
+    view,
+)
 
 BALL = make_sphere(2)
 N = BALL.n_vertices
@@ -33,8 +42,14 @@ RAGGED = [[1, 2], [3]]
 MATCH = unbend.Match(EVERY, EVERY, np.eye(4), 1.0, 0.0, 1.0)
 # The same vertices and more: every vertex that a map onto BALL names is there.
 LARGER = unbend.Mesh(np.vstack([BALL.vertices, [[2, 2, 2]]]), BALL.faces, name="larger")
+FORM = unbend.canonical_form(BALL)
 TABLE = np.ones((3, 3)) - np.eye(3)
 FORMS = np.stack([BALL.vertices * scale for scale in (1, 2, 3)])
+
+
+def similar(areas: object) -> float:
+    return unbend.similarity(BALL, BALL, match=EVERY, areas=areas)
+
 
 # None in sys.modules: the import fails as where the package is not installed.
 CORE_INSTALL = """
@@ -116,6 +131,29 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.write_map(out.with_suffix(".txt"), RAGGED), "a map: rows have"),
         (lambda out: unbend.write_map(out.with_suffix(".txt"), [1], base=1.0), "base must be 0 or"),
         (lambda out: unbend.write_match(out.with_suffix(".npz"), EVERY), "a ndarray is no Match"),
+        (lambda out: unbend.match(np.empty((0, 3)), BALL), "mesh: there are no vertices"),
+        (lambda out: view(np.empty((0, 3))), "mesh: there are no vertices"),
+        (
+            lambda out: unbend.canonical_form(BALL, random_state=None),
+            "random_state must be a whole",
+        ),
+        (lambda out: unbend.align(EVERY.astype("M8[D]"), FORMS[0]), "needs real numbers, not dat"),
+        (lambda out: similar(np.ones((3, N))), "areas must be those of the model, then those of"),
+        (lambda out: similar(["x"] * 2), "areas: needs real numbers"),
+        (lambda out: rest_map(BALL, BALL), "rest_map needs two Shapes, not Mesh"),
+        (lambda out: mean_shape([BALL, BALL], BALL), "needs Registrations, not Mesh"),
+        (lambda out: form_page(BALL, FORM, posed=FORMS[0][:, :2]), "posed must be places of shape"),
+        (
+            lambda out: draw_form(BALL, FORM, out.with_suffix(".png"), posed=0),
+            "posed must be places",
+        ),
+        (lambda out: match_page(BALL, BALL, EVERY, truth=[EVERY]), "truth must be 2 or 3 lists"),
+        (lambda out: draw_distances("ab", TABLE[:2, :2] + np.inf, out.with_suffix(".png")), "fini"),
+        (lambda out: draw_distances("abc", np.triu(TABLE), out.with_suffix(".png")), "symmetric"),
+        (lambda out: draw_similarities("ab", [["x"] * 2] * 2, out), "needs real numbers"),
+        (lambda out: read_markup_pairs(["a.fcsv"], BALL, BALL), "two meshes need two files, not 1"),
+        (lambda out: write_markups(out.with_suffix(".json"), BALL, [0, 1], "ab"), "a list of text"),
+        (lambda out: write_markups(out.with_suffix(".json"), BALL, [0], [None]), "a list of text"),
     ],
 )
 def test_a_wrong_argument_gets_a_sentence(

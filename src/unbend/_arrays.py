@@ -50,7 +50,7 @@ def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
     """
     array = array_of(values, what)
     try:
-        if array.dtype.kind not in "cSU":  # which NumPy would cut, or read
+        if array.dtype.kind in "biufO":  # NumPy would cut, count or read others
             return array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
         pass

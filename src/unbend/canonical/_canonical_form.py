@@ -257,12 +257,10 @@ def _form(
 ) -> CanonicalForm:
     """Scale a mesh's distances by a method that gives at most so many dimensions."""
     d = options.n_components
-    try:
-        np.random.default_rng(options.random_state)
-    except (TypeError, ValueError):
+    if not (is_whole(options.random_state) and options.random_state >= 0):
         raise InputError(
             f"random_state must be a whole number, not negative, and not {options.random_state!r}"
-        ) from None
+        )
     if options.weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {options.weighting!r}')
     steps = Steps(progress)

@@ -122,6 +122,8 @@ def mean_shape(
     kept: list[Registration] = []
     left_out: list[Failure] = []
     for one in registrations:
+        if not isinstance(one, Registration):
+            raise InputError(f"mean_shape needs Registrations, not {type(one).__name__}")
         if not np.array_equal(one.mesh.faces, template.faces):
             raise InputError(f"{one.mesh.name}: is not registered to {template.name}")
         if one.confidence < min_confidence:

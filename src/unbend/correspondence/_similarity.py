@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_whole
+from unbend._arrays import is_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind
@@ -95,7 +95,10 @@ def similarity(
         _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes
     )
     if by_area:
-        masses = [_areas(one, areas and areas[i]) for i, one in enumerate(shapes)]
+        given = (None, None) if areas is None else tuple(areas)
+        if len(given) != 2:
+            raise InputError("areas must be those of the model, then those of the probe")
+        masses = [_areas(one, own) for one, own in zip(shapes, given, strict=True)]
     else:
         masses = [np.full(len(points), 1 / len(points)) for points in (left, right)]
     rows, columns, weights = _pairs(match, masses[0], masses[1])
@@ -144,7 +147,7 @@ def _points(
 
 def _areas(shape: CanonicalForm | Mesh, given: npt.ArrayLike | None) -> FloatArray:
     if given is not None:
-        areas = np.asarray(given, dtype=np.float64)
+        areas = numbers_of(given, "areas")
         n = shape.n_vertices if isinstance(shape, Mesh) else len(shape.points)
         if areas.shape != (n,) or not (np.isfinite(areas) & (areas >= 0)).all() or not areas.any():
             raise InputError(f"areas must be {n} finite non-negative numbers, not all 0")

@@ -89,6 +89,9 @@ def rest_map(source: Shape, target: Shape) -> IntArray:
     >>> rest_map(source, target).shape
     (600,)
     """
+    for one in (source, target):
+        if not isinstance(one, Shape):
+            raise InputError(f"rest_map needs two Shapes, not {type(one).__name__}")
     if source.plain_bones != target.plain_bones:
         raise InputError("bodies of different makers have no points in common")
     points = source.rest, target.rest

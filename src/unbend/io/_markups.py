@@ -98,6 +98,8 @@ def read_markup_pairs(
 
     Raises FileError if a file cannot be read; InputError if their points do not pair.
     """
+    if len(paths) != 2:
+        raise InputError(f"landmarks of two meshes need two files, not {len(paths)}")
     (labels, first), (others, second) = (
         read_markups(path, mesh) for path, mesh in zip(paths, (source, target), strict=True)
     )
@@ -124,6 +126,8 @@ def write_markups(
     """
     path, mesh = check_writable(path, (".json",)), as_mesh(mesh)
     vertices = vertex_ids(vertices, mesh.n_vertices, mesh.name)
+    if isinstance(labels, str) or not all(isinstance(label, str) for label in labels):
+        raise InputError(f"{mesh.name}: labels of landmarks must be a list of text")
     if len(labels) != len(vertices):
         raise InputError(
             f"{mesh.name}: {len(vertices)} landmarks need as many labels, not {len(labels)}"

@@ -147,7 +147,9 @@ def check_area(mesh: Mesh) -> None:
 
 
 def check_size(mesh: Mesh) -> None:
-    """Refuse a mesh, all of it in use, whose size double precision cannot hold to the 4th power."""
+    """Refuse a mesh, all in use, if double precision cannot hold its size to the 4th power."""
+    if not mesh.n_vertices:
+        raise MeshError(f"{mesh.name}: there are no vertices")
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high / 2 - low / 2).max()) * 2  # / 2: no difference overflows
     if not _LEAST_SIZE <= size <= _MOST_SIZE:
