@@ -98,6 +98,12 @@ def test_every_public_name_can_be_had_from_a_core_install():
         (lambda out: unbend.align("ab", FORMS[0]), "source points: needs real numbers, not <U2"),
         (lambda out: unbend.align(FORMS[0], FORMS[0] * 1j), "target points: needs real numbers"),
         (lambda out: unbend.align(FORMS[0], FORMS[0], tolerance="x"), "and 'x'"),
+        (
+            lambda out: unbend.align(*FORMS[:2]).apply(FORMS[0][:, :2]),
+            "points must have shape (m, 3)",
+        ),
+        (lambda out: unbend.align(*FORMS[:2]).apply("x"), "points: needs real numbers"),
+        (lambda out: unbend.spectral.use_cache(gib="x").__enter__(), "gib must be a number"),
         (lambda out: procrustes(FORMS[0], np.ma.masked_less(FORMS[0], 0)), "are masked"),
         (lambda out: procrustes(FORMS[0], FORMS[0], weights="x"), "weights: needs real"),
         (lambda out: unbend.morph(BALL, BALL, EVERY, "x"), "t must be a finite number, not 'x'"),

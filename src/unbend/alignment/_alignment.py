@@ -60,8 +60,11 @@ class Alignment(Brief):
 
     def apply(self, points: Any) -> FloatArray:
         """Move points (m, d) of the source to the target."""
-        moved: FloatArray = np.asarray(points, dtype=np.float64) @ self.rotation.T
-        return moved + self.translation
+        array = numbers_of(points, "points")
+        if array.shape[-1:] != self.translation.shape:
+            d = len(self.translation)
+            raise InputError(f"points must have shape (m, {d}), not {array.shape}")
+        return np.asarray(array @ self.rotation.T + self.translation)
 
 
 def procrustes(

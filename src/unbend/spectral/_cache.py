@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._arrays import is_number
 from unbend._types import FloatArray
-from unbend.errors import FileError
+from unbend.errors import FileError, InputError
 from unbend.io import atomic_write
 from unbend.mesh import Mesh
 
@@ -71,6 +72,8 @@ def use_cache(
     >>> with use_cache(gib=0):  # nothing is read from disk, and nothing is kept
     ...     found = spectrum(make_sphere(2), 5)
     """
+    if gib is not None and not (is_number(gib) and gib >= 0):
+        raise InputError(f"gib must be a number of GiB, 0 or more, not {gib!r}")
     given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
     settings = {name: str(value) for name, value in given.items() if value is not None}
     before = {name: os.environ.get(name) for name in settings}
