@@ -153,6 +153,10 @@ def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
     page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
     os.kill(app.session._worker.pid, signal.SIGKILL)
     page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
+    press(page, "Close")
+    page.wait_for("!state.troubles.length")
+    page.visit(page.run("location.href"))
+    assert page.run("part('troubles').textContent") == ""
     press(page, "Find left and right")
     page.wait_for("state.results.length === 1")
 

@@ -52,9 +52,12 @@ async function ask(method, path, body) {
   return found;
 }
 
-function complain(text) {
+function complain(text, id) {
   const line = make("p", { class: "trouble" }, make("span", {}, text));
-  line.append(button("Close", () => line.remove()));
+  line.append(button("Close", () => {
+    line.remove();
+    if (id) ask("DELETE", `troubles/${id}`);
+  }));
   part("troubles").append(line);
 }
 
@@ -261,7 +264,7 @@ async function look() {
   showResults();
   if (before.version >= 0 && fresh.some(({ id }) => id === wanted)) part("results-head").focus();
   for (const { id, text } of state.troubles) {
-    if (!before.troubles.some((one) => one.id === id)) complain(text);
+    if (!before.troubles.some((one) => one.id === id)) complain(text, id);
   }
 }
 
