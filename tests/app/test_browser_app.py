@@ -134,8 +134,10 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     assert page.run("part('shapes').querySelectorAll('.bad').length") == 1
     page.picture(save=screenshots / "app-bad-file.png")
     (tmp_path / "text.docx").write_text("x", "utf-8")
+    page.run("scrollTo(0, document.body.scrollHeight)")
     page.choose_file("#choose", tmp_path / "text.docx")
     page.wait_for("part('troubles').textContent.includes('text.docx')")
+    assert page.run("part('troubles').getBoundingClientRect().top") >= 0  # it is seen
     press(page, "Close")
     assert page.run("part('troubles').textContent") == ""
     assert [one for one in page.problems if "400" not in one] == []  # which the browser logs
