@@ -139,6 +139,11 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     page.wait_for("part('troubles').textContent.includes('text.docx')")
     assert page.run("part('troubles').getBoundingClientRect().top") >= 0  # it is seen
     press(page, "Close")
+    (tmp_path / "scans.ply").mkdir()
+    page.drop(*page.middle("#drop"), tmp_path / "scans.ply", dogs[1])
+    page.wait_for(GOOD.format(3))
+    assert "scans.ply cannot be read" in page.run("part('troubles').textContent")
+    press(page, "Close")
     assert page.run("part('troubles').textContent") == ""
     assert [one for one in page.problems if "400" not in one] == []  # which the browser logs
     page.problems.clear()

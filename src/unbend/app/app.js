@@ -70,7 +70,9 @@ async function upload(files, as = "shape") {
   let id = null;
   for (const file of files) {
     say(`Opening ${file.name}`);
-    id = (await ask("PUT", `files?as=${as}&name=${encodeURIComponent(file.name)}`, file).catch(() => ({ id: null }))).id;
+    const begin = await file.slice(0, 1).arrayBuffer().catch(() => null);
+    if (!begin) complain(`${file.name} cannot be read; if it is a folder, choose the files in it`);
+    id = begin && (await ask("PUT", `files?as=${as}&name=${encodeURIComponent(file.name)}`, file).catch(() => ({ id: null }))).id;
   }
   return id;
 }
