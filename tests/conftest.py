@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +9,13 @@ import pytest
 from hypothesis import settings
 
 from unbend import Mesh
-from unbend.datasets import make_sphere, shape
+from unbend.datasets import make_sphere
 from unbend.report import new_figure
 from unbend.spectral import use_cache
 
 # Examples are drawn the same way in every run: a failure can be repeated.
 settings.register_profile("unbend", deadline=None, derandomize=True, max_examples=20)
 settings.load_profile("unbend")
-
-# Many tests take the same bodies: those at rest, which take long, are made once by each worker.
-shape._rest_body = cache(shape._rest_body.__wrapped__)
 
 
 # Files of tests of several seconds each.

@@ -134,8 +134,15 @@ def test_a_bad_file_is_a_sentence_beside_good_ones(page, dogs, tmp_path, screens
     assert page.run("part('shapes').querySelectorAll('.bad').length") == 1
     page.picture(save=screenshots / "app-bad-file.png")
     (tmp_path / "text.docx").write_text("x", "utf-8")
+    page.run("scrollTo(0, document.body.scrollHeight)")
     page.choose_file("#choose", tmp_path / "text.docx")
     page.wait_for("part('troubles').textContent.includes('text.docx')")
+    assert page.run("part('troubles').getBoundingClientRect().top") >= 0  # it is seen
+    press(page, "Close")
+    (tmp_path / "scans.ply").mkdir()
+    page.drop(*page.middle("#drop"), tmp_path / "scans.ply", dogs[1])
+    page.wait_for(GOOD.format(3))
+    assert "scans.ply cannot be read" in page.run("part('troubles').textContent")
     press(page, "Close")
     assert page.run("part('troubles').textContent") == ""
     assert [one for one in page.problems if "400" not in one] == []  # which the browser logs
@@ -153,6 +160,10 @@ def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
     page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
     os.kill(app.session._worker.pid, signal.SIGKILL)
     page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
+    press(page, "Close")
+    page.wait_for("!state.troubles.length")
+    page.visit(page.run("location.href"))
+    assert page.run("part('troubles').textContent") == ""
     press(page, "Find left and right")
     page.wait_for("state.results.length === 1")
 

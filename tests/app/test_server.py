@@ -224,6 +224,27 @@ def test_jobs_wait_in_a_queue_and_are_cancelled(app) -> None:
     assert app.wait(lambda s: not s["jobs"])["shapes"] == []
 
 
+def test_a_full_queue_refuses_work_and_takes_shapes(app, ply, monkeypatch) -> None:
+    monkeypatch.setattr(_session, "_MOST_JOBS", 0)
+    status, _, text = app.ask("POST", "jobs", {"do": "sample"})
+    assert (status, "too many jobs" in json.loads(text)["error"]) == (400, True)
+    i = put(app, "ball.ply", ply)
+    assert shape(app.wait(lambda s: not s["jobs"]), i)["state"] == "good"
+    app.send("DELETE", f"shapes/{i}")
+
+
+def test_each_shape_is_drawn_once_more_however_often_the_axis_changes(app, ply) -> None:
+    made = [put(app, f"{i}.ply", ply) for i in range(3)]
+    app.wait(lambda s: not s["jobs"])
+    for up in "zxzxzy":
+        app.send("PUT", "up", {"up": up})
+    assert len(app.get("state")["jobs"]) <= 4  # one may run already
+    state = app.wait(lambda s: not s["jobs"])
+    assert [shape(state, i)["state"] for i in made] == ["good"] * 3
+    for i in made:
+        app.send("DELETE", f"shapes/{i}")
+
+
 def test_a_failed_job_is_a_sentence(app, tmp_path: Path) -> None:
     mesh = make_quadruped("standing", n_vertices=600).mesh
     write_mesh(tmp_path / "a.ply", Mesh(mesh.vertices, mesh.faces))

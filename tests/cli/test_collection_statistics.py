@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from stones import write_stones
 from unbend.cli import app
-from unbend.collection import Collection, retrieval_measures
+from unbend.collection import Collection, read_registrations, retrieval_measures
 
 
 def run(*arguments):
@@ -161,3 +161,14 @@ def test_mean_reads_what_is_registered(registered, tmp_path):
     assert nothing.exit_code == 2
     assert "holds no registered shapes" in nothing.stderr
     assert not (tmp_path / "none").exists()
+
+
+def test_mean_of_identical_shapes_says_that_they_do_not_differ(registered, tmp_path, monkeypatch):
+    shapes, _, _ = registered
+    template, (one, *_), _ = read_registrations(shapes / "registered")
+    monkeypatch.setattr("unbend.collection.read_registrations", lambda _: (template, [one] * 3, []))
+    done = run("mean", "here", "-o", tmp_path / "out", "--min-confidence", 0)
+    assert done.exit_code == 0, done.output
+    lines = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
+    assert lines[1] == ["components", "none: the shapes do not differ"]
+    assert (tmp_path / "out" / "variances.csv").read_text() == "component,variance,share\n"

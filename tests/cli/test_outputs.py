@@ -128,8 +128,9 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:
     for words, command in commands():
-        for name in options(command):
+        for name, one in options(command).items():
             assert name in OUTPUTS.keys() | INPUTS | APART, f"{words}: does {name} read or write?"
+            assert name in INPUTS or one.callback, f"{words}: {name} lacks options.claim"
             tried = line_of(words) is not None or " ".join(words) in ELSEWHERE
             assert name not in OUTPUTS or tried, f"{words} has no line in LINES"
 

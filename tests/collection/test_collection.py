@@ -234,6 +234,36 @@ def test_shapes_are_found_by_path_or_id_and_removed(own: Collection) -> None:
     assert Path(first.path).exists()
 
 
+def test_what_another_process_removes_meanwhile_is_not_there(
+    own: Collection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second, *_ = sorted(own, key=lambda entry: entry.path)
+
+    def remove_after(name: str, id: str) -> None:
+        before = getattr(own._store, name)
+
+        def after(*given, **more):
+            found = before(*given, **more)
+            monkeypatch.undo()
+            own.remove([id])
+            return found
+
+        monkeypatch.setattr(own._store, name, after)
+
+    remove_after("select", first.id)
+    with pytest.raises(InputError, match="is not in the collection"):
+        own.find([first.id])
+    remove_after("find", second.id)
+    with pytest.raises(InputError, match="is not in the collection"):
+        own.thumbnail(second.id)
+    third, fourth, *_ = own
+    remove_after("nearest", third.id)
+    found = own.search(fourth.path, rerank="form")
+    assert found[0].id == fourth.id
+    assert third.id not in {hit.id for hit in found}
+    assert len(found) == 9
+
+
 def test_a_thumbnail_is_a_picture_of_the_shape(filled: Collection, tmp_path: Path) -> None:
     from matplotlib.image import imread
 

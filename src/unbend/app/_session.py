@@ -133,8 +133,11 @@ class Session:
             raise InputError("the upward axis is x, y or z")
         with self._changed:
             self._up = up
+            for i, entry in list(self._jobs.items()):
+                if entry["job"]["do"] == "look" and not entry["running"]:
+                    del self._jobs[i]  # which would draw with the axis of before
             for i, shape in self._shapes.items():
-                if shape["state"] == "good":
+                if shape["state"] != "bad":
                     self._submit({"do": "look", "shapes": [i]})
 
     def shape_file(self, i: int, kind: str = "file") -> tuple[str, str | None]:
@@ -189,6 +192,8 @@ class Session:
     def submit(self, asked: dict[str, Any]) -> int:
         """Put into the queue what a page asked for, after checking every word of it."""
         with self._changed:
+            if len(self._jobs) >= _MOST_JOBS:
+                raise InputError("too many jobs wait; cancel some first")
             open_now = self._shapes, self._results, self._values
             return self._submit(check_request(asked, *open_now, self._collection))
 
@@ -202,8 +207,6 @@ class Session:
                 self._worker.cancel()
 
     def _submit(self, job: dict[str, Any]) -> int:
-        if len(self._jobs) >= _MOST_JOBS:
-            raise InputError("too many jobs wait; cancel some first")
         i = next(self._ids)
         names = " and ".join(self._shapes[one]["name"] for one in job["shapes"])
         entry = {"title": TITLES[job["do"]].format(names), "job": job | {"up": self._up}}

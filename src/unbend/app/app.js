@@ -52,9 +52,12 @@ async function ask(method, path, body) {
   return found;
 }
 
-function complain(text) {
+function complain(text, id) {
   const line = make("p", { class: "trouble" }, make("span", {}, text));
-  line.append(button("Close", () => line.remove()));
+  line.append(button("Close", () => {
+    line.remove();
+    if (id) ask("DELETE", `troubles/${id}`);
+  }));
   part("troubles").append(line);
 }
 
@@ -67,7 +70,9 @@ async function upload(files, as = "shape") {
   let id = null;
   for (const file of files) {
     say(`Opening ${file.name}`);
-    id = (await ask("PUT", `files?as=${as}&name=${encodeURIComponent(file.name)}`, file).catch(() => ({ id: null }))).id;
+    const begin = await file.slice(0, 1).arrayBuffer().catch(() => null);
+    if (!begin) complain(`${file.name} cannot be read; if it is a folder, choose the files in it`);
+    id = begin && (await ask("PUT", `files?as=${as}&name=${encodeURIComponent(file.name)}`, file).catch(() => ({ id: null }))).id;
   }
   return id;
 }
@@ -261,7 +266,7 @@ async function look() {
   showResults();
   if (before.version >= 0 && fresh.some(({ id }) => id === wanted)) part("results-head").focus();
   for (const { id, text } of state.troubles) {
-    if (!before.troubles.some((one) => one.id === id)) complain(text);
+    if (!before.troubles.some((one) => one.id === id)) complain(text, id);
   }
 }
 

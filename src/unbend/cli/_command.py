@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import copy
 import inspect
-import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
 from unbend.cli._output import begin
-from unbend.errors import InputError
-
-# Options that name a file to write.
-_WRITTEN = ("out", "save_match", "expected_error", "figure", "report", "csv")
 
 _JsonOption = Annotated[
     bool,
@@ -74,7 +69,6 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
 
     def run(*, as_json: bool, quiet: bool, **given: Any) -> None:
         begin(as_json, quiet)
-        _check_distinct(given)
         for name, group in groups.items():
             given[name] = group(**{each.name: given.pop(each.name) for each in fields(group)})
         function(**given)
@@ -89,16 +83,6 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
         ]
     )
     return run
-
-
-def _check_distinct(given: Mapping[str, Any]) -> None:
-    """Refuse one file for two results, of which the second would take the place of the first."""
-    files = [given[name] for name in _WRITTEN if isinstance(given.get(name), str)]
-    files += given.get("colored") or ()
-    places = [os.path.realpath(one) for one in files]
-    for i, place in enumerate(places):
-        if place in places[:i]:
-            raise InputError(f"two results cannot be written to one file: {files[i]}")
 
 
 def _with_help(hint: Any, text: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -13,13 +14,23 @@ from unbend import choices
 from unbend.errors import InputError
 
 
-def _writable(*suffixes: str) -> Callable[[str | None], str | None]:
+def claim(ctx: typer.Context, given: Any) -> Any:
+    """Refuse one file for two results, of which the second would take the place of the first."""
+    claimed = ctx.meta.setdefault("unbend.claimed", [])
+    for path in [given] if isinstance(given, str) else given or ():
+        if (place := os.path.realpath(path)) in claimed:
+            raise InputError(f"two results cannot be written to one file: {path}")
+        claimed.append(place)
+    return given
+
+
+def _writable(*suffixes: str) -> Callable[[typer.Context, str | None], Any]:
     """Refuse a file that cannot be written before anything is read."""
 
-    def check(path: str | None) -> str | None:
+    def check(ctx: typer.Context, path: str | None) -> Any:
         if path is not None:
             unbend.io.check_writable(path, suffixes)
-        return path
+        return claim(ctx, path)
 
     return check
 
@@ -28,8 +39,8 @@ html_file = _writable(".html")
 figure_file = _writable(".png", ".pdf", ".svg")
 
 
-def _map_file(path: str | None) -> str | None:
-    return _writable(".npz", *unbend.io.MAP_SUFFIXES)(path)
+def _map_file(ctx: typer.Context, path: str | None) -> Any:
+    return _writable(".npz", *unbend.io.MAP_SUFFIXES)(ctx, path)
 
 
 def parse_component(text: str | None) -> Any:
@@ -47,7 +58,7 @@ def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
     return keep
 
 
-def out(metavar: str = "OUT", callback: Any = None) -> Any:
+def out(metavar: str = "OUT", callback: Any = claim) -> Any:
     """Make the option that names the file to write."""
     return typer.Option("-o", "--out", metavar=metavar, callback=callback)
 

@@ -46,7 +46,9 @@ def match(
     refine: bool = True,
     component: options.Component = None,
     figure: options.Figure = None,
-    colored: Annotated[tuple[str, str] | None, typer.Option(metavar="OUT OUT")] = None,
+    colored: Annotated[
+        tuple[str, str] | None, typer.Option(metavar="OUT OUT", callback=options.claim)
+    ] = None,
     report: options.Report = None,
     truth: Annotated[
         tuple[str, str] | None, typer.Option(metavar="SOURCE_TRUTH TARGET_TRUTH")

@@ -21,7 +21,9 @@ def transfer(
     out: Annotated[str, options.out()],
     kind: ValueKind = "auto",
     property_name: Annotated[str | None, typer.Option("--property", metavar="NAME")] = None,
-    expected_error: Annotated[str | None, typer.Option(metavar="FILE")] = None,
+    expected_error: Annotated[
+        str | None, typer.Option(metavar="FILE", callback=options.claim)
+    ] = None,
     *,
     matching: options.MatchOptions,
     cache: options.Cache = True,

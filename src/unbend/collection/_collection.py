@@ -20,7 +20,7 @@ from unbend.collection._pairs import match_pairs
 from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
-from unbend.collection._store import Store, check_outside
+from unbend.collection._store import Store, among, check_outside
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, check_writable
 
@@ -358,8 +358,10 @@ class Collection:
 
     def thumbnail(self, name: str) -> bytes:
         """Picture of a shape as a small PNG file; empty for a point cloud."""
-        row = self._store.rows_of(["thumbnail"], [self._store.find(name).id])[0]
-        return bytes(row["thumbnail"])
+        rows = self._store.select(["thumbnail"], among("id", [self._store.find(name).id]))
+        if not rows:
+            raise InputError(f"{name} is not in the collection {self.path} any more")
+        return bytes(rows[0]["thumbnail"])
 
     def export(self, path: str | os.PathLike[str]) -> int:
         """Write what is kept of every file's shape, in bounded memory.

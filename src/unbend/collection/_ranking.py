@@ -15,7 +15,7 @@ from unbend.alignment import align
 from unbend.collection._descriptor import FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._files import find_file
 from unbend.collection._rows import Hit
-from unbend.collection._store import Store
+from unbend.collection._store import Store, among
 from unbend.errors import FileError, UnbendError, UnbendWarning, warn
 from unbend.io import read_mesh
 from unbend.matching import match
@@ -24,9 +24,10 @@ from unbend.mesh import Mesh
 
 def rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
     """Rank by the root mean square distance of aligned canonical forms."""
-    rows = store.rows_of(["form"], [hit.id for hit in hits])
-    forms = [np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows]
-    return _ranked(hits, [align(own, form).residual for form in forms])
+    rows = store.select(["id", "form"], among("id", [hit.id for hit in hits]))
+    forms = {row["id"]: np.reshape(row["form"], (FORM_POINTS, FORM_COMPONENTS)) for row in rows}
+    there = [hit for hit in hits if hit.id in forms]  # another process may have removed others
+    return _ranked(there, [align(own, forms[hit.id]).residual for hit in there])
 
 
 def rank_by_match(

@@ -261,19 +261,14 @@ class Store:
         if 8 <= len(name) <= 32 and set(name) <= set("0123456789abcdef"):
             conditions.append(f"id LIKE '{name}%'")
         ids = {row["id"] for row in self.select(["id"], " OR ".join(conditions))}
-        if len(ids) != 1:
-            what = "is not" if not ids else "may be several shapes"
+        entries = list(self.entries(among("id", ids)))
+        if len(entries) != 1:
+            what = "is not" if not entries else "may be several shapes"
             raise InputError(
                 f"{name} {what} in the collection {self.path}: give a path or an id as "
                 "unbend collection list shows them"
             )
-        (entry,) = self.entries(among("id", ids))
-        return entry
-
-    def rows_of(self, columns: Sequence[str], ids: Sequence[str]) -> list[dict[str, Any]]:
-        """Rows in the order of their ids."""
-        found = {row["id"]: row for row in self.select(["id", *columns], among("id", ids))}
-        return [found[one] for one in ids]
+        return entries[0]
 
     def remove(self, paths: Sequence[str]) -> None:
         """Remove rows in one commit; a shape that has other paths stays."""

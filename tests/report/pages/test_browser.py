@@ -202,6 +202,17 @@ def test_both_shapes_turn_together_by_mouse_and_keys(browser, match_html) -> Non
     alone = [browser.picture(f"#{name}") for name in names]
     assert changed(start[0], alone[0]) > 0.02
     assert changed(start[1], alone[1]) < 0.001
+    # Another axis upward is of both, and stays when they are linked again.
+    browser.run("part('linked').click()")
+    browser.run("part('linked').click()")
+    browser.run("(s => { s.value = 'x'; s.dispatchEvent(new Event('change')) })(part('up'))")
+    browser.settle()
+    upward = [browser.picture(f"#{name}") for name in names]
+    assert min(map(changed, start, upward)) > 0.02
+    browser.run("part('linked').click()")
+    browser.run("part('reset').click()")
+    browser.run("document.activeElement.blur()")
+    assert max(map(changed, upward, [browser.picture(f"#{name}") for name in names])) < 0.001
 
 
 def test_the_slider_morphs_the_source_into_the_target(browser, match_html, screenshots) -> None:

@@ -13,6 +13,7 @@ from unbend import Mesh, evaluate, match
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
 from unbend.report import match_page
+from unbend.report.pages import _match_page
 from unbend.report.pages._match_page import _errors_of_vertices, _standing_alike
 from unbend.report.pages._shown import show
 
@@ -79,11 +80,21 @@ def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) 
     assert "expected error" not in page.read_text(encoding="utf-8")
 
 
+def test_each_map_is_evaluated_once(blob: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    every, seen = np.arange(642), []
+    monkeypatch.setattr(
+        _match_page, "evaluate", lambda *given: seen.append(given[0]) or evaluate(*given)
+    )
+    found = replace(match(blob, blob, refine=False), alternatives=(), mirrored=every)
+    match_page(blob, blob, found, truth=(every, every))
+    assert seen == [found, every]
+
+
 def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
     every = np.arange(642)
     truth = every, every, np.where(every % 2 == 0, -1, every)
     images = np.roll(every, 1)
-    errors = _errors_of_vertices(blob, blob, images, truth)
+    errors = _errors_of_vertices(blob, images, truth, evaluate(images, blob, *truth).direct)
     expected = evaluate(images, blob, every, every).direct
     np.testing.assert_allclose(errors, np.minimum(expected, 1))
 

@@ -162,10 +162,10 @@ def mean(
     list_failures(found.left_out)
     statistics, n, others = found.statistics, len(found.names), len(found.left_out)
     shapes_told = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
-    shares = (statistics.variances / statistics.total_variance).tolist()
+    shares = ", ".join(f"{one / statistics.total_variance:.1%}" for one in statistics.variances)
     lines = {
         "shapes": shapes_told if others else f"{n:,}",
-        "components": ", ".join(f"{share:.1%}" for share in shares) + " of the variance",
+        "components": f"{shares} of the variance" if shares else "none: the shapes do not differ",
         "variability": f"{statistics.total_variance**0.5:.4g} on average, in the unit of the "
         "shapes",
     }

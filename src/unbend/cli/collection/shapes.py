@@ -98,7 +98,7 @@ def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
 def info(
     store: options.Store,
     shape: Annotated[str | None, typer.Argument(metavar="[SHAPE]")] = None,
-    thumbnail: Annotated[str | None, typer.Option(metavar="PNG")] = None,
+    thumbnail: Annotated[str | None, typer.Option(metavar="PNG", callback=options.claim)] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.
 

@@ -115,13 +115,16 @@ def match_page(
     step("page, canonical forms", 0.1)
     forms = _form(source), _form(target)
     pairs = checked_landmarks(landmarks, [source, target])
-    packed = []
+    packed, found = [], []
     for i, one in enumerate(maps.values()):
         step("page, maps", 0.3 + 0.6 * i / len(maps))
-        packed.append(_pack_map(one, shown, forms, truth, first=i == 0))
-    found = None if truth is None else evaluate(first, target, *truth)
+        errors = None
+        if truth is not None:
+            found.append(evaluate(one, target, *truth))
+            errors = _errors_of_vertices(source, one, truth, found[-1].direct)
+        packed.append(_pack_map(one, shown, forms, errors, first=i == 0))
     known = first if isinstance(first, Match) else None
-    columns = [words.errors(found)] if found is not None else []
+    columns = [words.errors(found[0])] if found else []
     if known is not None and len(known.hypotheses) > 1:
         columns.append(words.hypotheses(known))
     matched = int((forward >= 0).sum())
@@ -194,14 +197,14 @@ def _pack_map(
     match: Match | IntArray,
     shown: tuple[Shown, Shown],
     forms: tuple[FloatArray, FloatArray],
-    truth: Sequence[npt.ArrayLike] | None,
+    errors: FloatArray | None,
     *,
     first: bool,
 ) -> dict[str, Any]:
     """Pack all that a page shows of one map.
 
-    The target is aligned with the source already. `forms` are the canonical forms of both;
-    `first` says that the page shows this map first.
+    The target is aligned with the source already. `forms` are the canonical forms of both,
+    `errors` those of the source's vertices; `first` says that the page shows this map first.
     """
     ours, theirs = shown
     source, target = ours.mesh, theirs.mesh
@@ -209,7 +212,6 @@ def _pack_map(
     backward = match.target_to_source if isinstance(match, Match) else invert_map(forward, target)
     carried = carry(source.vertices, match, "scalar", source, target)
     shares = _FRAMES if first else _FEW_FRAMES
-    errors = None if truth is None else _errors_of_vertices(source, target, match, truth)
     expected = match.expected_error if isinstance(match, Match) else None
     return {
         "source": _links(forward[ours.ids], theirs),
@@ -262,11 +264,10 @@ def _motion(forms: tuple[FloatArray, FloatArray], forward: IntArray) -> dict[str
 
 
 def _errors_of_vertices(
-    source: Mesh, target: Mesh, match: Match | IntArray, truth: Sequence[npt.ArrayLike]
+    source: Mesh, match: Match | IntArray, truth: Sequence[npt.ArrayLike], direct: FloatArray
 ) -> FloatArray:
     """Error of each source vertex, or mean error of its neighbours, or -1."""
     forward = as_point_map(match)
-    direct = evaluate(match, target, *truth).direct
     sources, images = (np.asarray(one) for one in truth[:2])
     counted = (forward[sources] >= 0) & (images >= 0)
     errors = np.full(len(forward), -1.0)

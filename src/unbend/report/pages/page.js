@@ -61,12 +61,7 @@ function listenToControls(views, shapes) {
       view.draw();
     });
   });
-  part("up").addEventListener("change", (event) => {
-    for (const { camera } of shapes) {
-      camera.up = event.target.value;
-      camera.changed();
-    }
-  });
+  part("up").addEventListener("change", () => shapes.forEach((view) => view.draw()));
   for (const name of ["grid", "wire"]) {
     part(name)?.addEventListener("change", (event) => {
       for (const view of views) view.change({ [name]: event.target.checked });

@@ -8,13 +8,16 @@ const NEAREST = 9; // pixels from the pointer within which a vertex off the surf
 const MANY_FACES = 20000, STILL = 300;
 
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
-// share one turn together.
+// share one turn together. The axis that points upward is what is chosen on the page, or `fixed`.
 class Camera {
-  constructor(azimuth = 50, elevation = 15, up = part("up").value) {
+  constructor(azimuth = 50, elevation = 15, fixed) {
     this.home = { azimuth, elevation, zoom: 1, x: 0, y: 0 };
-    this.up = up;
+    this.fixed = fixed;
     this.views = [];
     this.reset();
+  }
+  get up() {
+    return this.fixed || part("up").value;
   }
   reset() {
     Object.assign(this, this.home);

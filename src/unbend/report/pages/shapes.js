@@ -22,7 +22,6 @@ start(async (data) => {
     view.add({ positions: drawn.places, faces: drawn.faces });
   }
   function drawPictures() {
-    maker.camera.up = camera.up;
     for (const button of buttons) {
       const picture = button.querySelector("canvas"), shape = shapes[+button.dataset.shape];
       pictures[+button.dataset.shape] = picture;
