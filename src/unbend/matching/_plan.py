@@ -14,6 +14,7 @@ docs/how-matching-works.md has the same table.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -27,6 +28,7 @@ from unbend.matching import _constants as constants
 from unbend.matching._extremities import find_extremities, guess_limbs, limb_maps
 from unbend.matching._registration import (
     Registered,
+    combined_start,
     laid_starts,
     lift,
     limited,
@@ -34,7 +36,15 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import Candidate, distinct, lead_needed, ranked, rough_costs, scored
+from unbend.matching._score import (
+    Candidate,
+    distinct,
+    lead_needed,
+    patch_costs,
+    ranked,
+    rough_costs,
+    scored,
+)
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -222,9 +232,14 @@ def part(sides: Sides, found: list[Candidate]) -> bool:
     return sides.partial
 
 
+def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
+    """Whether no candidate is unambiguous."""
+    return not unambiguous(sides, found)
+
+
 def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
     """Whether either shape may be partial, and no candidate is unambiguous."""
-    return sides.partial and not unambiguous(sides, found)
+    return sides.partial and ambiguous(sides, found)
 
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -288,8 +303,28 @@ def from_motions(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     """Register the best again from small data weights, which let parts slide."""
-    starts = [one.registered for one in found[: 2 * BEAM]]
+    starts = [one.registered for one in found[:BEAM]]
     return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
+
+
+def combined(sides: Sides, found: list[Candidate]) -> list[Candidate]:
+    """Register from two candidates at a time, each patch as the one leads it that fits it better.
+
+    Those pairs are taken that would cost least if nothing tore.
+    """
+    shapes, found = sides.at(MEDIUM), found[: 2 * BEAM]
+    areas = np.concatenate([one.areas for one in shapes])
+    costs = run_all(functools.partial(patch_costs, *shapes, one.registered) for one in found)
+
+    def cost(pair: tuple[int, int]) -> float:
+        return round(float(areas @ np.minimum(*(costs[i] for i in pair))), constants.DIGITS)
+
+    pairs = sorted(itertools.combinations(range(len(found)), 2), key=cost)
+    starts = [
+        combined_start(*shapes, found[i].registered, found[j].registered, costs[i] <= costs[j])
+        for i, j in pairs[: 2 * BEAM]
+    ]
+    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS[3:])
 
 
 def _make_levels(shape: Shape) -> Levels:
@@ -309,5 +344,6 @@ PLAN = [
     Step(COARSE, from_spectra, always, BEAM),
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_motions, ambiguous_part, BEAM),
-    Step(MEDIUM, relaxed, part, 2 * BEAM),
+    Step(MEDIUM, relaxed, part, BEAM),
+    Step(MEDIUM, combined, ambiguous, 2 * BEAM),
 ]
