@@ -232,14 +232,9 @@ def part(sides: Sides, found: list[Candidate]) -> bool:
     return sides.partial
 
 
-def ambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether no candidate is unambiguous."""
-    return not unambiguous(sides, found)
-
-
 def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
     """Whether either shape may be partial, and no candidate is unambiguous."""
-    return sides.partial and ambiguous(sides, found)
+    return sides.partial and not unambiguous(sides, found)
 
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -345,5 +340,5 @@ PLAN = [
     Step(COARSE, from_extremities, always, BEAM),
     Step(COARSE, from_motions, ambiguous_part, BEAM),
     Step(MEDIUM, relaxed, part, BEAM),
-    Step(MEDIUM, combined, ambiguous, 2 * BEAM),
+    Step(MEDIUM, combined, ambiguous_part, 2 * BEAM),
 ]
