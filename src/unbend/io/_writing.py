@@ -157,13 +157,14 @@ def _scalars(
                 f"{name!r} cannot name values per vertex; use letters, digits and underscores, "
                 f"and none of {', '.join(taken)}"
             )
-        array = numbers_of(values, f"scalars {name!r}")
+        given = array_of(values, f"scalars {name!r}")
+        array = numbers_of(given, f"scalars {name!r}")
         if array.shape != (n_vertices,):
             raise InputError(
                 f"scalars {name!r} have shape {array.shape}; the mesh needs one value for each "
                 f"of its {plural(n_vertices, 'vertex')}"
             )
-        if array_of(values, name).dtype.kind in "iu" and np.abs(array).max(initial=0) >= 2**53:
+        if given.dtype.kind in "iu" and np.abs(array).max(initial=0) >= 2**53:
             raise InputError(
                 f"scalars {name!r}: whole numbers must be below 2^53, since files hold them as "
                 "doubles; number them anew, or write a table"
