@@ -33,7 +33,6 @@ from unbend.matching._plan import (
     from_extremities,
     lifted,
     make_sides,
-    unambiguous,
 )
 from unbend.matching._polish import refined
 from unbend.matching._registration import Pose, Registered, mapped_start
@@ -233,27 +232,6 @@ def test_the_mirror_image_of_the_target_is_taken_at_every_level(box: Sides) -> N
         np.testing.assert_array_equal(other.vertices, one.vertices * [-1, 1, 1])
     for level in (COARSE, MEDIUM):
         assert turned.at(level)[0] is box.at(level)[0]
-
-
-@pytest.mark.parametrize(
-    ("costs", "expected"),
-    [
-        ([0.1], True),
-        ([0.3], False),
-        ([0.1, 0.13], False),
-        ([0.1, 0.15], True),
-        ([0.1, 0.3], True),
-        ([0.01, 0.07], False),  # few features
-        ([0.01, 0.09], True),
-    ],
-)
-def test_clear_is_what_is_good_and_far_ahead(
-    box: Sides, costs: list[float], expected: bool
-) -> None:
-    distances = [_candidate(cost, side) for cost, side in zip(costs, (1, -1), strict=False)]
-    assert unambiguous(box, distances) == expected
-    assert not unambiguous(box, [_candidate(0.1, -0.5)])  # inside out
-    assert not unambiguous(box._replace(thorough=True), distances)  # several maps are asked for
 
 
 @pytest.mark.parametrize("level", [COARSE, MEDIUM])

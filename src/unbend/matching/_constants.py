@@ -41,17 +41,14 @@ OUTLINE = 3.0  # A part that is missing may have an outline so many times the bo
 # What a missed landmark adds to a cost. So many times minus the logarithm of the share of a shape
 # that has a partner are added too: a small overlap that fits must not beat a large one.
 WITHOUT = 0.12
-# Largest cost of an unambiguous candidate, and how many times as much all others cost. On coarse
-# copies leads are about the square of what they are on finer ones.
-UNAMBIGUOUS = (0.2, 1.4)
+FAR_BEHIND = 2.0  # Candidates that cost more than so many times the least do not go on.
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
 # odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.
 CONFIDENCE = (0.413, 0.051, 1.45, 0.0313)
 PARTIAL_LEAD = 2.0  # So many times that lead it takes if a shape is partial: wrong maps fit parts.
-# Where the second best costs less, shapes have few features: no candidate is unambiguous, and a
-# lead means less.
+# Where the second best costs less, shapes have few features, and a lead means less.
 FEATURES = 0.08
 # Maps that lead less than this apart, on average, are right together: a right map has a mean error
 # below 0.08, and a good one has 0.02.

@@ -6,9 +6,8 @@ other level. To add a source of hypotheses, write such a function and give it a 
 
     Step(COARSE, from_tattoos, always, BEAM)
 
-The third column is asked whether the stage runs; it gets the candidates at the level of the line
-before. Coarse lines come first, and the first of them must propose something.
-docs/how-matching-works.md has the same table.
+The third column is asked whether the stage runs for two shapes. Coarse lines come first, and the
+first of them must propose something. docs/how-matching-works.md has the same table.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class Sides(NamedTuple):
     turned : bool
         Whether the target is the mirror image of what was given.
     thorough : bool
-        Whether several maps are wanted, so that none counts as unambiguous.
+        Whether several maps are wanted, so that those far behind count too.
     """
 
     source: Levels
@@ -109,7 +108,7 @@ class Step(NamedTuple):
 
     level: int
     stage: Stage
-    when: Callable[[Sides, list[Candidate]], bool]
+    when: Callable[[Sides], bool]
     keep: int
 
 
@@ -136,7 +135,7 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     found: list[Candidate] = []
     ranks, level = found, COARSE
     for i, step in enumerate(PLAN):
-        if step.when(sides, ranks):
+        if step.when(sides):
             if step.level != level:
                 found, level = _finer(sides, found), step.level
                 ranks = best(sides, level, found)
@@ -153,7 +152,7 @@ def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     Duplicates go along: the better of two there may be the worse one here.
     """
     found = ranked(found)
-    most = max(constants.UNAMBIGUOUS[1] ** 2 * found[0].cost, constants.FEATURES)
+    most = max(constants.FAR_BEHIND * found[0].cost, constants.FEATURES)
     return lifted(sides, [one for one in found if sides.thorough or one.cost <= most])
 
 
@@ -212,29 +211,14 @@ def registered(
     return run_all(functools.partial(scored, *shapes, one, sides.turned) for one in found)
 
 
-def always(sides: Sides, found: list[Candidate]) -> bool:
-    """Run whatever was found."""
+def always(sides: Sides) -> bool:
+    """Run for all shapes."""
     return True
 
 
-def unambiguous(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether the best candidate is good, far ahead of all others, and the shapes have features."""
-    if sides.thorough:
-        return False
-    first, *others = (round(one.cost, constants.DIGITS) for one in found)
-    most, ahead = constants.UNAMBIGUOUS
-    alone = all(other > max(ahead * first, constants.FEATURES) for other in others)
-    return alone and first <= most and found[0].orientation > 0
-
-
-def part(sides: Sides, found: list[Candidate]) -> bool:
+def part(sides: Sides) -> bool:
     """Whether either shape may be partial."""
     return sides.partial
-
-
-def ambiguous_part(sides: Sides, found: list[Candidate]) -> bool:
-    """Whether either shape may be partial, and no candidate is unambiguous."""
-    return sides.partial and not unambiguous(sides, found)
 
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -245,12 +229,12 @@ def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
 
 
 def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from the likeliest guesses which extremities correspond, a few if one is ahead.
+    """Register from the likeliest guesses which extremities correspond.
 
     Likely are those whose distances deviate little and whose maps explain much: the product of a
     guess's ranks by either decides.
     """
-    n_kept = BEAM // 2 if unambiguous(sides, found) else 2 * BEAM if sides.partial else BEAM
+    n_kept = 2 * BEAM if sides.partial else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
     guesses = guess_limbs(mine, other, 48 * n_kept, len(medium[0].landmarks))
@@ -338,7 +322,7 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
 PLAN = [
     Step(COARSE, from_spectra, always, BEAM),
     Step(COARSE, from_extremities, always, BEAM),
-    Step(COARSE, from_motions, ambiguous_part, BEAM),
+    Step(COARSE, from_motions, part, BEAM),
     Step(MEDIUM, relaxed, part, BEAM),
-    Step(MEDIUM, combined, ambiguous_part, 2 * BEAM),
+    Step(MEDIUM, combined, part, 2 * BEAM),
 ]
