@@ -20,6 +20,13 @@ def is_whole(number: Any) -> TypeGuard[int]:
     return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
+def check_whole(number: Any, name: str, least: int = 0, most: int | None = None) -> None:
+    """Raise InputError unless it is a whole number within bounds."""
+    if not is_whole(number) or number < least or (most is not None and number > most):
+        bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise InputError(f"{name} must be a whole number {bounds}, not {number!r}")
+
+
 def is_number(number: Any) -> TypeGuard[float]:
     """Whether it is a real number: no text, no truth value, no array."""
     return is_whole(number) or isinstance(number, (float, np.floating))

@@ -218,7 +218,7 @@ def test_steps_are_timed_and_announced(blob):
         ({"n_samples": 2.5, "method": "sampled"}, "n_samples must be a whole number"),
         ({"n_samples": 3, "method": "sampled"}, "dimension must be 1 to 2 here, not 3"),
         ({"n_eigenpairs": 1, "method": "sampled"}, "n_eigenpairs must be a whole number of at"),
-        ({"random_state": -1}, "random_state must be a whole number, not negative, and not -1"),
+        ({"random_state": -1}, "random_state must be a whole number of at least 0, not -1"),
         ({"random_state": 1.5}, "random_state must be"),
         ({"time": 1e3, "distance": "diffusion"}, "all distances vanish; use"),
         ({"laplacian": "graph"}, "laplacian must be"),

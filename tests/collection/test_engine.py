@@ -131,8 +131,8 @@ def test_no_more_items_are_taken_than_are_worked_on() -> None:
 
 def test_mistakes() -> None:
     for options, sentence in (
-        ({"workers": -1}, "workers must be a whole number, 0 or more, not -1"),
-        ({"workers": "2"}, "workers must be a whole number, 0 or more, not '2'"),
+        ({"workers": -1}, "workers must be a whole number of at least 0, not -1"),
+        ({"workers": "2"}, "workers must be a whole number of at least 0, not '2'"),
         ({"workers": 0.0}, "workers must be a whole number"),
         ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "leave out workers"),
     ):

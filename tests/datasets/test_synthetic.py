@@ -176,7 +176,7 @@ def test_own_pose_and_proportions():
         ({"n_vertices": 20}, "500"),
         ({"n_vertices": "600"}, "n_vertices must be a whole number from 500"),
         ({"n_vertices": 600.0}, "n_vertices must be a whole number from 500"),
-        ({"meshing": -1}, "meshing must be a whole number, not negative, and not -1"),
+        ({"meshing": -1}, "meshing must be a whole number of at least 0, not -1"),
         ({"pose": None, "random_state": 0.5}, "random_state must be a whole number"),
     ],
 )

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from unbend._arrays import is_whole
+from unbend._arrays import check_whole, is_whole
 from unbend._display import Brief, table
 from unbend._types import FloatArray, Progress
 from unbend.canonical._methods import Options, Scaled, Steps, exact, sampled
@@ -233,9 +233,8 @@ def sampled_canonical_form(
     ((162, 3), 'sampled')
     """
     time = diffusion_time(distance, time)
-    for name, number in (("n_samples", n_samples), ("n_eigenpairs", n_eigenpairs)):
-        if not is_whole(number) or number < 2:
-            raise InputError(f"{name} must be a whole number of at least 2, not {number}")
+    check_whole(n_samples, "n_samples", 2)
+    check_whole(n_eigenpairs, "n_eigenpairs", 2)
     scale = partial(
         sampled, n_samples=n_samples, n_eigenpairs=n_eigenpairs, mu=mu, interpolation=interpolation
     )
@@ -257,10 +256,7 @@ def _form(
 ) -> CanonicalForm:
     """Scale a mesh's distances by a method that gives at most so many dimensions."""
     d = options.n_components
-    if not (is_whole(options.random_state) and options.random_state >= 0):
-        raise InputError(
-            f"random_state must be a whole number, not negative, and not {options.random_state!r}"
-        )
+    check_whole(options.random_state, "random_state")
     if options.weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {options.weighting!r}')
     steps = Steps(progress)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_whole
+from unbend._arrays import check_whole
 from unbend._memory import available_memory
 from unbend._types import FloatArray, Progress
 from unbend.choices import Rerank
@@ -178,8 +178,7 @@ class Collection:
         MeshError
             If the query cannot be described.
         """
-        if not is_whole(n) or n < 1:
-            raise InputError(f"n must be a whole number of at least 1, not {n!r}")
+        check_whole(n, "n", 1)
         if rerank not in ("none", "form", "match"):
             raise InputError(f"rerank must be 'none', 'form' or 'match', not {rerank!r}")
         self._store.check_filled()

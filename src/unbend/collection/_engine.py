@@ -17,7 +17,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from datetime import timedelta
 from typing import Any, NamedTuple
 
-from unbend._arrays import is_whole
+from unbend._arrays import check_whole
 from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend._types import Progress
@@ -100,8 +100,8 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
     time. A worker that crashes is replaced. The items it had are tried again at the end, one at a
     time; an item whose worker crashes again is reported.
     """
-    if workers is not None and not (is_whole(workers) and workers >= 0):
-        raise InputError(f"workers must be a whole number, 0 or more, not {workers!r}")
+    if workers is not None:
+        check_whole(workers, "workers")
     if workers is not None and scheduler is not None:
         raise InputError("a scheduler has workers of its own; leave out workers")
     if workers == 0:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_number, is_whole, numbers_of
+from unbend._arrays import check_whole, is_number, is_whole, numbers_of
 from unbend._display import Brief
 from unbend._types import FloatArray
 from unbend.alignment import procrustes
@@ -135,8 +135,7 @@ def shape_statistics(
         raise InputError("statistics need at least 2 shapes")
     most = len(points) - 1
     kept = most if n_components is None else n_components
-    if not is_whole(kept) or kept < 1:
-        raise InputError(f"n_components must be at least 1, not {n_components!r}")
+    check_whole(kept, "n_components", 1)
     n = points.shape[1]
     mass = np.ones(n) if weights is None else numbers_of(weights, "weights").copy()
     if mass.shape != (n,) or not (mass >= 0).all() or not 0 < mass.sum() < np.inf:

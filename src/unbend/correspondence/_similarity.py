@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import is_whole, numbers_of
+from unbend._arrays import check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind
@@ -87,8 +87,7 @@ def similarity(
     """
     if weighting not in ("auto", "uniform", "area"):
         raise InputError(f'weighting must be "auto", "uniform" or "area", not {weighting!r}')
-    if not is_whole(n_components) or n_components < 1:
-        raise InputError(f"n_components must be at least 1, not {n_components!r}")
+    check_whole(n_components, "n_components", 1)
     by_area = weighting == "area" or (weighting == "auto" and match is not None)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from unbend._arrays import is_whole
+from unbend._arrays import check_whole
 from unbend._types import FloatArray, IntArray
-from unbend.errors import InputError
 from unbend.mesh import Mesh
 
 
@@ -38,8 +37,7 @@ def make_sphere(subdivisions: int = 4) -> Mesh:
     >>> make_sphere(1)
     Mesh(42 vertices, 80 faces)
     """
-    if not (is_whole(subdivisions) and 0 <= subdivisions <= 10):
-        raise InputError(f"subdivisions must be a whole number from 0 to 10, not {subdivisions!r}")
+    check_whole(subdivisions, "subdivisions", 0, 10)
     vertices, faces = _icosahedron()
     for _ in range(subdivisions):
         vertices, faces = _split_edges(vertices, faces)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._arrays import is_number, is_whole, nearest_rows
+from unbend._arrays import check_whole, is_number, nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
 from unbend.datasets._reference import carry
@@ -121,14 +121,10 @@ def make_shape(
     """Mesh a body at rest and move it into a pose; see `make_quadruped` for the parameters."""
     sizes = _sizes(maker, species, proportions)
     bones, plain = (tuple(maker.bones(one)) for one in (sizes, maker.defaults))
-    if not (is_whole(n_vertices) and 500 <= n_vertices <= 200_000):
-        raise InputError(
-            f"n_vertices must be a whole number from 500 to 200000, not {n_vertices!r}"
-        )
-    seeds = {"meshing": meshing, "random_state": 0 if random_state is None else random_state}
-    for name, seed in seeds.items():
-        if not (is_whole(seed) and seed >= 0):
-            raise InputError(f"{name} must be a whole number, not negative, and not {seed!r}")
+    check_whole(n_vertices, "n_vertices", 500, 200_000)
+    check_whole(meshing, "meshing")
+    if random_state is not None:
+        check_whole(random_state, "random_state")
     angles = _angles(maker.poses, pose, random_state)
     rest, faces, mirror, labels, parts = _rest_body(bones, n_vertices, meshing)
     posed = restore_lengths(rest, move_skin(bones, rest, angles), faces) if angles else rest

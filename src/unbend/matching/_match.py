@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, first_largest, is_whole, snap
+from unbend._arrays import array_of, check_whole, first_largest, snap
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import BoolArray, FloatArray, IntArray, Progress
 from unbend.choices import Partial
@@ -147,9 +147,8 @@ def match(
     """
     if partial not in get_args(Partial):
         raise InputError(f"partial must be one of {', '.join(get_args(Partial))}, not {partial!r}")
-    if not is_whole(n_matches) or n_matches < 1:
-        raise InputError(f"n_matches must be a whole number of at least 1, not {n_matches!r}")
-    _check_count(n_eigenpairs)
+    check_whole(n_matches, "n_matches", 1)
+    check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     torn = [partial in ("auto", "both", side) for side in ("source", "target")]
     ours, theirs = prepare_shapes((source, target), n_eigenpairs, torn)
     if progress is not None:
@@ -250,7 +249,7 @@ def symmetry(
     >>> bool(np.abs(swapped * [-1, 1, 1] - egg).max() < 0.1)
     True
     """
-    _check_count(n_eigenpairs)
+    check_whole(n_eigenpairs, "n_eigenpairs", _LEAST_EIGENPAIRS)
     one = prepare_shape(mesh, n_eigenpairs)
     if progress is not None:
         progress("spectrum", 1.0)
@@ -261,14 +260,6 @@ def symmetry(
         progress("refine", 1.0)
     shares, apart = _lead_shares(found, sides), differences(sides, found)
     return _result(one, one, sides, exact(sides, fine[found[0]]), found, shares, apart)
-
-
-def _check_count(n_eigenpairs: int) -> None:
-    if not is_whole(n_eigenpairs) or n_eigenpairs < _LEAST_EIGENPAIRS:
-        raise InputError(
-            f"n_eigenpairs must be a whole number of at least {_LEAST_EIGENPAIRS}, not "
-            f"{n_eigenpairs!r}"
-        )
 
 
 def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArray:
