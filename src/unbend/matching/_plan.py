@@ -321,8 +321,8 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
 
 PLAN = [
     Step(COARSE, from_spectra, always, BEAM),
-    Step(COARSE, from_extremities, always, BEAM),
-    Step(COARSE, from_motions, part, BEAM),
+    Step(COARSE, from_extremities, always, 2 * BEAM),
+    Step(COARSE, from_motions, part, 2 * BEAM),
     Step(MEDIUM, relaxed, part, BEAM),
     Step(MEDIUM, combined, part, 2 * BEAM),
 ]
