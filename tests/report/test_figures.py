@@ -1,6 +1,7 @@
 """The renderer draws the right thing in front, and files are whole or absent."""
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,6 +109,12 @@ def test_position_colors_tell_points_apart():
     assert colors.min() >= 0
     assert colors.max() <= 1
     assert len(np.unique(colors.round(6), axis=0)) == len(rest)
+
+
+@pytest.mark.parametrize("places", [5, [0, 1, 2], np.zeros((4, 2)), [["a", "b", "c"]]])
+def test_positions_have_three_numbers(places: Any) -> None:
+    with pytest.raises(InputError, match="vertices"):
+        position_colors(places)
 
 
 def test_position_colors_are_those_of_the_pages():

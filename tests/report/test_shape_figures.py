@@ -7,9 +7,10 @@ import pytest
 
 from unbend import Mesh, canonical_form
 from unbend.canonical import CanonicalForm
+from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError
 from unbend.report import shape_figures
-from unbend.report.shape_figures import draw_form, turned_to_fit
+from unbend.report.shape_figures import draw_form, draw_variation, turned_to_fit
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +60,9 @@ def test_what_does_not_fit_is_refused(blob: Mesh, form: CanonicalForm, tmp_path:
     with pytest.raises(FileError):
         draw_form(blob, form, tmp_path / "a.bmp")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_shapes_of_a_row_have_the_same_vertices(tmp_path: Path) -> None:
+    balls = [make_sphere(1), make_sphere(2)]
+    with pytest.raises(InputError, match="height: its shapes must have the same vertices"):
+        draw_variation([("height", balls)], ["-1", "+1"], tmp_path / "balls.png")

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from unbend._arrays import numbers_of
 from unbend._types import FloatArray
+from unbend.errors import InputError
 
 # From OKLab to cone responses, whose cubes become linear red, green and blue.
 _LAB_TO_LMS = np.array(
@@ -42,6 +44,11 @@ def position_colors(vertices: Any) -> FloatArray:
     colors : (n, 3) ndarray of float64
         Red, green and blue from 0 to 1.
 
+    Raises
+    ------
+    InputError
+        If they are not rows of three numbers.
+
     References
     ----------
     Ottosson (2020), A perceptual color space for image processing (OKLab).
@@ -52,7 +59,9 @@ def position_colors(vertices: Any) -> FloatArray:
     >>> position_colors([[0, 0, 0], [1, 2, 4]]).round(2).tolist()
     [[0.39, 0.32, 0.68], [0.82, 0.92, 0.47]]
     """
-    vertices = np.asarray(vertices, dtype=np.float64)
+    vertices = numbers_of(vertices, "vertices")
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise InputError(f"vertices must have shape (n, 3), not {vertices.shape}")
     finite = np.isfinite(vertices).all(axis=1)
     colors = np.full(vertices.shape, 0.6)
     if finite.any():

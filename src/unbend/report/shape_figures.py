@@ -170,7 +170,8 @@ def draw_variation(
     Raises
     ------
     InputError
-        If there are no rows, or a row has not one shape for each caption.
+        If there are no rows, a row has not one shape for each caption, or the numbers of their
+        vertices differ.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 
@@ -186,7 +187,9 @@ def draw_variation(
     if not rows or any(len(meshes) != len(captions) for _, meshes in rows):
         raise InputError(f"each row needs {len(captions)} shapes, one for each caption")
     cells = []
-    for _, meshes in rows:
+    for name, meshes in rows:
+        if len({mesh.n_vertices for mesh in meshes}) > 1:
+            raise InputError(f"{name}: its shapes must have the same vertices")
         moved = np.linalg.norm(meshes[-1].vertices - meshes[0].vertices, axis=1)
         cells.append([(mesh.vertices, mesh, moved) for mesh in meshes])
     figure, axes = draw_grid(cells, captions, _SIDE, 0.9 * _SIDE, above=0.1 * _SIDE)
