@@ -1,4 +1,4 @@
-"""Compiled loops of rotations, motions and far points against plain NumPy; run uncompiled too."""
+"""Rotations, motions and far points against plain NumPy; compiled loops run uncompiled too."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from unbend.alignment import farthest_points, largest_traces, nearest_rotation
 from unbend.alignment._motions import lay
-
-pytestmark = pytest.mark.kernels
 
 
 def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
@@ -26,6 +24,7 @@ def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
     assert (np.abs(largest_traces(matrices) - expected) <= 1e-7 * sizes).all()
 
 
+@pytest.mark.kernels
 def test_laid_is_what_is_near_and_faces_alike_and_half_of_what_is_beyond() -> None:
     goal = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     up = np.tile([0.0, 0, 1], (3, 1))

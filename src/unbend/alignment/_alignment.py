@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of, unit_of
-from unbend._compiled import compiled
 from unbend._display import Brief
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
@@ -137,42 +136,34 @@ def nearest_rotation(matrices: FloatArray, *, reflect: bool = False) -> FloatArr
     return rotations
 
 
-@compiled
-def largest_traces(matrices):  # type: ignore[no-untyped-def]
+def largest_traces(matrices: FloatArray) -> FloatArray:
     """Largest trace (n,) that a rotation times each matrix (n, 3, 3) has.
 
     It is the sum of the singular values, the least taken negative if the determinant is. The
     greatest is found by Viète's formula; squares and product of the others follow from the
     cofactors and the determinant.
     """
-    found = np.zeros(len(matrices))
-    square, cofactors = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(len(matrices)):
-        c = matrices[i]
-        size = squares = 0.0
-        for a in range(3):
-            d, e = (a + 1) % 3, (a + 2) % 3
-            for b in range(3):
-                f, g = (b + 1) % 3, (b + 2) % 3
-                square[a, b] = c[0, a] * c[0, b] + c[1, a] * c[1, b] + c[2, a] * c[2, b]
-                cofactors[a, b] = c[d, f] * c[e, g] - c[d, g] * c[e, f]
-                squares += cofactors[a, b] ** 2
-            size += square[a, a] / 3
-        if size < 1e-140:
-            continue
-        determinant = 0.0
-        for b in range(3):
-            determinant += c[0, b] * cofactors[0, b]
-        x, y, z = square[0, 0] / size - 1, square[1, 1] / size - 1, square[2, 2] / size - 1
-        u, v, w = square[1, 2] / size, square[0, 2] / size, square[0, 1] / size
-        spread = np.sqrt((x * x + y * y + z * z + 2 * (u * u + v * v + w * w)) / 6)
-        half = (x * y * z + 2 * u * v * w - x * u * u - y * v * v - z * w * w) / 2
-        angle = np.arccos(min(1.0, max(-1.0, half / max(spread**3, 1e-300)))) / 3
-        greatest = size * (1 + 2 * spread * np.cos(angle))
-        others = (squares - determinant**2 / greatest) / greatest
-        both = others + 2 * determinant / np.sqrt(greatest)
-        found[i] = np.sqrt(greatest) + np.sqrt(max(both, 0.0))
-    return found
+    a, b, c = np.ascontiguousarray(matrices.transpose(1, 2, 0))  # rows of the matrices, (3, n) each
+    minors = _cross(b, c), _cross(c, a), _cross(a, b)
+    determinant = (a * minors[0]).sum(axis=0)
+    squares = sum((one**2).sum(axis=0) for one in minors)
+    size = (a**2 + b**2 + c**2).sum(axis=0) / 3
+    is_zero = size < 1e-140
+    size[is_zero] = 1
+    on = (a**2 + b**2 + c**2) / size - 1
+    off = sum(row[[1, 2, 0]] * row[[2, 0, 1]] for row in (a, b, c)) / size
+    spread = np.sqrt((on**2 + 2 * off**2).sum(axis=0) / 6)
+    half = on.prod(axis=0) / 2 + off.prod(axis=0) - (on * off**2).sum(axis=0) / 2
+    angle = np.arccos(np.clip(half / np.maximum(spread**3, 1e-300), -1, 1)) / 3
+    greatest = size * (1 + 2 * spread * np.cos(angle))
+    others = (squares - determinant**2 / greatest) / greatest
+    both = others + 2 * determinant / np.sqrt(greatest)
+    return np.where(is_zero, 0, np.sqrt(greatest) + np.sqrt(np.maximum(both, 0)))
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Cross products (3, n), several times as fast as NumPy's."""
+    return np.asarray(one[[1, 2, 0]] * other[[2, 0, 1]] - one[[2, 0, 1]] * other[[1, 2, 0]])
 
 
 @one_blas_thread()

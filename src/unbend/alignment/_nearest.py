@@ -75,24 +75,13 @@ def _find_nearest(products, left, right, forward, ahead, backward, back):  # typ
             ahead[h, i] = least[0]
 
 
-@compiled
-def farthest_points(points, count, start):  # type: ignore[no-untyped-def]
+def farthest_points(points: FloatArray, count: int, start: int) -> IntArray:
     """Choose ``count`` rows, each as far as possible from those before it (Gonzalez 1985)."""
-    n, d = points.shape
-    distance = np.full(n, np.inf)
-    chosen = np.empty(count, np.int64)
-    current = start
-    for i in range(count):
-        chosen[i] = current
-        farthest, following = -1.0, 0
-        for j in range(n):
-            square = 0.0
-            for c in range(d):
-                difference = points[j, c] - points[current, c]
-                square += difference * difference
-            if square < distance[j]:
-                distance[j] = square
-            if distance[j] > farthest:
-                farthest, following = distance[j], j
-        current = following
+    columns = np.ascontiguousarray(points.T)
+    squares = np.full(len(points), np.inf)
+    chosen = np.full(count, start, dtype=np.int64)
+    for i in range(1, count):
+        apart = sum((column - column[chosen[i - 1]]) ** 2 for column in columns)
+        np.minimum(squares, apart, out=squares)
+        chosen[i] = squares.argmax()
     return chosen

@@ -131,8 +131,7 @@ class Shape(ElasticSurface):
         """Up to `SAMPLES` vertices, each as far as possible from those before it."""
         points = snap(self.vertices)  # of equally far ones the first is taken, on every processor
         start = int(first_largest((points**2).sum(axis=1)))
-        chosen: IntArray = farthest_points(points, min(constants.SAMPLES, len(points)), start)
-        return chosen
+        return farthest_points(points, min(constants.SAMPLES, len(points)), start)
 
     @cached
     def position_coefficients(self) -> FloatArray:
