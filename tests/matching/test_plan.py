@@ -28,7 +28,6 @@ from unbend.matching._plan import (
     always,
     best,
     candidates,
-    combined,
     differences,
     from_extremities,
     lifted,
@@ -320,26 +319,6 @@ def test_extremities_propose_the_truth_of_an_upper_part_and_a_whole(bodies: Side
         for one in from_extremities(sides, [_candidate(0.9)])
     ]
     assert min(off) < 0.1
-
-
-def test_two_candidates_that_are_each_right_in_half_of_a_body_make_one_that_is_right(
-    bodies: Sides,
-) -> None:
-    ours, theirs = bodies.at(MEDIUM)
-    back = cKDTree(theirs.vertices[TRUTH]).query(theirs.vertices)[1]
-    chance = np.random.default_rng(0)
-    begun = []
-    for upper in (True, False):
-        maps = TRUTH.copy(), back.copy()
-        for shape, point_map in zip((ours, theirs), maps, strict=True):
-            height = shape.vertices[:, 1]
-            wrong = (height > np.median(height)) == upper
-            point_map[wrong] = chance.permutation(point_map[wrong])
-        begun.append(scored(ours, theirs, mapped_start(ours, theirs, *maps, 1.0)))
-    (one,) = combined(bodies, begun)
-    assert min(_error(each.registered.forward, TARGET, TRUTH) for each in begun) > 0.1
-    assert _error(one.registered.forward, TARGET, TRUTH) < 0.05
-    assert one.cost < min(each.cost for each in begun) / 2
 
 
 def test_a_pair_is_partial_if_either_shape_is(bodies: Sides, parts: Sides) -> None:

@@ -21,7 +21,6 @@ from unbend.matching._score import (
     distinct,
     lead_shares,
     nearly_as_good,
-    patch_costs,
     plausibility,
     ranked,
     rough_costs,
@@ -365,21 +364,6 @@ def test_the_less_has_a_partner_the_more_does_what_is_left_out_cost() -> None:
     assert shares[-1] < constants.SMALLEST_PART  # less is not told apart
     least = -constants.WITHOUT * np.log(constants.SMALLEST_PART)
     assert energies[-2] < energies[-1] == pytest.approx(least)
-
-
-def test_a_vertex_without_partner_costs_what_giving_it_one_would_save() -> None:
-    shape = _person()
-    identity = _identity(shape)
-    height = shape.vertices[:, 1]
-    lacking = identity.source._replace(overlap=height >= np.quantile(height, 0.3))
-    found = identity._replace(source=lacking)
-    ours, theirs = np.split(patch_costs(shape, shape, found), 2)
-    share = float(shape.areas @ lacking.overlap)
-    step = 1e-6
-    saved = constants.WITHOUT * (np.log(share + step) - np.log(share)) / step
-    assert shape.areas @ ours == pytest.approx(saved * (1 - share))
-    assert ours.max() == pytest.approx(saved, rel=0.05)
-    np.testing.assert_allclose(theirs, 0, atol=1e-9)
 
 
 def test_what_is_left_out_does_not_turn_a_surface() -> None:

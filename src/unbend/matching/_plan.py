@@ -13,7 +13,6 @@ first of them must propose something. docs/how-matching-works.md has the same ta
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -27,7 +26,6 @@ from unbend.matching import _constants as constants
 from unbend.matching._extremities import find_extremities, guess_limbs, limb_maps
 from unbend.matching._registration import (
     Registered,
-    combined_start,
     laid_starts,
     lift,
     limited,
@@ -39,7 +37,6 @@ from unbend.matching._score import (
     Candidate,
     distinct,
     lead_needed,
-    patch_costs,
     ranked,
     rough_costs,
     scored,
@@ -286,26 +283,6 @@ def relaxed(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS)
 
 
-def combined(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Register from two candidates at a time, each patch as the one leads it that fits it better.
-
-    Those pairs are taken that would cost least if nothing tore.
-    """
-    shapes, found = sides.at(MEDIUM), found[: 2 * BEAM]
-    areas = np.concatenate([one.areas for one in shapes])
-    costs = run_all(functools.partial(patch_costs, *shapes, one.registered) for one in found)
-
-    def cost(pair: tuple[int, int]) -> float:
-        return round(float(areas @ np.minimum(*(costs[i] for i in pair))), constants.DIGITS)
-
-    pairs = sorted(itertools.combinations(range(len(found)), 2), key=cost)
-    starts = [
-        combined_start(*shapes, found[i].registered, found[j].registered, costs[i] <= costs[j])
-        for i, j in pairs[: 2 * BEAM]
-    ]
-    return registered(sides, MEDIUM, starts, constants.DATA_WEIGHTS[3:])
-
-
 def _make_levels(shape: Shape) -> Levels:
     _ = shape.samples  # what the search asks for, of both shapes at once
     medium = make_proxy(shape, constants.N_VERTICES[MEDIUM])
@@ -324,5 +301,4 @@ PLAN = [
     Step(COARSE, from_extremities, always, 2 * BEAM),
     Step(COARSE, from_motions, part, 2 * BEAM),
     Step(MEDIUM, relaxed, part, BEAM),
-    Step(MEDIUM, combined, part, 2 * BEAM),
 ]

@@ -89,26 +89,6 @@ def mapped_start(
     return Registered(forward, backward, ours, _placed(target, source, backward, 1 / size))
 
 
-def combined_start(
-    source: Shape, target: Shape, one: Registered, other: Registered, better: BoolArray
-) -> Registered:
-    """Poses that two registrations lead to: the first at vertices (n + m,) where it is better."""
-    ours, theirs = np.split(better, [len(source.vertices)])
-    start = mapped_start(
-        source,
-        target,
-        np.where(ours, one.forward, other.forward),
-        np.where(theirs, one.backward, other.backward),
-        np.sqrt(one.source.size * other.source.size),
-    )
-    overlap = np.where(ours, one.source.overlap, other.source.overlap)
-    goal_overlap = np.where(theirs, one.target.overlap, other.target.overlap)
-    return start._replace(
-        source=start.source._replace(overlap=overlap),
-        target=start.target._replace(overlap=goal_overlap),
-    )
-
-
 def laid_starts(source: Shape, target: Shape, motions: Motions) -> list[Registered]:
     """Poses that motions lead to, and maps to what is nearest there."""
     back = motions.inverse()

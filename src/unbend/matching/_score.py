@@ -91,21 +91,6 @@ def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatA
     return ahead, back
 
 
-def patch_costs(source: Shape, target: Shape, found: Registered) -> FloatArray:
-    """Average what a registration costs over patches around the vertices (n + m,) of both shapes.
-
-    A vertex without partner costs what giving it one would save.
-    """
-    costs = []
-    for shape, shares, pose in zip(
-        (source, target), unexplained(source, target, found), found[2:], strict=True
-    ):
-        overlap = max(float(shape.areas @ pose.overlap), constants.SMALLEST_PART)
-        each = np.where(pose.overlap, shares, constants.WITHOUT / overlap)
-        costs.append(shape.averaged(shape.areas * each, 2 * constants.PATCH))
-    return np.concatenate(costs)
-
-
 def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntArray) -> FloatArray:
     """Costs (p,) of maps as they are, (n, p) and (m, p): what registration makes less of."""
     ahead, back = (
