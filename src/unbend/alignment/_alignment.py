@@ -147,10 +147,11 @@ def largest_traces(matrices: FloatArray) -> FloatArray:
     minors = _cross(b, c), _cross(c, a), _cross(a, b)
     determinant = (a * minors[0]).sum(axis=0)
     squares = sum((one**2).sum(axis=0) for one in minors)
-    size = (a**2 + b**2 + c**2).sum(axis=0) / 3
+    diagonal = a**2 + b**2 + c**2
+    size = diagonal.sum(axis=0) / 3
     is_zero = size < 1e-140
     size[is_zero] = 1
-    on = (a**2 + b**2 + c**2) / size - 1
+    on = diagonal / size - 1
     off = sum(row[[1, 2, 0]] * row[[2, 0, 1]] for row in (a, b, c)) / size
     spread = np.sqrt((on**2 + 2 * off**2).sum(axis=0) / 6)
     half = on.prod(axis=0) / 2 + off.prod(axis=0) - (on * off**2).sum(axis=0) / 2

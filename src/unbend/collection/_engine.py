@@ -102,8 +102,8 @@ def engine(*, workers: int | None = None, scheduler: str | None = None) -> Itera
     """
     if workers is not None:
         check_whole(workers, "workers")
-    if workers is not None and scheduler is not None:
-        raise InputError("a scheduler has workers of its own; leave out workers")
+        if scheduler is not None:
+            raise InputError("a scheduler has workers of its own; leave out workers")
     if workers == 0:
         yield _here
         return
