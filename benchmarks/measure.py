@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,12 +53,19 @@ def alternate(
     return statistics.median(times[0]), mine, statistics.median(times[1]), theirs
 
 
-def file_to_file(mesh: Mesh, folder: Path) -> tuple[float, float]:
-    """Wall seconds and peak GiB of the command, in a process of its own."""
-    source = folder / f"{mesh.n_vertices}.ply"
-    write_mesh(source, mesh)
-    command = [sys.executable, "-c", _COMMAND, "canonical", source, "-o", folder / "form.ply"]
-    took, done = seconds(lambda: subprocess.run(command, capture_output=True, text=True))
+def file_to_file(
+    name: str, meshes: Sequence[Mesh], folder: Path, output: str, **environment: str
+) -> tuple[float, float]:
+    """Wall seconds and peak GiB of a command on meshes, in a process of its own."""
+    sources = [folder / f"{i}.ply" for i in range(len(meshes))]
+    for source, mesh in zip(sources, meshes, strict=True):
+        write_mesh(source, mesh)
+    command = [sys.executable, "-c", _COMMAND, name, *sources, "-o", folder / output]
+    took, done = seconds(
+        lambda: subprocess.run(
+            command, capture_output=True, text=True, env=os.environ | environment
+        )
+    )
     if done.returncode:
-        raise SystemExit(f"unbend canonical failed on {mesh.name}: {done.stderr}")
+        raise SystemExit(f"unbend {name} failed on {meshes[0].name}: {done.stderr}")
     return took, float(done.stderr.split()[-1])

@@ -38,7 +38,8 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
     def search(some: slice) -> None:
         products = (left[some].reshape(-1, d) @ right.T).reshape(-1, m, n)
         found = forward[some], ahead[some], backward[some], back[some]
-        _find_nearest(products, (left[some] ** 2).sum(axis=2), right_squares, *found)
+        squares, least = (left[some] ** 2).sum(axis=2), np.empty(n, np.float32)
+        _find_nearest(products, squares, right_squares, *found, least)
 
     run_all(functools.partial(search, some) for some in slices(h, max(1, _TASK // (m * n))))
     squares = np.maximum(ahead, 0).mean(axis=1) + np.maximum(back, 0).mean(axis=1)
@@ -46,16 +47,16 @@ def nearest_pairs(source: FloatArray, target: FloatArray) -> Pairs:
 
 
 @compiled
-def _find_nearest(products, left, right, forward, ahead, backward, back):  # type: ignore[no-untyped-def]
+def _find_nearest(  # type: ignore[no-untyped-def]
+    products, left, right, forward, ahead, backward, back, least
+):
     """Search all placements; their inner products are overwritten by distances."""
     n_placements, m, n = products.shape
-    least = np.empty(n, np.float32)
     for h in range(n_placements):
         for i in range(m):
             line = products[h, i]
-            offset = left[h, i]
             for j in range(n):
-                line[j] = offset + right[j] - np.float32(2) * line[j]
+                line[j] = left[h, i] + right[j] - np.float32(2) * line[j]
                 least[j] = line[j]
             # Halves are compared side by side, in vector registers, which one minimum is not.
             count = n

@@ -83,26 +83,28 @@ def closest_faces(
 
     The surface has `positions` (m, d). Returns faces (n,) and barycentric coordinates (n, 3).
     """
-    return _closest_faces(points, positions, triangles, vertices, *fans)  # type: ignore[no-any-return]
+    n = len(points)
+    faces, weights = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
+    scratch = np.empty((3, 3)), np.empty(3), np.empty(3)
+    _closest_faces(points, positions, triangles, vertices, *fans, faces, weights, *scratch)
+    return faces, weights
 
 
 @compiled
-def _closest_faces(points, positions, triangles, vertices, start, ring):  # type: ignore[no-untyped-def]
-    n = len(points)
-    faces, weights = np.zeros(n, np.int64), np.zeros((n, 3))
-    gram, load, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for i in range(n):
+def _closest_faces(  # type: ignore[no-untyped-def]
+    points, positions, triangles, vertices, start, ring, faces, weights, gram, load, trial
+):
+    for i in range(len(points)):
         best = np.inf
         for e in range(start[vertices[i]], start[vertices[i] + 1]):
-            corner = triangles[ring[e]]
             # Squared distance of a point with weights w, about the point: w . gram w.
             for a in range(3):
                 for b in range(a + 1):
                     total = 0.0
                     for c in range(points.shape[1]):
-                        total += (positions[corner[a], c] - points[i, c]) * (
-                            positions[corner[b], c] - points[i, c]
-                        )
+                        left = positions[triangles[ring[e], a], c] - points[i, c]
+                        right = positions[triangles[ring[e], b], c] - points[i, c]
+                        total += left * right
                     gram[a, b] = gram[b, a] = total
             distance = _least(gram, load, trial)
             if distance < best:
@@ -110,7 +112,6 @@ def _closest_faces(points, positions, triangles, vertices, start, ring):  # type
                 faces[i] = ring[e]
                 for c in range(3):
                     weights[i, c] = load[c]
-    return faces, weights
 
 
 @compiled

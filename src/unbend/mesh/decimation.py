@@ -40,16 +40,18 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     boundary = np.zeros(n, dtype=bool)
     boundary[edges.ends[edges.n_faces != 2].ravel()] = True
     quadrics = _quadrics(vertices, faces, edges)
+    products = _products(vertices)
     parents = np.arange(n)
     left = n
     while left > count:
         start, ring = faces_around(faces, n)
-        ends, costs = _costs(vertices, faces, quadrics)
+        ends, costs = np.empty((3 * len(faces), 2), np.int64), np.empty(3 * len(faces))
+        _costs(vertices, products, faces, quadrics, ends, costs)
         cheap = int(_SHARE_OF_EDGES * len(costs)) + 1
         order = np.flatnonzero(costs <= np.partition(costs, cheap)[cheap])
         order = order[np.argsort(costs[order], kind="stable")]
         state = vertices, faces, start, ring, ends[order], boundary, quadrics, parents
-        done = _collapse(*state, left - count)
+        done = _collapse(*state, np.zeros(n, dtype=bool), np.full(n, -1), left - count)
         if not done:
             break
         faces = faces[faces[:, 0] >= 0]
@@ -89,35 +91,32 @@ def _squares(normals: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(planes[:, rows] * planes[:, columns])
 
 
-@compiled
-def _cost(vertices, quadrics, u, v):  # type: ignore[no-untyped-def]
-    """Cost of moving vertex u onto vertex v."""
-    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-    q, r = quadrics[u], quadrics[v]
-    total = (q[0] + r[0]) * x * x + (q[4] + r[4]) * y * y + (q[7] + r[7]) * z * z + q[9] + r[9]
-    total += 2 * ((q[1] + r[1]) * x * y + (q[2] + r[2]) * x * z + (q[5] + r[5]) * y * z)
-    total += 2 * ((q[3] + r[3]) * x + (q[6] + r[6]) * y + (q[8] + r[8]) * z)
-    length = (vertices[u, 0] - x) ** 2 + (vertices[u, 1] - y) ** 2 + (vertices[u, 2] - z) ** 2
-    return max(total, 0.0) + _EVENNESS * q[10] * length
+def _products(vertices: FloatArray) -> FloatArray:
+    """Products of coordinates, (n, 10), that a quadric's coefficients are multiplied by."""
+    points = np.column_stack([vertices, np.ones(len(vertices))])
+    rows, columns = np.triu_indices(4)
+    return np.asarray(points[:, rows] * points[:, columns] * np.where(rows == columns, 1, 2))
 
 
 @compiled
-def _costs(vertices, faces, quadrics):  # type: ignore[no-untyped-def]
+def _costs(vertices, products, faces, quadrics, ends, costs):  # type: ignore[no-untyped-def]
     """Every side of every face in its cheaper direction, and its cost."""
-    ends = np.empty((3 * len(faces), 2), np.int64)
-    costs = np.empty(3 * len(faces))
-    k = 0
+    last = quadrics.shape[1] - 1
     for f in range(len(faces)):
         for c in range(3):
             u, v = faces[f, c], faces[f, (c + 1) % 3]
-            there = _cost(vertices, quadrics, u, v)
-            back = _cost(vertices, quadrics, v, u)
+            there = back = length = 0.0
+            for k in range(last):
+                both = quadrics[u, k] + quadrics[v, k]
+                there += both * products[v, k]
+                back += both * products[u, k]
+            for k in range(3):
+                length += (vertices[u, k] - vertices[v, k]) ** 2
+            there = max(there, 0.0) + _EVENNESS * quadrics[u, last] * length
+            back = max(back, 0.0) + _EVENNESS * quadrics[v, last] * length
             if back < there:
-                u, v = v, u
-            ends[k, 0], ends[k, 1] = u, v
-            costs[k] = min(there, back)
-            k += 1
-    return ends, costs
+                u, v, there = v, u, back
+            ends[3 * f + c, 0], ends[3 * f + c, 1], costs[3 * f + c] = u, v, there
 
 
 @compiled
@@ -140,7 +139,7 @@ def _turns_over(vertices, faces, f, u, v):  # type: ignore[no-untyped-def]
 @compiled
 def _stays_joined(faces, f, start, ring, u, v):  # type: ignore[no-untyped-def]
     """Whether face f, which u and v share, is not all that joins its third corner to them."""
-    tip = faces[f].sum() - u - v
+    tip = faces[f, 0] + faces[f, 1] + faces[f, 2] - u - v
     for e in range(start[tip], start[tip + 1]):
         ends = 0
         for c in range(3):
@@ -152,10 +151,10 @@ def _stays_joined(faces, f, start, ring, u, v):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _collapse(vertices, faces, start, ring, ends, boundary, quadrics, parents, most):  # type: ignore[no-untyped-def]
+def _collapse(  # type: ignore[no-untyped-def]
+    vertices, faces, start, ring, ends, boundary, quadrics, parents, touched, seen, most
+):
     """Collapse edges in their order, each unless an earlier one has touched it; count them."""
-    touched = np.zeros(len(vertices), np.bool_)
-    seen = np.full(len(vertices), -1, np.int64)
     done = 0
     for k in range(len(ends)):
         if done == most:
