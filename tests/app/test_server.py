@@ -214,14 +214,21 @@ def test_without_a_collection_none_is_searched() -> None:
             check_request({"do": asked, "shapes": list(shapes)}, shapes, {}, {}, None)
 
 
-def test_jobs_wait_in_a_queue_and_are_cancelled(app) -> None:
-    jobs = [app.send("POST", "jobs", {"do": "sample"})["id"] for _ in range(3)]
+def test_jobs_wait_in_a_queue_and_are_cancelled(app, ply) -> None:
+    i = put(app, "ball.ply", ply)
+    app.wait(lambda s: not s["jobs"])
+    asked = {"do": "distance", "shapes": [i]}
+    wanted = [{"do": "sample"}, *(asked | {"landmarks": [[v]]} for v in (1, 2))]
+    jobs = [app.send("POST", "jobs", job)["id"] for job in wanted]
+    assert [app.send("POST", "jobs", job)["id"] for job in wanted] == jobs  # nothing is done twice
     state = app.get("state")
-    assert [one["title"] for one in state["jobs"]] == ["Making a sample pair"] * 3
+    assert [one["id"] for one in state["jobs"]] == jobs
+    assert state["jobs"][0]["title"] == "Making a sample pair"
     for job in jobs[::-1]:
         app.send("DELETE", f"jobs/{job}")
     app.send("DELETE", "jobs/99999")
-    assert app.wait(lambda s: not s["jobs"])["shapes"] == []
+    assert len(app.wait(lambda s: not s["jobs"])["shapes"]) == 1
+    app.send("DELETE", f"shapes/{i}")
 
 
 def test_a_full_queue_refuses_work_and_takes_shapes(app, ply, monkeypatch) -> None:

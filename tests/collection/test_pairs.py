@@ -120,3 +120,5 @@ def test_mistakes(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="cannot make the folder"):
         collection.match(None, tmp_path / "file" / "matches", workers=0)
+    with pytest.raises(FileError, match="has no name"):
+        collection.match(None, "", workers=0)

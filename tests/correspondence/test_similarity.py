@@ -81,6 +81,9 @@ def test_forms_spare_the_work_and_change_nothing(blob: Mesh) -> None:
     assert similarity(*by_area, match=every, areas=areas) == pytest.approx(
         similarity(blob, other, match=every)
     )
+    assert similarity(*by_area, areas=areas) == pytest.approx(
+        similarity(blob, other, weighting="area")
+    )
     assert similarity(*forms, match=every, weighting="uniform") == pytest.approx(expected)
 
 
@@ -123,6 +126,7 @@ def test_what_does_not_fit(blob: Mesh) -> None:
         ((blob, blob), {"match": every + 1}, "names target vertex 642"),
         ((blob, blob), {"match": every - 2}, "list of vertex numbers"),
         ((blob, blob), {"weighting": "mass"}, "weighting"),
+        ((blob, blob), {"weighting": "uniform", "areas": (every, every)}, "areas have no use"),
     ):
         with pytest.raises(InputError, match=sentence):
             similarity(*arguments, **options)

@@ -54,6 +54,8 @@ def test_weights_have_the_colour_of_the_largest() -> None:
     assert colors[2].tolist() == [153] * 3
 
 
-def test_several_numbers_have_none() -> None:
+def test_several_numbers_and_other_kinds_have_none() -> None:
     with pytest.raises(InputError, match="2 numbers for each vertex"):
         value_colors(np.zeros((3, 2)))
+    with pytest.raises(InputError, match="not 'number'"):
+        value_colors(np.zeros(3), kind="number")

@@ -183,10 +183,15 @@ def test_unusable_arguments_are_named():
     ax = new_figure(1, 1).add_subplot()
     with pytest.raises(InputError, match="three-quarter"):
         draw_mesh(ax, mesh, view="below")
+    for view in (5, (1,), ("a", 2), (np.nan, 0)):
+        with pytest.raises(InputError, match="view"):
+            draw_mesh(ax, mesh, view=view)
     with pytest.raises(MeshError, match="4 points"):
         draw_mesh(ax, SQUARE)
     with pytest.raises(InputError, match="colors"):
         draw_mesh(ax, mesh, colors=np.ones(3))
+    with pytest.raises(InputError, match="colors"):
+        draw_mesh(ax, mesh, colors="red")
 
 
 def test_missing_matplotlib_names_the_extra(monkeypatch):

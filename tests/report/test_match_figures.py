@@ -74,6 +74,8 @@ def test_a_file_is_written(blob: Mesh, tmp_path) -> None:
 def test_what_does_not_fit(blob: Mesh) -> None:
     with pytest.raises(InputError, match="no evaluations"):
         draw_error_curves({}, "a.png")
+    with pytest.raises(InputError, match="mine: an Evaluation is drawn, not int"):
+        draw_error_curves({"mine": 5}, "a.png")
     with pytest.raises(InputError, match="the map has 3 source"):
         draw_match(blob, blob, np.arange(3), "a.png")
     with pytest.raises(InputError, match="up must be"):

@@ -207,9 +207,13 @@ class Session:
                 self._worker.cancel()
 
     def _submit(self, job: dict[str, Any]) -> int:
+        job = job | {"up": self._up}
+        for i, entry in self._jobs.items():
+            if entry["job"] == job:  # asked for twice
+                return i
         i = next(self._ids)
         names = " and ".join(self._shapes[one]["name"] for one in job["shapes"])
-        entry = {"title": TITLES[job["do"]].format(names), "job": job | {"up": self._up}}
+        entry = {"title": TITLES[job["do"]].format(names), "job": job}
         self._jobs[i] = entry | {"stage": "waiting", "share": 0.0, "running": False}
         self._note()
         return i

@@ -130,6 +130,8 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
 
     Raises FileError if it cannot be made or written to.
     """
+    if not os.fspath(path):
+        raise FileError("the folder for results has no name; . is the current one")
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)

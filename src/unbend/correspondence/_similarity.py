@@ -47,8 +47,8 @@ def similarity(
         see :func:`unbend.canonical_form` and :func:`unbend.sampled_canonical_form`.
     weighting : {"auto", "uniform", "area"}, default="auto"
         Whether vertices count equally or by their area, both in the canonical forms of meshes and
-        in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed differently;
-        otherwise equally, as in the paper.
+        in the cosine. ``"auto"``: by area with a match, since its shapes may be meshed differently,
+        and with `areas`; otherwise equally, as in the paper.
     areas : ((n_model,), (n_probe,)) arrays_like of float, optional
         Vertex areas, needed only where vertices count by area and a form is given.
 
@@ -88,7 +88,9 @@ def similarity(
     if weighting not in ("auto", "uniform", "area"):
         raise InputError(f'weighting must be "auto", "uniform" or "area", not {weighting!r}')
     check_whole(n_components, "n_components", 1)
-    by_area = weighting == "area" or (weighting == "auto" and match is not None)
+    if weighting == "uniform" and areas is not None:
+        raise InputError('areas have no use with weighting="uniform"')
+    by_area = weighting != "uniform" and not (match is areas is None and weighting == "auto")
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (
         _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes

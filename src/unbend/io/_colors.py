@@ -36,8 +36,10 @@ def value_colors(
     Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`.
     Each label has a colour, in its turn of seven; of weights (n, k) each vertex has that of its
     largest. Grey stands for numbers that are not finite, and for the labels -1 and "". Raises
-    InputError if there are several numbers for each vertex.
+    InputError for another `kind`, and for several numbers of each vertex.
     """
+    if kind not in ("scalar", "label", "weights"):
+        raise InputError(f'kind must be "scalar", "label" or "weights", not {kind!r}')
     array = np.asarray(values)
     known = None
     if kind == "weights":

@@ -181,7 +181,7 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.Path
     Raises
     ------
     InputError
-        If there is nothing to draw.
+        If there is nothing to draw, or something is no Evaluation.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 
@@ -199,6 +199,9 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.Path
     """
     if not evaluations:
         raise InputError("there are no evaluations to draw")
+    for name, one in evaluations.items():
+        if not isinstance(one, Evaluation):
+            raise InputError(f"{name}: an Evaluation is drawn, not {type(one).__name__}")
     save_figure(error_curves(evaluations), path)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
+from unbend._arrays import numbers_of
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
@@ -32,7 +33,7 @@ def rgb_of(colors: Any, n: int) -> FloatArray:
     """Turn the colours that a caller gave into red, green and blue of n vertices."""
     if colors is None:
         return np.tile(_CLAY, (n, 1))
-    array = np.asarray(colors, dtype=np.float64)
+    array = numbers_of(colors, "colors")
     if array.shape == (n, 3):
         return array
     if array.shape != (n,):
@@ -46,7 +47,10 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
         if view not in VIEWS:
             raise InputError(f"there is no view {view!r}; the views are {', '.join(VIEWS)}")
         view = VIEWS[view]
-    azimuth, elevation = np.deg2rad(view)
+    angles = numbers_of(view, "view")
+    if angles.shape != (2,) or not np.isfinite(angles).all():
+        raise InputError(f"view must be a name or two angles in degrees, not {view!r}")
+    azimuth, elevation = np.deg2rad(angles)
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     turn = np.array([[ca, 0, -sa], [0, 1, 0], [sa, 0, ca]])
     tilt = np.array([[1, 0, 0], [0, ce, -se], [0, se, ce]])

@@ -264,7 +264,12 @@ class TestTrickyFiles:
     def test_unknown_obj_lines_are_noted(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nw 1 0 0\nv 1 1 0\n"))
         assert mesh.n_vertices == 2
-        assert mesh.notes == ("1 line that OBJ does not know left out",)
+        assert mesh.notes[-1] == "1 line that OBJ does not know left out"
+
+    def test_an_obj_without_faces_is_noted(self, tmp_path: Path) -> None:
+        """A file that ends too early has none, and would pass for a cloud in silence."""
+        mesh = read_mesh(put(tmp_path, "m.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0"))
+        assert mesh.notes == ("there are no faces: taken as a point cloud",)
 
     def test_text_stl_with_two_solids(self, tmp_path: Path) -> None:
         facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 {z}\nvertex 1 0 {z}\nvertex 0 1 0\n"

@@ -63,6 +63,8 @@ def read(data: bytes) -> Contents:
     vertices = positions(rows)
     polygons = np.array(sizes, dtype=np.int64), np.array(corners, dtype=np.int64)
     faces, notes = triangulate(*polygons, len(rows), first=1)
+    if not sizes:  # as if the file ended too early
+        notes.append("there are no faces: taken as a point cloud")
     if strange:
         notes.append(f"{plural(strange, 'line')} that OBJ does not know left out")
     return Contents(vertices, faces, tuple(notes), lambda: _colors(rows))
