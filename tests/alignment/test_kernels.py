@@ -24,6 +24,12 @@ def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
     assert (np.abs(largest_traces(matrices) - expected) <= 1e-7 * sizes).all()
 
 
+def _laid(count: int, *given) -> np.ndarray:
+    laid = np.zeros(count)
+    lay(*given, laid, np.empty(3), np.empty(3, np.int64))
+    return laid
+
+
 @pytest.mark.kernels
 def test_laid_is_what_is_near_and_faces_alike_and_half_of_what_is_beyond() -> None:
     goal = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
@@ -33,13 +39,13 @@ def test_laid_is_what_is_near_and_faces_alike_and_half_of_what_is_beyond() -> No
     given = grid, np.zeros(3), 1.0, goal, up, 0.2
     turns = Rotation.from_euler("x", [[0], [90], [0]], degrees=True).as_matrix()
     shifts, sizes = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0.3]]), np.array([1.0, 1.0, 1.0])
-    laid = lay(points, up, areas, turns, shifts, sizes, *given)
+    laid = _laid(3, points, up, areas, turns, shifts, sizes, *given)
     near = 0.25 * (1 - 0.1**2 / 0.2**2)
     assert laid == pytest.approx([0.5 + near + 0.0625, 0.0625, 0.0625])
     # A size of 4 leads the second point beyond the grid, to what is nearest in it; and the reach is
     # between the lengths of the one shape and those of the other.
-    (larger,) = lay(
-        points[:2], up[:2], areas[:2], turns[:1], shifts[:1] + 0.1, 4 * sizes[:1], *given
+    (larger,) = _laid(
+        1, points[:2], up[:2], areas[:2], turns[:1], shifts[:1] + 0.1, 4 * sizes[:1], *given
     )
     assert larger == pytest.approx(0.5 * (1 - 0.03 / (4 * 0.2**2)) + 0.125)
 

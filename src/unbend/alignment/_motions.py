@@ -125,19 +125,31 @@ def _share_laid(
     grid = cKDTree(goal.points).query(middles)[1]
     grid[goal.on_boundary[grid]] = -1
     samples = one.points[one.samples], one.normals[one.samples], one.areas
-    found: FloatArray = lay(
-        *samples, *motions, grid, corner, cell, goal.points, goal.normals, reach
-    )
-    return found
+    laid, scratch = np.zeros(len(motions.sizes)), (np.empty(3), np.empty(3, np.int64))
+    around = grid, corner, cell, goal.points, goal.normals, reach
+    lay(*samples, *motions, *around, laid, *scratch)
+    return laid
 
 
 @compiled
 def lay(  # type: ignore[no-untyped-def]
-    points, normals, areas, rotations, shifts, sizes, grid, corner, cell, goal, goal_normals, reach
+    points,
+    normals,
+    areas,
+    rotations,
+    shifts,
+    sizes,
+    grid,
+    corner,
+    cell,
+    goal,
+    goal_normals,
+    reach,
+    laid,
+    place,
+    at,
 ):
-    """Add up areas (h,) by how near to the goal motions lay points, and how they face there."""
-    laid = np.zeros(len(sizes))
-    place, at = np.empty(3), np.empty(3, np.int64)
+    """Add to areas (h,) by how near to the goal motions lay points, and how they face there."""
     for h in range(len(sizes)):
         rotation, size = rotations[h], sizes[h]
         for i in range(len(points)):
@@ -158,4 +170,3 @@ def lay(  # type: ignore[no-untyped-def]
                     facing += rotation[a, b] * normals[i, b] * goal_normals[j, a]
             # Between the lengths of the one shape and those of the other.
             laid[h] += areas[i] * facing * max(1 - off / (size * reach**2), 0.0)
-    return laid

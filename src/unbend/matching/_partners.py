@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
-from unbend.mesh import label_linked
 
 
 def cycle_consistent(shape: Shape, forward: IntArray, backward: IntArray) -> BoolArray:
@@ -36,25 +36,64 @@ def keep_matched(
     the shape is ``size`` (p,) times as long. The image of an outline may be ``near``, a distance,
     to the boundary.
     """
+    kept = overlap.copy()
+    if not kept.all():
+        graph = shape.edge_weights.indptr, shape.edge_weights.indices
+        longest = constants.OUTLINE * goal.boundary_length / size
+        off = goal.boundary_distances[point_maps]
+        scratch = np.empty((2, len(kept)), np.int64), np.empty((2, len(kept)))
+        _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near, *scratch)
+    return kept
+
+
+@compiled
+def _keep_matched(  # type: ignore[no-untyped-def]
+    faces, vertices, start, neighbors, overlap, longest, off, near, numbers, lengths
+):
     n, n_maps = overlap.shape
-    # Patches: of vertices without partner, and joined by edges; those of each map by themselves.
-    edges = shape.edge_weights.tocoo()
-    joined, of_map = np.nonzero(~(overlap[edges.row] | overlap[edges.col]))
-    links = np.stack([edges.row, edges.col])[:, joined] * n_maps + of_map
-    patch = label_linked(links, n * n_maps).reshape(n, n_maps)
-    # An outline leads through the middles of the sides between who has a partner and who not.
-    count = overlap[shape.faces].sum(axis=1)
-    crossed, of_map = np.nonzero((count == 1) | (count == 2))
-    corners, column = shape.faces[crossed], of_map[:, None]
-    inside = overlap[corners, column]
-    alone = inside == (count[crossed, of_map] == 1)[:, None]
-    others = shape.vertices[corners[~alone].reshape(-1, 2)]
-    lengths = np.linalg.norm(others[:, 0] - others[:, 1], axis=1) / 2
-    outside = patch[corners[np.arange(len(corners)), inside.argmin(axis=1)], of_map]
-    outline = np.bincount(outside, lengths, patch.max() + 1)[patch]
-    off = np.where(inside, goal.boundary_distances[point_maps[corners, column]], np.inf)
-    nearest = np.full(patch.max() + 1, np.inf)
-    np.minimum.at(nearest, outside, off.min(axis=1))
-    longest = constants.OUTLINE * goal.boundary_length / size
-    none = (outline > longest) | ((outline > 0) & (nearest[patch] > near))
-    return np.asarray(overlap | none)
+    patch, reached = numbers
+    # Of each patch: how long its outline is, and how near its image comes to the boundary.
+    outline, nearest = lengths
+    for m in range(n_maps):
+        count = 0
+        for i in range(n):
+            patch[i] = -1
+        for i in range(n):
+            if overlap[i, m] or patch[i] >= 0:
+                continue
+            outline[count], nearest[count] = 0.0, np.inf
+            patch[i], reached[0], left = count, i, 1
+            while left:
+                left -= 1
+                v = reached[left]
+                for e in range(start[v], start[v + 1]):
+                    w = neighbors[e]
+                    if not overlap[w, m] and patch[w] < 0:
+                        patch[w], reached[left] = count, w
+                        left += 1
+            count += 1
+        if count == 0:
+            continue
+        # An outline leads through the middles of the sides between who has a partner and who not.
+        for f in range(len(faces)):
+            inside = 0
+            for c in range(3):
+                inside += overlap[faces[f, c], m]
+            if inside in (0, 3):
+                continue
+            odd = 0
+            while overlap[faces[f, odd], m] != (inside == 1):
+                odd += 1
+            u, v = faces[f, (odd + 1) % 3], faces[f, (odd + 2) % 3]
+            square = 0.0
+            for a in range(3):
+                square += (vertices[u, a] - vertices[v, a]) ** 2
+            p = max(patch[u], patch[faces[f, odd]])
+            outline[p] += np.sqrt(square) / 2
+            for c in range(3):
+                if overlap[faces[f, c], m]:
+                    nearest[p] = min(nearest[p], off[faces[f, c], m])
+        for i in range(n):
+            p = patch[i]
+            if p >= 0 and outline[p] > 0 and (outline[p] > longest[m] or nearest[p] > near):
+                overlap[i, m] = True
