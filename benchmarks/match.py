@@ -45,6 +45,7 @@ from unbend import Match, Mesh, evaluate, match
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import UnbendError
 from unbend.mesh import vertex_areas
+from unbend.preparation import surface_of_points
 from unbend.spectral import use_cache
 
 Row = dict[str, Any]
@@ -119,12 +120,15 @@ def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | 
         "mirrored": len(truths) > 1 and bool(found.mean("map-min") < WRONG <= errors.mean()),
     }
     if expected is not None:
-        areas = [vertex_areas(one) for one in (case.source, case.target, case.whole)]
-        unit = np.sqrt(areas[1].sum() / areas[2].sum())
+        areas = vertex_areas(case.source)
+        surface = case.target
+        if surface.is_point_cloud:
+            surface = surface_of_points(surface).mesh
+        unit = np.sqrt(vertex_areas(surface).sum() / vertex_areas(case.whole).sum())
         row["points"] = {
             "error": errors.tolist(),
             "expected": (unit * expected[rows[finite]]).tolist(),
-            "area": (areas[0] / areas[0].sum())[rows[finite]].tolist(),
+            "area": (areas / areas.sum())[rows[finite]].tolist(),
         }
     if case.overlap is not None:
         row["iou"] = min(
