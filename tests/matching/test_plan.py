@@ -24,7 +24,6 @@ from unbend.matching._plan import (
     PLAN,
     Sides,
     Step,
-    _finer,
     always,
     best,
     candidates,
@@ -96,7 +95,7 @@ def _candidate(cost: float, orientation: float = 1.0) -> Candidate:
 @pytest.fixture(scope="module")
 def bodies() -> Sides:
     """Two poses of one body, of fewer vertices than the finer proxies may have."""
-    return make_sides(_shape(SOURCE.mesh), _shape(TARGET.mesh), thorough=True)
+    return make_sides(_shape(SOURCE.mesh), _shape(TARGET.mesh))
 
 
 @pytest.fixture(scope="module")
@@ -264,24 +263,6 @@ def test_what_is_lifted_stays_what_it_is(box: Sides) -> None:
     points = box.source.shape.vertices
     for one, found in zip(signs, lifted(box, begun), strict=True):
         np.testing.assert_allclose(points[found.registered.forward], points * one, atol=1e-6)
-
-
-@pytest.mark.parametrize("costs", [(0.1, 0.19, 0.21), (0.01, 0.07, 0.09)])
-def test_what_is_far_behind_is_not_registered_finely_unless_several_maps_are_wanted(
-    box: Sides, costs: tuple[float, ...]
-) -> None:
-    """Of shapes with few features, which cost little, nothing is far behind."""
-    turns = [1, 1, 1], [-1, -1, 1], [1, -1, -1]
-    begun = [
-        replace(_candidate(cost), registered=_box_turned(box, COARSE, one))
-        for cost, one in zip(costs, turns, strict=True)
-    ]
-    points = box.source.shape.vertices
-    for sides, kept in (box, turns[:2]), (box._replace(thorough=True), turns):
-        images = [points[one.registered.forward] for one in _finer(sides, begun)]
-        assert len(images) == len(kept)
-        for one in kept:
-            assert min(np.abs(there - points * one).max() for there in images) < 0.1
 
 
 def test_of_two_that_lead_to_the_same_place_the_better_one_on_finer_copies_stays(

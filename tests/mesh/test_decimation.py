@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from sheets import make_sheet
 from unbend.datasets import make_biped, make_sphere
 from unbend.mesh import Mesh, find_components, find_edges, vertex_areas
-from unbend.mesh.decimation import _costs, _products, _quadrics, _turns_over, decimate
+from unbend.mesh.decimation import _costs, _quadrics, _turns_over, decimate
 
 
 def _euler(faces: np.ndarray, n: int) -> int:
@@ -110,7 +110,7 @@ def test_the_cost_of_a_collapse_is_the_sum_of_squared_distances() -> None:
         return float(expected)
 
     ends, costs = np.empty((ball.faces.size, 2), int), np.empty(ball.faces.size)
-    _costs(points, _products(points), ball.faces, quadrics, ends, costs)
+    _costs(points, ball.faces, quadrics, ends, costs)
     sides = np.stack([ball.faces, ball.faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
     np.testing.assert_array_equal(np.sort(ends), np.sort(sides))
     for (u, v), found in zip(ends[::7], costs[::7], strict=True):

@@ -41,7 +41,6 @@ OUTLINE = 3.0  # A part that is missing may have an outline so many times the bo
 # What a missed landmark adds to a cost. So many times minus the logarithm of the share of a shape
 # that has a partner are added too: a small overlap that fits must not beat a large one.
 WITHOUT = 0.12
-FAR_BEHIND = 2.0  # Candidates that cost more than so many times the least do not go on.
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the

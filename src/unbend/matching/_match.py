@@ -155,7 +155,7 @@ def match(
         progress("spectrum", 1.0)
     if landmarks is not None:
         ours, theirs = _with_landmarks(ours, theirs, landmarks)
-    sides = make_sides(ours.shape, theirs.shape, thorough=n_matches > 1)
+    sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
     if allow_mirror:

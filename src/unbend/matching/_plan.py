@@ -73,15 +73,12 @@ class Sides(NamedTuple):
         tell a surface from its mirror image.
     turned : bool
         Whether the target is the mirror image of what was given.
-    thorough : bool
-        Whether several maps are wanted, so that those far behind count too.
     """
 
     source: Levels
     target: Levels
     maps: FloatArray
     turned: bool = False
-    thorough: bool = False
 
     def at(self, level: int) -> tuple[Shape, Shape]:
         """Proxies of source and target at a level."""
@@ -109,7 +106,7 @@ class Step(NamedTuple):
     keep: int
 
 
-def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
+def make_sides(source: Shape, target: Shape) -> Sides:
     """Make the proxies, and factorise what every hypothesis solves with."""
     shapes = [source] if target is source else [source, target]
     levels = run_all(functools.partial(_make_levels, one) for one in shapes)
@@ -124,7 +121,7 @@ def make_sides(source: Shape, target: Shape, thorough: bool = False) -> Sides:
     maps, *_ = run_all(
         [functools.partial(search, source, target), lambda: coarse.distances, *tasks]
     )
-    return Sides(mine, other, maps, thorough=thorough)
+    return Sides(mine, other, maps)
 
 
 def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]:
@@ -134,23 +131,14 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     for i, step in enumerate(PLAN):
         if step.when(sides):
             if step.level != level:
-                found, level = _finer(sides, found), step.level
+                # Duplicates go along: the better of two on this level may be the worse on the next.
+                found, level = lifted(sides, ranked(found)), step.level
                 ranks = best(sides, level, found)
             found = [*found, *best(sides, level, step.stage(sides, ranks))[: step.keep]]
             ranks = best(sides, level, found)
         if on_step is not None:
             on_step("search", (i + 1) / len(PLAN))
-    return ranks if level == MEDIUM else best(sides, MEDIUM, _finer(sides, found))
-
-
-def _finer(sides: Sides, found: list[Candidate]) -> list[Candidate]:
-    """Carry candidates to the finer level, where costs differ less, without those far behind.
-
-    Duplicates go along: the better of two there may be the worse one here.
-    """
-    found = ranked(found)
-    most = max(constants.FAR_BEHIND * found[0].cost, constants.FEATURES)
-    return lifted(sides, [one for one in found if sides.thorough or one.cost <= most])
+    return ranks if level == MEDIUM else best(sides, MEDIUM, lifted(sides, ranked(found)))
 
 
 def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:

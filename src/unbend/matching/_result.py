@@ -66,7 +66,7 @@ class Match:
         The largest of those shares of the area, what is turned inside out counted twice: 0 to 2.
         `confidence` falls with it from 0 on.
     hypotheses : tuple of Hypothesis
-        The one that was taken, then the runners-up as ranked, without those far behind.
+        The one that was taken, then the runners-up as ranked.
         Those that differ from it by less than 0.06 on average are right together with it.
     faces, weights : (n_source,) ndarray of int64, (n_source, 3) ndarray of float64, or None
         When asked for, and the target has faces: the face that each source vertex falls on, and

@@ -40,13 +40,12 @@ def decimate(vertices: FloatArray, faces: IntArray, count: int) -> Decimated:
     boundary = np.zeros(n, dtype=bool)
     boundary[edges.ends[edges.n_faces != 2].ravel()] = True
     quadrics = _quadrics(vertices, faces, edges)
-    products = _products(vertices)
     parents = np.arange(n)
     left = n
     while left > count:
         start, ring = faces_around(faces, n)
         ends, costs = np.empty((3 * len(faces), 2), np.int64), np.empty(3 * len(faces))
-        _costs(vertices, products, faces, quadrics, ends, costs)
+        _costs(vertices, faces, quadrics, ends, costs)
         cheap = int(_SHARE_OF_EDGES * len(costs)) + 1
         order = np.flatnonzero(costs <= np.partition(costs, cheap)[cheap])
         order = order[np.argsort(costs[order], kind="stable")]
@@ -91,32 +90,36 @@ def _squares(normals: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(planes[:, rows] * planes[:, columns])
 
 
-def _products(vertices: FloatArray) -> FloatArray:
-    """Products of coordinates, (n, 10), that a quadric's coefficients are multiplied by."""
-    points = np.column_stack([vertices, np.ones(len(vertices))])
-    rows, columns = np.triu_indices(4)
-    return np.asarray(points[:, rows] * points[:, columns] * np.where(rows == columns, 1, 2))
-
-
 @compiled
-def _costs(vertices, products, faces, quadrics, ends, costs):  # type: ignore[no-untyped-def]
-    """Every side of every face in its cheaper direction, and its cost."""
-    last = quadrics.shape[1] - 1
+def _costs(vertices, faces, q, ends, costs):  # type: ignore[no-untyped-def]
+    """Every side of every face in its cheaper direction, and its cost by the quadrics q."""
     for f in range(len(faces)):
         for c in range(3):
             u, v = faces[f, c], faces[f, (c + 1) % 3]
-            there = back = length = 0.0
-            for k in range(last):
-                both = quadrics[u, k] + quadrics[v, k]
-                there += both * products[v, k]
-                back += both * products[u, k]
-            for k in range(3):
-                length += (vertices[u, k] - vertices[v, k]) ** 2
-            there = max(there, 0.0) + _EVENNESS * quadrics[u, last] * length
-            back = max(back, 0.0) + _EVENNESS * quadrics[v, last] * length
-            if back < there:
-                u, v, there = v, u, back
-            ends[3 * f + c, 0], ends[3 * f + c, 1], costs[3 * f + c] = u, v, there
+            k = 3 * f + c
+            costs[k] = np.inf
+            for _ in range(2):  # u moves onto v, or v onto u
+                x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+                total = (
+                    (q[u, 0] + q[v, 0]) * x * x
+                    + (q[u, 4] + q[v, 4]) * y * y
+                    + (q[u, 7] + q[v, 7]) * z * z
+                    + q[u, 9]
+                    + q[v, 9]
+                )
+                total += 2 * (
+                    (q[u, 1] + q[v, 1]) * x * y
+                    + (q[u, 2] + q[v, 2]) * x * z
+                    + (q[u, 5] + q[v, 5]) * y * z
+                )
+                total += 2 * (
+                    (q[u, 3] + q[v, 3]) * x + (q[u, 6] + q[v, 6]) * y + (q[u, 8] + q[v, 8]) * z
+                )
+                x, y, z = vertices[u, 0] - x, vertices[u, 1] - y, vertices[u, 2] - z
+                cost = max(total, 0.0) + _EVENNESS * q[u, 10] * (x * x + y * y + z * z)
+                if cost < costs[k]:
+                    ends[k, 0], ends[k, 1], costs[k] = u, v, cost
+                u, v = v, u
 
 
 @compiled
