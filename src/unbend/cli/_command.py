@@ -11,22 +11,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
+from unbend.cli._options import HELP
 from unbend.cli._output import begin
-
-_JsonOption = Annotated[
-    bool,
-    typer.Option(
-        "--json",
-        help="Print one JSON object to standard output; besides the result it has the files that "
-        "were written, the warnings, and the seconds that it took.",
-    ),
-]
-_QuietOption = Annotated[
-    bool,
-    typer.Option(
-        "--quiet", "-q", help="No progress, notes or hints; only results, warnings and errors."
-    ),
-]
 
 
 def make_group(help: str, *functions: Callable[..., None], **options: Any) -> typer.Typer:
@@ -62,10 +48,19 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
             defaults[name], hints[name] = one.default, own[name]
     text, _, examples = (function.__doc__ or "").partition("    Examples\n    --------\n")
     text, _, options = text.partition("    Options\n    -------\n")
-    for name, words in re.findall(r"^ {6}(\w+): (.*(?:\n {10}.*)*)", options, re.MULTILINE):
-        hints[name] = _with_help(hints[name], " ".join(words.split()))
+    about = HELP | dict(re.findall(r"^ {6}(\w+): (.*(?:\n {10}.*)*)", options, re.MULTILINE))
     defaults |= {"as_json": False, "quiet": False}
-    hints |= {"as_json": _JsonOption, "quiet": _QuietOption}
+    hints["as_json"] = Annotated[bool, typer.Option("--json")]
+    hints["quiet"] = Annotated[bool, typer.Option("--quiet", "-q")]
+    for name, hint in hints.items():
+        kind, option = hint, typer.Option()
+        if get_origin(hint) is Annotated:
+            kind, option = get_args(hint)
+        elif defaults[name] is inspect.Parameter.empty:
+            option = typer.Argument(metavar=name.upper())
+        option = copy.copy(option)  # which other commands may share
+        option.help = " ".join(about[name].split())
+        hints[name] = Annotated[kind, option]
 
     def run(*, as_json: bool, quiet: bool, **given: Any) -> None:
         begin(as_json, quiet)
@@ -83,13 +78,3 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
         ]
     )
     return run
-
-
-def _with_help(hint: Any, text: str) -> Any:
-    """Give an option its help: a type, or one that is annotated with an option."""
-    kind, about = hint, typer.Option()
-    if get_origin(hint) is Annotated:
-        kind, about = get_args(hint)
-    about = copy.copy(about)
-    about.help = text
-    return Annotated[kind, about]

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import unbend
-from unbend import choices
+from unbend.choices import Partial
 from unbend.errors import InputError
 
 
@@ -68,148 +68,61 @@ def count(name: str, least: int | None = 1) -> Any:
     return typer.Option("-n", name, metavar="N", min=least)
 
 
-Figure = Annotated[str | None, typer.Option(metavar="PNG", callback=figure_file)]
-Report = Annotated[
-    str | None,
-    typer.Option(
-        metavar="HTML",
-        callback=html_file,
-        help="Write an interactive page of pictures, for a browser.",
-    ),
-]
-Meshes = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="MESHES", help=".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them."
-    ),
-]
-Mesh = Annotated[
-    str,
-    typer.Argument(
-        metavar="MESH",
-        help="A .off, .obj, .ply, .stl, .xyz or .npy file, or what trimesh and meshio read.",
-    ),
-]
-Source = Annotated[str, typer.Argument(metavar="SOURCE", help="The mesh to map from.")]
-Target = Annotated[str, typer.Argument(metavar="TARGET", help="The mesh to map to.")]
-Csv = Annotated[
-    str | None,
-    typer.Option(metavar="OUT", callback=_writable(".csv"), help="Write the table to a file, too."),
-]
-Up = Annotated[
-    choices.Axis,
-    typer.Option(help="The axis that points upward in pictures; for two shapes, the source's."),
-]
-Component = Annotated[
-    str | None,  # a number where it is one
-    typer.Option(
-        metavar="largest|NUMBER",
-        callback=parse_component,
-        help="Which connected component to keep; numbers count from 0, largest first.",
-    ),
-]
-Laplacian = Annotated[
-    choices.LaplacianKind,
-    typer.Option(help="auto: robust for degenerate faces or non-manifold edges."),
-]
-Cache = Annotated[
-    bool, typer.Option(callback=_switch_cache, help="Keep eigenpairs on disk for later runs.")
-]
+# Of options that several commands take; the docstring of a command may say something else.
+HELP = {
+    "meshes": ".off, .obj, .ply, .stl, .xyz or .npy files, or folders of them.",
+    "mesh": "A .off, .obj, .ply, .stl, .xyz or .npy file, or what trimesh and meshio read.",
+    "source": "The mesh to map from.",
+    "target": "The mesh to map to.",
+    "store": "The collection: a folder, or s3://bucket/name.",
+    "out": "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
+    "each source vertex, from 0) or .vts (from 1).",
+    "report": "Write an interactive page of pictures, for a browser.",
+    "csv": "Write the table to a file, too.",
+    "up": "The axis that points upward in pictures; for two shapes, the source's.",
+    "component": "Which connected component to keep; numbers count from 0, largest first.",
+    "laplacian": "auto: robust for degenerate faces or non-manifold edges.",
+    "cache": "Keep eigenpairs on disk for later runs.",
+    "map": "The map that unbend match wrote, best as .npz. Without it the shapes are matched "
+    "first.",
+    "base": "What MAP counts from; .vts from 1, others from 0.",
+    "partial": "Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
+    "boundary.",
+    "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
+    "counted from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
+    "save_match": "Keep the match that was made, as unbend match -o does.",
+    "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
+    "workers": "Local processes; by default as many as there are processors and memory for. 0: "
+    "none beside this one.",
+    "scheduler": "A Dask scheduler whose workers to use; they must see the files under these "
+    "paths.",
+    "as_json": "Print one JSON object to standard output; besides the result it has the files "
+    "that were written, the warnings, and the seconds that it took.",
+    "quiet": "No progress, notes or hints; only results, warnings and errors.",
+}
 
-# Of commands that read a map or make a match.
-MapOut = Annotated[
-    str | None,
-    typer.Option(
-        "-o",
-        "--out",
-        metavar="MAP",
-        callback=_map_file,
-        help="Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
-        "each source vertex, from 0) or .vts (from 1).",
-    ),
+Figure = Annotated[str | None, typer.Option(metavar="PNG", callback=figure_file)]
+Report = Annotated[str | None, typer.Option(metavar="HTML", callback=html_file)]
+Csv = Annotated[str | None, typer.Option(metavar="OUT", callback=_writable(".csv"))]
+Component = Annotated[  # a number where it is one
+    str | None, typer.Option(metavar="largest|NUMBER", callback=parse_component)
 ]
-Base = Annotated[
-    int | None,
-    typer.Option(metavar="0|1", help="What MAP counts from; .vts from 1, others from 0."),
-]
-Partial = Annotated[
-    choices.Partial,
-    typer.Option(
-        help="Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
-        "boundary."
-    ),
-]
-Landmarks = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="FILE",
-        help="Landmarks: a .csv file, on each line a source vertex and a target vertex, counted "
-        "from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
-    ),
-]
-MinConfidence = Annotated[
-    float | None,
-    typer.Option(
-        metavar="X",
-        min=0,
-        max=1,
-        help="If the match's confidence is below X, write no file and exit with code 3.",
-    ),
-]
+Cache = Annotated[bool, typer.Option(callback=_switch_cache)]
+Workers = Annotated[int | None, typer.Option(metavar="N", min=0)]
+Scheduler = Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")]
+MapOut = Annotated[str | None, out("MAP", _map_file)]
+Base = Annotated[int | None, typer.Option(metavar="0|1")]
+Landmarks = Annotated[list[str] | None, typer.Option(metavar="FILE")]
+MinConfidence = Annotated[float | None, typer.Option(metavar="X", min=0, max=1)]
 
 
 @dataclass(frozen=True)
 class MatchOptions:
     """Options of commands that read a map, or make one."""
 
-    map: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MAP",
-            help="The map that unbend match wrote, best as .npz. Without it the shapes are matched "
-            "first.",
-        ),
-    ] = None
+    map: Annotated[str | None, typer.Option(metavar="MAP")] = None
     base: Base = None
     partial: Partial = "auto"
     landmarks: Landmarks = None
-    save_match: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MAP",
-            callback=_map_file,
-            help="Keep the match that was made, as unbend match -o does.",
-        ),
-    ] = None
+    save_match: Annotated[str | None, typer.Option(metavar="MAP", callback=_map_file)] = None
     min_confidence: MinConfidence = None
-
-    def given(self) -> dict[str, Any]:
-        """Values of the options that were given."""
-        defaults = vars(MatchOptions())
-        return {
-            f"--{name.replace('_', '-')}": value
-            for name, value in vars(self).items()
-            if value != defaults[name] and value != []
-        }
-
-
-# Of collections.
-Store = Annotated[
-    str, typer.Argument(metavar="STORE", help="The collection: a folder, or s3://bucket/name.")
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N",
-        min=0,
-        help="Local processes; by default as many as there are processors and memory for. 0: none "
-        "beside this one.",
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="tcp://HOST:PORT",
-        help="A Dask scheduler whose workers to use; they must see the files under these paths.",
-    ),
-]

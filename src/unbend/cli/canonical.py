@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import unbend
-from unbend.choices import Detail, DistanceKind, Weighting
+from unbend.choices import Axis, Detail, DistanceKind, LaplacianKind, Weighting
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, files_in, is_batch, make_form
 from unbend.cli._output import (
@@ -33,17 +33,17 @@ _TABLE_SUFFIXES = (".npy", ".csv")
 
 
 def canonical(
-    meshes: options.Meshes,
+    meshes: list[str],
     out: Annotated[str | None, options.out()] = None,
     figure: options.Figure = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     n_components: int = 3,
     distance: DistanceKind = "biharmonic",
     weighting: Weighting = "uniform",
     n_samples: int | None = None,
     n_eigenpairs: int | None = None,
-    laplacian: options.Laplacian = "auto",
+    laplacian: LaplacianKind = "auto",
     component: options.Component = None,
     keep_scale: Annotated[bool, typer.Option("--keep-scale")] = False,
     detail: Detail | None = None,

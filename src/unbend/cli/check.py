@@ -8,13 +8,12 @@ import typer
 
 import unbend
 from unbend._text import quoted
-from unbend.cli import _options as options
 from unbend.cli._input import expand_folders
 from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, say, table, tell
 from unbend.errors import InputError, UnbendError
 
 
-def check(meshes: options.Meshes) -> None:
+def check(meshes: list[str]) -> None:
     """Report problems of meshes, and how unbend will handle them.
 
     Several meshes get one table, a line each; a file that cannot be read does not end the check.

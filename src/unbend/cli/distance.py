@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 import unbend
-from unbend.choices import DistanceKind
+from unbend.choices import Axis, DistanceKind, LaplacianKind
 from unbend.cli import _options as options
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
 from unbend.errors import InputError
@@ -20,17 +20,17 @@ def _vertex(text: str) -> int:
 
 
 def distance(
-    mesh: options.Mesh,
+    mesh: str,
     sources: Annotated[list[int], typer.Option("--from", metavar="VERTEX", parser=_vertex)],
     out: Annotated[str | None, options.out()] = None,
     kind: Annotated[DistanceKind, typer.Option("--distance")] = "geodesic",
     n_eigenpairs: int | None = None,
     time: float | None = None,
-    laplacian: options.Laplacian = "auto",
+    laplacian: LaplacianKind = "auto",
     component: options.Component = None,
     figure: options.Figure = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure distances on the surface from vertices to all others, in the mesh's unit.

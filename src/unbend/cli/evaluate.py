@@ -18,9 +18,9 @@ _SHOWN = (0.025, 0.05, 0.1, 0.15)
 
 def evaluate(
     map_file: Annotated[str, typer.Argument(metavar="MAP")],
-    target: options.Target,
-    source_truth: Annotated[str, typer.Argument(metavar="SOURCE_TRUTH")],
-    target_truth: Annotated[str, typer.Argument(metavar="TARGET_TRUTH")],
+    target: str,
+    source_truth: str,
+    target_truth: str,
     mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     distance: GeodesicKind = "geodesic",
     base: options.Base = None,

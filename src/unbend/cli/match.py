@@ -9,6 +9,7 @@ import typer
 
 import unbend
 from unbend._text import quoted
+from unbend.choices import Axis, Partial
 from unbend.cli import _options as options
 from unbend.cli._input import (
     is_unsure,
@@ -34,10 +35,10 @@ _CLEAR_SIDE = 0.1
 
 
 def match(
-    source: options.Source,
-    target: options.Target,
+    source: str,
+    target: str,
     out: options.MapOut = None,
-    partial: options.Partial = "auto",
+    partial: Partial = "auto",
     landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
     n_matches: Annotated[int, options.count("--n-matches", None)] = 1,
@@ -54,7 +55,7 @@ def match(
         tuple[str, str] | None, typer.Option(metavar="SOURCE_TRUTH TARGET_TRUTH")
     ] = None,
     mirrored_truth: Annotated[str | None, typer.Option(metavar="FILE")] = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     cache: options.Cache = True,
 ) -> None:
     """Match two shapes: find the target vertex of each source vertex.

@@ -14,8 +14,8 @@ from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell
 
 
 def morph(
-    source: options.Source,
-    target: options.Target,
+    source: str,
+    target: str,
     out: Annotated[str, options.out()],
     steps: Annotated[int, typer.Option(metavar="N", min=1)] = 1,
     *,

@@ -7,10 +7,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import unbend
 from unbend._text import quoted
+from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, table, tell
@@ -20,14 +19,14 @@ if TYPE_CHECKING:
 
 
 def register(
-    template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
-    scans: Annotated[list[str], typer.Argument(metavar="SCANS")],
+    template: str,
+    scans: list[str],
     out: Annotated[str, options.out()],
     *,
     matching: options.MatchOptions,
     component: options.Component = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     cache: options.Cache = True,
 ) -> None:
     """Register a template to scans: deform it so that it lies on the surface of each.
@@ -58,7 +57,10 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    if is_batch(paths, out, matching.given() | {"--component": component, "--report": report}):
+    of_one = {"--component": component, "--report": report}
+    for name, value in vars(matching).items():
+        of_one[f"--{name.replace('_', '-')}"] = None if value in ("auto", []) else value
+    if is_batch(paths, out, of_one):
         with progress_on_stderr() as progress:
             done = unbend.collection.register_files(paths, template, out, progress)
         _, fitted, _ = unbend.collection.read_registrations(out)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import unbend
-from unbend.choices import DistanceKind
+from unbend.choices import Axis, DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
 from unbend.cli._input import make_form, read_shapes
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def similarity(
-    model: Annotated[str, typer.Argument(metavar="MODEL")],
-    probes: Annotated[list[str], typer.Argument(metavar="PROBES")],
+    model: str,
+    probes: list[str],
     known: Annotated[bool, typer.Option("--known-correspondence")] = False,
     matrix: Annotated[bool, typer.Option("--matrix")] = False,
     n_components: int = 3,
@@ -30,7 +30,7 @@ def similarity(
     csv: options.Csv = None,
     figure: options.Figure = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     cache: options.Cache = True,
 ) -> None:
     """Measure how similar shapes are, whatever their poses: 1 for the same shape.

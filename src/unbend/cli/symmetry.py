@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import unbend
+from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import is_unsure, read_shapes, show_match, write_result
 from unbend.cli._output import elapsed, progress_on_stderr, rows, tell, warn_if_doubtful
 
 
 def symmetry(
-    mesh: options.Mesh,
+    mesh: str,
     out: options.MapOut = None,
     min_confidence: options.MinConfidence = None,
     refine: bool = True,
     component: options.Component = None,
     figure: options.Figure = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
     cache: options.Cache = True,
 ) -> None:
     """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.

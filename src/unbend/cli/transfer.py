@@ -15,8 +15,8 @@ from unbend.errors import InputError
 
 
 def transfer(
-    source: options.Source,
-    target: options.Target,
+    source: str,
+    target: str,
     values: Annotated[str, typer.Option(metavar="FILE")],
     out: Annotated[str, options.out()],
     kind: ValueKind = "auto",

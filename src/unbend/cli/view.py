@@ -8,6 +8,7 @@ import typer
 
 import unbend
 from unbend._text import quoted
+from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import landmarks_of, read_shapes
 from unbend.cli._output import progress_on_stderr, tell
@@ -15,13 +16,13 @@ from unbend.errors import InputError
 
 
 def view(
-    a: options.Mesh,
-    b: Annotated[str | None, typer.Argument(metavar="[MESH]")] = None,
+    mesh: str,
+    other: Annotated[str | None, typer.Argument(metavar="[MESH]")] = None,
     out: Annotated[str | None, options.out("HTML", options.html_file)] = None,
     landmarks: options.Landmarks = None,
     values: Annotated[str | None, typer.Option(metavar="FILE")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open")] = True,
-    up: options.Up = "y",
+    up: Axis = "y",
 ) -> None:
     """Show one or two meshes in a browser, and place landmarks on them.
 
@@ -31,7 +32,7 @@ def view(
 
     Options
     -------
-      b: A second mesh, for pairs of landmarks.
+      other: A second mesh, for pairs of landmarks.
       out: The page to write, .html; by default a temporary file.
       values: Numbers per vertex of the first mesh.
       show: Open the page in a browser.
@@ -47,23 +48,23 @@ def view(
         raise InputError("--no-open needs -o: name the page to write")
     with progress_on_stderr() as progress:
         progress("reading", 0)
-        shapes = read_shapes([a] if b is None else [a, b])
+        shapes = read_shapes([mesh] if other is None else [mesh, other])
         hints = _landmarks(landmarks, shapes) if landmarks else None
         scalars = None
         if values is not None:
             scalars = unbend.io.read_values(values, n_vertices=shapes[0].n_vertices)
         progress("drawing", 0)
-        other = None if b is None else shapes[1]
-        page = unbend.report.view(shapes[0], other, hints, values=scalars, up=up)
+        second = None if other is None else shapes[1]
+        page = unbend.report.view(shapes[0], second, hints, values=scalars, up=up)
         if out is None or show:
             out = str(page.open(out))
         else:
             page.write(out)
     next_step = f"open {out} in a browser"
-    if b is not None:
-        match = quoted("unbend", "match", a, b)
+    if other is not None:
+        match = quoted("unbend", "match", mesh, other)
         next_step = f"{match} --landmarks landmarks.csv, once they are saved"
-    tell({"a": a, "b": b}, [], shapes=shapes, written=[out], next_step=next_step)
+    tell({"a": mesh, "b": other}, [], shapes=shapes, written=[out], next_step=next_step)
 
 
 def _landmarks(paths: list[str], shapes: list[unbend.Mesh]) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import unbend
-from unbend.choices import Rerank
+from unbend.choices import Axis, Rerank
 from unbend.cli import _options as options
 from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
 from unbend.cli._output import matrix as matrix_lines
@@ -20,13 +20,13 @@ _MOST_PRINTED = 24
 
 
 def search(
-    store: options.Store,
-    query: Annotated[str, typer.Argument(metavar="QUERY")],
+    store: str,
+    query: str,
     n: Annotated[int, options.count("--n-shapes")] = 10,
     rerank: Rerank = "none",
     index: Annotated[bool, typer.Option("--index")] = False,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
 ) -> None:
     """Find the most similar shapes, whatever their poses. The query need not be in the collection.
 
@@ -76,11 +76,11 @@ def _lines(hits: list[unbend.collection.Hit], rerank: str) -> list[str]:
 
 
 def matrix(
-    store: options.Store,
+    store: str,
     csv: options.Csv = None,
     figure: options.Figure = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
 ) -> None:
     """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
 
@@ -123,11 +123,11 @@ def matrix(
 
 
 def groups(
-    store: options.Store,
+    store: str,
     n: Annotated[int | None, options.count("--n-groups")] = None,
     csv: options.Csv = None,
     report: options.Report = None,
-    up: options.Up = "y",
+    up: Axis = "y",
 ) -> None:
     """Group similar shapes, whatever their poses, without labels.
 
@@ -163,8 +163,8 @@ def groups(
 
 
 def evaluate(
-    store: options.Store,
-    labels: Annotated[str, typer.Argument(metavar="LABELS")],
+    store: str,
+    labels: str,
 ) -> None:
     """Measure how well the descriptors find shapes of the same class.
 

@@ -16,7 +16,7 @@ from unbend.errors import FileError, InputError
 
 
 def match(
-    store: options.Store,
+    store: str,
     out: Annotated[str, options.out("DIR")],
     pairs: Annotated[str | None, typer.Option(metavar="PAIRS.csv")] = None,
     every: Annotated[bool, typer.Option("--all")] = False,
@@ -60,7 +60,7 @@ def match(
 
 
 def register(
-    store: options.Store,
+    store: str,
     template: Annotated[str, typer.Option(metavar="MESH")],
     out: Annotated[str, options.out("DIR")],
     landmarks: Annotated[str | None, typer.Option(metavar="CSV")] = None,

@@ -17,8 +17,8 @@ from unbend.errors import InputError
 
 
 def add(
-    store: options.Store,
-    paths: Annotated[list[str], typer.Argument(metavar="PATHS")],
+    store: str,
+    paths: list[str],
     workers: options.Workers = None,
     scheduler: options.Scheduler = None,
 ) -> None:
@@ -64,7 +64,7 @@ def add(
 
 
 def list_(
-    store: options.Store,
+    store: str,
     n: Annotated[int | None, options.count("--n-shapes")] = None,
 ) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
@@ -96,7 +96,7 @@ def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
 
 
 def info(
-    store: options.Store,
+    store: str,
     shape: Annotated[str | None, typer.Argument(metavar="[SHAPE]")] = None,
     thumbnail: Annotated[str | None, typer.Option(metavar="PNG", callback=options.claim)] = None,
 ) -> None:
@@ -146,8 +146,8 @@ def info(
 
 
 def remove(
-    store: options.Store,
-    shapes: Annotated[list[str], typer.Argument(metavar="SHAPES")],
+    store: str,
+    shapes: list[str],
 ) -> None:
     """Remove shapes from a collection; their files stay where they are.
 
@@ -178,7 +178,7 @@ def remove(
 
 
 def export(
-    store: options.Store,
+    store: str,
     out: Annotated[str, options.out()],
 ) -> None:
     """Write the stored data of every shape into one table.
