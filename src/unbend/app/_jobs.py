@@ -71,7 +71,6 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
 
 
 def sample(work: Work) -> Result:
-    """Make two dogs with different meshes."""
     for i, pose in enumerate(("standing", "galloping")):
         work.progress("making two dogs", i / 2)
         mesh = make_quadruped(pose, n_vertices=2600 - 400 * i, meshing=i).mesh

@@ -70,13 +70,11 @@ def match(work: Work, landmarks: Landmarks = (), mirror: bool = False) -> Result
 def choose(
     work: Work, command: Sequence[str], python: Sequence[str], landmarks: Landmarks = ()
 ) -> Result:
-    """Take an alternative of a match."""
     result = _matched(work, work.read_map(), work.map_name, landmarks, command, python)
     return result | {"title": f"{result['title']}, another map"}
 
 
 def symmetry(work: Work) -> Result:
-    """Find which point of a shape mirrors which."""
     found = find_symmetry(work.meshes[0], progress=work.progress)
     (name,) = work.names
     command = ["symmetry", name, "-o", "partners.csv", *work.report]
@@ -108,7 +106,6 @@ def _matched(
     command: Sequence[str],
     python: Sequence[str],
 ) -> Result:
-    """Write all files of a match."""
     work.progress("writing", 0.0)
     source, target = work.meshes
     whole = work.new_file(name, "the map with all that is known of it, for unbend")

@@ -58,7 +58,6 @@ class Session:
 
     @property
     def busy(self) -> bool:
-        """Whether a job runs or waits."""
         return bool(self._jobs)
 
     def close(self) -> None:
@@ -159,7 +158,6 @@ class Session:
     # Results
 
     def result_page(self, i: int) -> tuple[str, str]:
-        """Path and name of a result's page."""
         return self._results[i]["page"], f"{self._results[i]['title']}.html"
 
     def result_file(self, i: int, kind: str, n: int) -> tuple[str, str | None]:
@@ -219,7 +217,6 @@ class Session:
         return i
 
     def _run(self) -> None:
-        """Run the jobs, one after the other."""
         while True:
             with self._changed:
                 while not self._jobs and not self._closed:

@@ -76,7 +76,6 @@ def form(work: Work) -> Result:
 
 
 def search(work: Work, store: str) -> Result:
-    """Find the shapes of a collection that are most like one."""
     from unbend.collection import Collection, find_file, read_found
 
     (mesh,) = work.meshes
@@ -97,7 +96,6 @@ def search(work: Work, store: str) -> Result:
 
 
 def groups(work: Work, store: str) -> Result:
-    """Put the shapes of a collection that are alike into groups."""
     from unbend.collection import Collection, find_groups, read_found
 
     work.progress("comparing", 0.0)
@@ -190,7 +188,6 @@ def register(work: Work) -> Result:
 
 
 def morph(work: Work, steps: int) -> Result:
-    """Make shapes between two others."""
     (source, target), found = work.meshes, work.read_map()
     stem, colors = "-to-".join(work.stems), match_colors(source, target, found)
     work.draw(source.name, source, colors[0])

@@ -57,7 +57,6 @@ class Work:
 
     @property
     def page(self) -> Path:
-        """Where the page of the result is written."""
         return self.folder / "page.html"
 
     def read_map(self) -> Match:
@@ -65,7 +64,6 @@ class Work:
         return read_match(self.map_file, source=source, target=target)
 
     def new_file(self, name: str, about: str) -> Path:
-        """Give the path of a new file for the user."""
         path = self.folder / f"{len(self.files)}{Path(name).suffix}"
         self.files.append({"name": name, "about": about, "path": str(path)})
         return path

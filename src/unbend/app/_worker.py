@@ -74,7 +74,6 @@ class Worker:
             self._start()
 
     def close(self) -> None:
-        """End the process for good."""
         with self._lock:
             self._end()
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbend.Mesh]:
-    """Read meshes, or one component of each."""
     return [unbend.preparation.only_component(unbend.read_mesh(path), component) for path in paths]
 
 
@@ -47,10 +46,8 @@ def expand_folders(paths: Iterable[str]) -> list[str]:
         if not os.path.isdir(path):
             found.append(path)
             continue
-        meshes = [
-            os.path.join(path, os.path.relpath(one, path))
-            for one in unbend.collection.find_files([path])
-        ]
+        inside = unbend.collection.find_files([path])
+        meshes = [os.path.join(path, os.path.relpath(one, path)) for one in inside]
         if not meshes:
             raise FileError(
                 f"cannot read {path}: it is a folder without .off, .obj, .ply or .stl files"
@@ -64,10 +61,8 @@ def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]
 
     Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
     """
-    is_file = out is not None and Path(out).suffix.lower() in (
-        *unbend.io.WRITE_SUFFIXES,
-        *unbend.io.VALUE_SUFFIXES,
-    )
+    suffixes = unbend.io.WRITE_SUFFIXES + unbend.io.VALUE_SUFFIXES
+    is_file = out is not None and Path(out).suffix.lower() in suffixes
     if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
         return False
     if is_file:
@@ -102,14 +97,15 @@ def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntAr
     if (sources < 0).any():
         row = int((sources < 0).argmax())
         raise InputError(f"{paths[0]}: row {row} is -1, but each must be a source vertex")
-    truths = [unbend.read_map(path, n_target=n_target) for path in paths[1:]]
-    for path, images in zip(paths[1:], truths, strict=True):
-        if len(images) != len(sources):
+    found = [sources]
+    for path in paths[1:]:
+        found.append(unbend.read_map(path, n_target=n_target))
+        if len(found[-1]) != len(sources):
             raise InputError(
-                f"{path} holds {plural(len(images), 'row')}, but {paths[0]} {len(sources)}; each "
-                "row of the one is the image of that row of the other"
+                f"{path} holds {plural(len(found[-1]), 'row')}, but {paths[0]} {len(sources)}; "
+                "each row of the one is the image of that row of the other"
             )
-    return [sources, *truths]
+    return found
 
 
 def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> IntArray | None:
@@ -158,13 +154,10 @@ def show_match(
 
 
 def is_unsure(found: unbend.Match, least: float | None) -> bool:
-    """Say whether a match's confidence is below --min-confidence."""
     if least is None or found.confidence >= least:
         return False
-    say(
-        "error",
-        f"the match's confidence is {found.confidence:.4g}, below {least:g}: no file written",
-    )
+    told = f"the match's confidence is {found.confidence:.4g}, below {least:g}"
+    say("error", f"{told}: no file written")
     return True
 
 

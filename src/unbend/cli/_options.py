@@ -59,12 +59,10 @@ def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
 
 
 def out(metavar: str = "OUT", callback: Any = claim) -> Any:
-    """Make the option that names the file to write."""
     return typer.Option("-o", "--out", metavar=metavar, callback=callback)
 
 
 def count(name: str, least: int | None = 1) -> Any:
-    """Make the option -n, how many there are of something."""
     return typer.Option("-n", name, metavar="N", min=least)
 
 
@@ -83,21 +81,16 @@ HELP = {
     "component": "Which connected component to keep; numbers count from 0, largest first.",
     "laplacian": "auto: robust for degenerate faces or non-manifold edges.",
     "cache": "Keep eigenpairs on disk for later runs.",
-    "map": "The map that unbend match wrote, best as .npz. Without it the shapes are matched "
-    "first.",
+    "map": "A map that unbend match wrote, best as .npz; without it the shapes are matched first.",
     "base": "What MAP counts from; .vts from 1, others from 0.",
-    "partial": "Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
-    "boundary.",
+    "partial": "Which shape may be partial: torn, cut, half seen; auto: those with a boundary.",
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
     "counted from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
-    "workers": "Local processes; by default as many as there are processors and memory for. 0: "
-    "none beside this one.",
-    "scheduler": "A Dask scheduler whose workers to use; they must see the files under these "
-    "paths.",
-    "as_json": "Print one JSON object to standard output; besides the result it has the files "
-    "that were written, the warnings, and the seconds that it took.",
+    "workers": "Local processes, by default as many as processors and memory allow; 0: this one.",
+    "scheduler": "A Dask scheduler to use; its workers must see the files under these paths.",
+    "as_json": "Print one JSON object: the result, files written, warnings, and seconds taken.",
     "quiet": "No progress, notes or hints; only results, warnings and errors.",
 }
 

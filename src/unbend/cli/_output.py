@@ -48,7 +48,6 @@ def begin(as_json: bool, quiet: bool) -> None:
 
 
 def elapsed() -> float:
-    """Seconds since the command began."""
     return time.perf_counter() - _run.start
 
 
@@ -101,11 +100,11 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     elif match.confidence_bound < 1:
         reason = "the final map is in disorder"
     look = "the page" if seen else "unbend match --report"
+    where = where_landmarks_help(match.landmark_hints)
+    trust = f"the match is doubtful (confidence {match.confidence:.2f}): {reason}"
     say(
         "warning",
-        f"the match is doubtful (confidence {match.confidence:.2f}): {reason}; look at it with "
-        f"{look}, and give --landmarks where it goes wrong"
-        f"{where_landmarks_help(match.landmark_hints)}",
+        f"{trust}; look at it with {look}, and give --landmarks where it goes wrong{where}",
     )
 
 
@@ -122,7 +121,7 @@ def progress_on_stderr() -> Iterator[Progress]:
         words = TextColumn("{task.percentage:>3.0f}%  {task.description}", markup=False)
         console = Console(stderr=True)
         with Progress(SpinnerColumn(), BarColumn(), words, console=console, transient=True) as bar:
-            task = bar.add_task("", total=1.0)
+            task = bar.add_task("reading", total=1.0)
             yield lambda stage, share: bar.update(task, description=stage, completed=share)
         return
     last = time.monotonic()
@@ -212,22 +211,16 @@ def rows(values: Mapping[str, str]) -> list[str]:
 def table(align: str, *cells: Sequence[str]) -> list[str]:
     """Align rows of cells, the first being the heads; ``<`` and ``>`` say how, column by column."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        "  ".join(
-            f"{cell:{side}{width}}" for cell, side, width in zip(row, align, widths, strict=True)
-        ).rstrip()
-        for row in cells
-    ]
+    forms = [f"{side}{width}" for side, width in zip(align, widths, strict=True)]
+    return ["  ".join(map(format, row, forms)).rstrip() for row in cells]
 
 
 def matrix(names: Sequence[str], values: Iterable[Sequence[float]]) -> list[str]:
     """Lay out a square table of numbers; columns are numbered, and rows named and numbered."""
-    heads = ["", *(str(i) for i in range(len(names))), ""]
-    body = [
-        [name, *(f"{value:.4f}" for value in row), str(i)]
-        for i, (name, row) in enumerate(zip(names, values, strict=True))
-    ]
-    return table("<" + ">" * len(names) + "<", heads, *body)
+    cells = [["", *map(str, range(len(names))), ""]]
+    for i, (name, row) in enumerate(zip(names, values, strict=True)):
+        cells.append([name, *(f"{value:.4f}" for value in row), str(i)])
+    return table("<" + ">" * len(names) + "<", *cells)
 
 
 def command_line() -> str:

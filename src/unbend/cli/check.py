@@ -26,8 +26,7 @@ def check(meshes: list[str]) -> None:
       unbend check scans/
       unbend check scan.ply --json
     """
-    paths = expand_folders(meshes)
-    found = []
+    paths, found = expand_folders(meshes), []
     lines: list[str] = []
     with progress_on_stderr() as progress:
         for i, path in enumerate(paths):
@@ -44,7 +43,6 @@ def check(meshes: list[str]) -> None:
 
 def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
     """Give what was found in a file, and all lines about it."""
-    one = {"file": path, "usable": False, "verdict": "", "next_step": None, "notes": ()}
     try:
         shape = unbend.read_mesh(path)
         health = unbend.diagnose(shape)
@@ -54,8 +52,9 @@ def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
         if isinstance(error, MemoryError):
             sentence = f"{path}: there is too little memory; reduce it to fewer vertices"
         say("error", sentence)
-        return one | {"verdict": sentence, "health": None}, []
-    one |= {"usable": usable, "verdict": verdict, "next_step": next_step}
+        one = {"file": path, "usable": False, "verdict": sentence, "next_step": None}
+        return one | {"notes": (), "health": None}, []
+    one = {"file": path, "usable": usable, "verdict": verdict, "next_step": next_step}
     lines = [*_details(shape, health), "", verdict]
     return one | {"notes": shape.notes, "health": health}, lines
 
@@ -70,14 +69,15 @@ def _judge(
         prepared = unbend.preparation.prepare(shape, component="largest" if several else None)
     except InputError as refusal:
         return False, f"unbend cannot work with this mesh: {refusal}", None
+    as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
+    sentence = "unbend can work with this mesh."
     if several:
         sentence = "unbend can work with one component of this mesh."
-        return True, sentence, f"{command} --component largest"
-    if health.one_sided:
-        return True, "unbend can work with this mesh, but cannot match it.", command
-    as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
-    healthy = as_it_is and not health.inconsistent_edges
-    sentence = "This mesh is healthy." if healthy else "unbend can work with this mesh."
+        command += " --component largest"
+    elif health.one_sided:
+        sentence = "unbend can work with this mesh, but cannot match it."
+    elif as_it_is and not health.inconsistent_edges:
+        sentence = "This mesh is healthy."
     return True, sentence, command
 
 
@@ -99,10 +99,15 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
         lines.append(("faces", "0", "treated as a point cloud"))
     else:
         lengths = (health.edge_min, health.edge_median, health.edge_max)
+        sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
+        sizes += ", ..." if health.n_components > 4 else ""
+        several = f"matches the largest; else needs --component largest (vertices: {sizes})"
+        loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"
+        boundary = "closed" if health.closed else f"keeps them ({loops})"
         lines += [
             ("faces", f"{health.n_faces:,}", ""),
-            ("components", f"{health.n_components:,}", _component_action(health)),
-            ("boundary edges", f"{health.boundary_edges:,}", _boundary_action(health)),
+            ("components", f"{health.n_components:,}", "" if health.n_components == 1 else several),
+            ("boundary edges", f"{health.boundary_edges:,}", boundary),
             ("genus", "-" if health.genus is None else str(health.genus), ""),
             ("area", f"{health.area:.4g}", ""),
             ("edge length", " / ".join(f"{x:.3g}" for x in lengths), "min / median / max"),
@@ -126,18 +131,3 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
     lines += [(what, f"{count:,}", action) for count, what, action in problems if count]
     lines += [("reading", "", note) for note in shape.notes]
     return table("<><", *lines)
-
-
-def _component_action(health: unbend.preparation.Diagnosis) -> str:
-    if health.n_components == 1:
-        return ""
-    sizes = ", ".join(f"{size:,}" for size in health.component_vertices[:4])
-    more = ", ..." if health.n_components > 4 else ""
-    return f"matches the largest; else needs --component largest (vertices: {sizes}{more})"
-
-
-def _boundary_action(health: unbend.preparation.Diagnosis) -> str:
-    if health.closed:
-        return "closed"
-    loops = "1 loop" if health.boundary_loops == 1 else f"{health.boundary_loops:,} loops"
-    return f"keeps them ({loops})"

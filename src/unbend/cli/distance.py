@@ -64,7 +64,6 @@ def distance(
     if out is not None:
         unbend.io.check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shape = unbend.read_mesh(mesh)
         progress(f"{kind} distance", 0)
         field = unbend.distance(

@@ -49,7 +49,6 @@ def evaluate(
       unbend evaluate map.npz b.off a.vts b.vts --distance geodesic-exact --json
     """
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shape = unbend.read_mesh(target)
         if keeps_all(map_file):
             point_map = unbend.read_match(map_file, target=shape).source_to_target
@@ -61,32 +60,15 @@ def evaluate(
         found = unbend.evaluate(point_map, shape, sources, *truths, distance=distance)
         if figure is not None:
             unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
-    names = ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None)
-    protocols = {
-        name: {
-            "n_rows": len(found.errors(name)),
-            "mean": found.mean(name),
-            "median": found.median(name),
-            "auc": found.auc(name),
-            "curve": found.curve(name),
-        }
-        for name in names
-    }
-    tell(
-        {
-            "map": map_file,
-            "target": target,
-            "distance": distance,
-            "n_rows": len(found.direct),
-            "coverage": found.coverage,
-            "overlap": found.overlap,
-            "thresholds": unbend.correspondence.THRESHOLDS,
-            "protocols": protocols,
-        },
-        _summary(found, protocols),
-        shapes=[shape],
-        written=[figure],
-    )
+    protocols: dict[str, dict[str, Any]] = {}
+    for name in ["direct"] + ["map-min", "vertex-min"] * (found.map_min is not None):
+        protocols[name] = {"n_rows": len(found.errors(name))}
+        for measure in ("mean", "median", "auc", "curve"):
+            protocols[name][measure] = getattr(found, measure)(name)
+    told = {"map": map_file, "target": target, "distance": distance, "n_rows": len(found.direct)}
+    told |= {"coverage": found.coverage, "overlap": found.overlap}
+    told |= {"thresholds": unbend.correspondence.THRESHOLDS, "protocols": protocols}
+    tell(told, _summary(found, protocols), shapes=[shape], written=[figure])
 
 
 def _summary(

@@ -96,7 +96,6 @@ def match(
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = read_shapes((source, target), component)
         known = None
         if truth is not None:
@@ -126,10 +125,9 @@ def match(
                     write_result(maps[i], one, shapes)
             if colored is not None:
                 colors = unbend.report.match_colors(shapes[0], shapes[1], found)
-                everything = zip(colored, (source, target), shapes, colors, strict=True)
-                for file, original, shape, own in everything:
-                    like = lines_to_keep(file, original, whole=component is None)
-                    unbend.write_mesh(file, shape, colors=own, like=like)
+                for i, original in enumerate((source, target)):
+                    like = lines_to_keep(colored[i], original, whole=component is None)
+                    unbend.write_mesh(colored[i], shapes[i], colors=colors[i], like=like)
             looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
             show_match(shapes, found, figure, report, progress=progress, **looks)
     warn_if_doubtful(found, seen=report is not None and not unsure)
@@ -138,6 +136,7 @@ def match(
         paths = f"{quoted(source, target)} --map {quoted(out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
+    median, within_95 = found.expected_error_quantiles()
     tell(
         {
             "source": source,
@@ -147,9 +146,7 @@ def match(
             "n_matched": int((found.source_to_target >= 0).sum()),
             **_measures(found),
             "residual": found.residual,
-            "expected_error": dict(
-                zip(("median", "within_95"), found.expected_error_quantiles(), strict=True)
-            ),
+            "expected_error": {"median": median, "within_95": within_95},
             "missed_landmarks": found.missed_landmarks,
             "hypotheses": found.hypotheses,
             "alternatives": [_measures(one) for one in found.alternatives],

@@ -46,7 +46,6 @@ def morph(
     if steps > 1:
         files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = read_shapes((source, target), component)
         match = read_or_match(shapes, matching, progress)
         like = lines_to_keep(out, source, whole=component is None)

@@ -72,7 +72,6 @@ def register(
         return
     unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = read_shapes((template, paths[0]), component)
         match = read_or_match(shapes, matching, progress)
         found = unbend.register(shapes[0], shapes[1], match, progress=progress)

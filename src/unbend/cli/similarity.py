@@ -62,7 +62,6 @@ def similarity(
     paths = [model, *probes]
     square: list[list[float]] = []
     with output.progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = read_shapes(paths, component)
         for shape in shapes[1:]:
             if known and shape.n_vertices != shapes[0].n_vertices:

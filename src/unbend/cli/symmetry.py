@@ -37,7 +37,6 @@ def symmetry(
       unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
     """
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         (shape,) = read_shapes([mesh], component)
         found = unbend.symmetry(shape, refine=refine, progress=progress)
         seconds = elapsed()
@@ -49,20 +48,11 @@ def symmetry(
             show_match((shape, shape), found, figure, report, up=up, progress=progress)
     warn_if_doubtful(found, seen=report is not None and not unsure)
     matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
+    partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
+    way = {"confidence": found.confidence, "orientation": found.orientation}
     tell(
-        {
-            "file": mesh,
-            "n_vertices": n,
-            "n_matched": matched,
-            "confidence": found.confidence,
-            "orientation": found.orientation,
-        },
-        rows(
-            {
-                "partners": f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s",
-                "confidence": f"{found.confidence:.2f}",
-            }
-        ),
+        {"file": mesh, "n_vertices": n, "n_matched": matched, **way},
+        rows({"partners": partners, "confidence": f"{found.confidence:.2f}"}),
         shapes=[shape],
         written=[out, figure],
         report=report,

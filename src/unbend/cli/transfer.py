@@ -60,7 +60,6 @@ def transfer(
     is_markup = values.lower().endswith(io.MARKUP_SUFFIXES)
     io.check_writable(out, (".json",) if is_markup else io.VALUE_SUFFIXES + io.COLOR_SUFFIXES)
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = a, b = read_shapes((source, target))
         chosen: Any = "landmarks"
         if is_markup:
@@ -96,16 +95,10 @@ def transfer(
     if lost:
         say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
+    told = {"source": source, "target": target, "values": values, "kind": chosen}
+    told |= {"shape": carried.shape, "n_without_preimage": lost}
     tell(
-        {
-            "source": source,
-            "target": target,
-            "values": values,
-            "kind": chosen,
-            "shape": carried.shape,
-            "n_without_preimage": lost,
-            "confidence": getattr(found, "confidence", None),
-        },
+        told | {"confidence": getattr(found, "confidence", None)},
         rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
         shapes=shapes,
         written=[out, matching.save_match, expected_error],

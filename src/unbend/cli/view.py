@@ -47,7 +47,6 @@ def view(
     if out is None and not show:
         raise InputError("--no-open needs -o: name the page to write")
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         shapes = read_shapes([mesh] if other is None else [mesh, other])
         hints = _landmarks(landmarks, shapes) if landmarks else None
         scalars = None

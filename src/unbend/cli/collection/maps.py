@@ -146,7 +146,6 @@ def mean(
       unbend collection mean skulls_registered -o form --scale --n-components 10
     """
     with progress_on_stderr() as progress:
-        progress("reading", 0)
         template, shapes, failures = unbend.collection.read_registrations(registered)
         found = unbend.collection.mean_shape(
             shapes,
