@@ -158,7 +158,7 @@ def test_work_is_cancelled_and_a_killed_worker_is_a_sentence(page, app, dogs):
     page.wait_for("!state.jobs.length")
     press(page, "Match")
     page.wait_for("state.jobs.length && state.jobs[0].stage === 'search'")
-    os.kill(app.session._worker.pid, signal.SIGKILL)
+    os.kill(app.session._worker._process.pid, signal.SIGKILL)
     page.wait_for("part('troubles').textContent.includes('ended unexpectedly')")
     press(page, "Close")
     page.wait_for("!state.troubles.length")

@@ -37,9 +37,9 @@ def run_until(worker, folder, act):
 
 
 def test_a_cancelled_job_ends_and_the_next_one_runs(worker, tmp_path) -> None:
-    before = worker.pid
+    before = worker._process.pid
     assert run_until(worker, tmp_path / "a", worker.cancel) == {}
-    assert worker.pid != before
+    assert worker._process.pid != before
     found = worker.run(sample(tmp_path / "b"), lambda *_: None)
     assert len(found["samples"]) == 2
     assert found["warnings"] == []
@@ -66,11 +66,11 @@ def test_a_job_that_takes_too_much_memory_is_ended(worker, tmp_path, monkeypatch
 
 
 def test_a_killed_worker_is_a_sentence_and_replaced(worker, tmp_path) -> None:
-    before = worker.pid
+    before = worker._process.pid
     kill = getattr(signal, "SIGKILL", signal.SIGTERM)
     found = run_until(worker, tmp_path / "a", lambda: os.kill(before, kill))
     assert "ended unexpectedly" in found["error"]
-    assert worker.pid != before
+    assert worker._process.pid != before
 
 
 def test_memory_of_processes_is_told_where_the_system_tells_it() -> None:

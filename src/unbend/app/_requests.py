@@ -7,24 +7,22 @@ from typing import Any
 
 from unbend.errors import InputError
 
-TITLES = {
-    "look": "Reading {}",
-    "sample": "Making a sample pair",
-    "match": "Matching {}",
-    "choose": "Taking another map of {}",
-    "symmetry": "Looking for left and right of {}",
-    "landmarks": "Opening {}",
-    "distance": "Measuring distances on {}",
-    "form": "Computing the canonical form of {}",
-    "transfer": "Carrying values of {}",
-    "register": "Fitting {}",
-    "morph": "Morphing {}",
-    "search": "Searching with {}",
-    "groups": "Grouping the collection",
+# What there is to do: its title, and of how many shapes.
+JOBS = {
+    "look": ("Reading {}", (1,)),
+    "sample": ("Making a sample pair", (0,)),
+    "match": ("Matching {}", (2,)),
+    "choose": ("Taking another map of {}", (2,)),
+    "symmetry": ("Looking for left and right of {}", (1,)),
+    "landmarks": ("Opening {}", (1, 2)),
+    "distance": ("Measuring distances on {}", (1,)),
+    "form": ("Computing the canonical form of {}", (1,)),
+    "transfer": ("Carrying values of {}", (2,)),
+    "register": ("Fitting {}", (2,)),
+    "morph": ("Morphing {}", (2,)),
+    "search": ("Searching with {}", (1,)),
+    "groups": ("Grouping the collection", (0,)),
 }
-_N_SHAPES = {"sample": (0,), "groups": (0,), "landmarks": (1, 2)} | dict.fromkeys(
-    ("symmetry", "distance", "form", "search"), (1,)
-)
 _WITH_MAP = ("choose", "transfer", "register", "morph")
 _MOST_STEPS = 9
 _MOST_LETTERS = 120
@@ -39,7 +37,7 @@ def check_request(
 ) -> dict[str, Any]:
     """Turn what a page asked for into a job; raise InputError for anything else."""
     what, chosen = asked.get("do"), asked.get("shapes", [])
-    if what not in TITLES or what == "look":
+    if what not in JOBS or what == "look":
         raise InputError("there is no such job")
     job: dict[str, Any] = {"do": what}
     result: Mapping[str, Any] = {}
@@ -49,7 +47,7 @@ def check_request(
             raise InputError("that match is not there any more")
         chosen = result["shapes"]
         job |= {"map_file": result["map_file"], "map_name": result["files"][0]["name"]}
-    if not isinstance(chosen, list) or len(chosen) not in _N_SHAPES.get(what, (2,)):
+    if not isinstance(chosen, list) or len(chosen) not in JOBS[what][1]:
         raise InputError("choose another number of shapes for this")
     if any(shapes.get(_whole(one), {}).get("state") != "good" for one in chosen):
         raise InputError("that shape is not there any more, or cannot be used")

@@ -73,12 +73,12 @@ def make_app(
         size = _number(request.headers.get("content-length", ""))
         path, label, room = session.new_upload(asked.get("name", ""), size, values=values)
         try:
-            with path.open("wb") as file:
+            with path.open("wb") as opened:
                 async for chunk in request.stream():
                     room -= len(chunk)
                     if room < 0:
                         raise InputError(f"{label} is too large")
-                    file.write(chunk)
+                    opened.write(chunk)
             return JSONResponse({"id": session.add(path, label, values=values)})
         except (InputError, ClientDisconnect):
             path.unlink()
@@ -99,27 +99,17 @@ def make_app(
         return JSONResponse({"id": session.open_found(**request.path_params)})
 
     async def remove(request: Request) -> Response:
-        what = {
-            "jobs": session.cancel,
-            "shapes": session.remove_shape,
-            "results": session.remove_result,
-            "troubles": session.remove_trouble,
-        }[request.path_params["kind"]]
-        await asyncio.to_thread(what, request.path_params["i"])
+        await asyncio.to_thread(session.remove, **request.path_params)
         return JSONResponse(None)
 
-    async def shape(request: Request) -> Response:
-        path, name = session.shape_file(**request.path_params)
-        return FileResponse(path, filename=name)
-
     async def page(request: Request) -> Response:
-        path, name = session.result_page(request.path_params["i"])
+        path, name = session.page(**request.path_params)
         saved = name if "save" in request.query_params else None
         headers = {"Content-Security-Policy": _PAGE_POLICY}
         return FileResponse(path, filename=saved, headers=headers)
 
-    async def part(request: Request) -> Response:
-        path, name = session.result_file(**request.path_params)
+    async def file(request: Request) -> Response:
+        path, name = session.file(**request.path_params)
         return FileResponse(path, filename=name)
 
     async def refused(request: Request, error: Exception) -> Response:
@@ -136,11 +126,11 @@ def make_app(
         Route("/files", upload, methods=["PUT"]),
         Route("/jobs", submit, methods=["POST"]),
         Route("/{kind}/{i:int}", remove, methods=["DELETE"]),
-        Route("/shapes/{i:int}/{kind}", shape),
+        Route("/shapes/{i:int}/{kind}", file),
         Route("/results/{i:int}/page", page),
         Route("/results/{i:int}/landmarks", landmarks, methods=["PUT"]),
         Route("/results/{i:int}/found/{n:int}", open_found, methods=["POST"]),
-        Route("/results/{i:int}/{kind}/{n:int}", part),
+        Route("/results/{i:int}/{kind}/{n:int}", file),
         Route("/{name}", asset),
     ]
     handlers: Any = {InputError: refused, LookupError: missing, RuntimeError: missing}

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from unbend._text import printable
-from unbend.app._requests import TITLES, check_landmarks, check_request
+from unbend.app._requests import JOBS, check_landmarks, check_request
 from unbend.app._worker import Worker
 from unbend.choices import Axis
 from unbend.errors import InputError
@@ -139,31 +139,37 @@ class Session:
                 if shape["state"] != "bad":
                     self._submit({"do": "look", "shapes": [i]})
 
-    def shape_file(self, i: int, kind: str = "file") -> tuple[str, str | None]:
-        """Path of a shape's file or picture; files have a name."""
-        shape = self._shapes[i]
-        if kind == "picture":
-            return shape["picture_path"], None
-        return shape["path"], shape["name"]
-
-    def remove_shape(self, i: int) -> None:
-        """Forget a shape, and remove its file if it is ours."""
-        with self._change():
-            path = Path(self._shapes.pop(i)["path"])
-            if path.parent == self.folder:
-                self._bytes -= path.stat().st_size
-                with contextlib.suppress(OSError):  # Windows keeps what is being read
-                    path.unlink()
-
-    # Results
-
-    def result_page(self, i: int) -> tuple[str, str]:
+    def page(self, i: int) -> tuple[str, str]:
+        """Path of the page of a result, and its name."""
         return self._results[i]["page"], f"{self._results[i]['title']}.html"
 
-    def result_file(self, i: int, kind: str, n: int) -> tuple[str, str | None]:
-        """Path of one of a result's files or pictures; files have a name."""
-        one = self._results[i][kind][n]
-        return one["path"], one.get("name")
+    def file(self, i: int, kind: str, n: int | None = None) -> tuple[str, str | None]:
+        """Path of the file or picture of a shape, or the n-th of a result; files have a name."""
+        if n is not None:
+            one = self._results[i][kind][n]
+            return one["path"], one.get("name")
+        shape = self._shapes[i]
+        return (
+            (shape["picture_path"], None) if kind == "picture" else (shape["path"], shape["name"])
+        )
+
+    def remove(self, kind: str, i: int) -> None:
+        """Forget a shape, a result or a trouble, with our files of it, or cancel a job."""
+        forget = {
+            "shapes": self._remove_shape,
+            "results": lambda i: shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True),
+            "troubles": lambda i: self._troubles.pop(i, None),
+            "jobs": self._cancel,
+        }[kind]
+        with self._change():
+            forget(i)
+
+    def _remove_shape(self, i: int) -> None:
+        path = Path(self._shapes.pop(i)["path"])
+        if path.parent == self.folder:
+            self._bytes -= path.stat().st_size
+            with contextlib.suppress(OSError):  # Windows keeps what is being read
+                path.unlink()
 
     def open_found(self, i: int, n: int) -> int:
         """Add a shape of the collection that a search has found."""
@@ -177,14 +183,6 @@ class Session:
             result = self._results[i]
             result["placed"] = check_landmarks(given, len(result["shapes"]))
 
-    def remove_result(self, i: int) -> None:
-        with self._change():
-            shutil.rmtree(self._results.pop(i)["folder"], ignore_errors=True)
-
-    def remove_trouble(self, i: int) -> None:
-        with self._change():
-            self._troubles.pop(i, None)
-
     # Jobs
 
     def submit(self, asked: dict[str, Any]) -> int:
@@ -195,14 +193,13 @@ class Session:
             open_now = self._shapes, self._results, self._values
             return self._submit(check_request(asked, *open_now, self._collection))
 
-    def cancel(self, i: int) -> None:
-        """Take a job out of the queue, and end it if it runs."""
-        with self._change():
-            entry = self._jobs.pop(i, None)
-            if entry is not None and entry["job"]["do"] == "look":
-                self._failed(i, entry, "cancelled")
-            if entry is not None and entry["running"]:
-                self._worker.cancel()
+    def _cancel(self, i: int) -> None:
+        if (entry := self._jobs.pop(i, None)) is None:
+            return
+        if entry["job"]["do"] == "look":
+            self._failed(i, entry, "cancelled")
+        if entry["running"]:
+            self._worker.cancel()
 
     def _submit(self, job: dict[str, Any]) -> int:
         job = job | {"up": self._up}
@@ -211,7 +208,7 @@ class Session:
                 return i
         i = next(self._ids)
         names = " and ".join(self._shapes[one]["name"] for one in job["shapes"])
-        entry = {"title": TITLES[job["do"]].format(names), "job": job}
+        entry = {"title": JOBS[job["do"]][0].format(names), "job": job}
         self._jobs[i] = entry | {"stage": "waiting", "share": 0.0, "running": False}
         self._note()
         return i
@@ -230,7 +227,7 @@ class Session:
                     continue
                 entry |= {"running": True, "stage": "starting"}
                 folder = self.folder / f"result-{i}"
-                shapes = [self.shape_file(one) for one in job["shapes"]]
+                shapes = [self.file(one, "file") for one in job["shapes"]]
                 self._note()
             given = job | {"shapes": shapes, "folder": str(folder)}
             found = self._worker.run(given, functools.partial(self._step, entry))

@@ -34,10 +34,6 @@ class Worker:
         self._lock = threading.Lock()
         self._start()
 
-    @property
-    def pid(self) -> int | None:
-        return self._process.pid
-
     def run(self, job: dict[str, Any], progress: Progress) -> dict[str, Any]:
         """Run a job to its end: give its result, ``{"error": sentence}``, or {} if cancelled."""
         with self._lock:

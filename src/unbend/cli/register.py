@@ -57,10 +57,9 @@ def register(
       unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    of_one = {"--component": component, "--report": report}
-    for name, value in vars(matching).items():
-        of_one[f"--{name.replace('_', '-')}"] = None if value in ("auto", []) else value
-    if is_batch(paths, out, of_one):
+    given = {name: None if one in ("auto", []) else one for name, one in vars(matching).items()}
+    of_one = {f"--{name.replace('_', '-')}": value for name, value in given.items()}
+    if is_batch(paths, out, of_one | {"--component": component, "--report": report}):
         with progress_on_stderr() as progress:
             done = unbend.collection.register_files(paths, template, out, progress)
         _, fitted, _ = unbend.collection.read_registrations(out)
@@ -112,10 +111,8 @@ def tell_registered(
         lines.append((shown(one.path), *numbers, *distances, "doubtful" if one.doubtful else ""))
     lines += [(shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
     doubtful = [one for one in done.shapes if one.doubtful]
-    counts = (
-        f"registered {done.registered:,}, there before {done.skipped:,}, failed "
-        f"{len(done.failures):,} ({done.seconds:.1f} s); doubtful {len(doubtful):,}"
-    )
+    counts = f"registered {done.registered:,}, there before {done.skipped:,}"
+    failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
     hint = f"unbend collection mean {quoted(out)} -o OUT, for the mean and the components"
     if doubtful:
         worst = min(doubtful, key=lambda one: one.confidence)
@@ -125,7 +122,7 @@ def tell_registered(
         )
     tell(
         result,
-        [*table("<>>>><", *lines), "", counts],
+        [*table("<>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
         written=[out],
         next_step=hint if done.shapes else None,
         failures=done.failures,
@@ -154,12 +151,8 @@ def _spread(found: unbend.correspondence.Registration, distances: FloatArray) ->
     if len(known := distances[np.isfinite(distances)]):
         mean, most = known.mean(), np.quantile(known, 0.95)
     side = np.sqrt(unbend.mesh.vertex_areas(found.mesh).sum())
-    return {
-        "mean": mean,
-        "within_95": most,
-        "mean_relative": mean / side,
-        "within_95_relative": most / side,
-    }
+    relative = {"mean_relative": mean / side, "within_95_relative": most / side}
+    return {"mean": mean, "within_95": most} | relative
 
 
 def _in_words(spread: dict[str, Any]) -> str:

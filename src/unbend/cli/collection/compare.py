@@ -51,28 +51,18 @@ def search(
         if report is not None:
             ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
             looks: Any = {"up": up, "command": command_line(), "progress": progress}
-            meshes = read_shown(hits, store)
-            unbend.report.search_page(
-                query, meshes, ranked, report, measure=_MEASURES[rerank], **looks
-            )
+            looks["measure"] = _MEASURES[rerank]
+            unbend.report.search_page(query, read_shown(hits, store), ranked, report, **looks)
     ranks = [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)]
-    tell(
-        {"store": store, "query": query, "rerank": rerank, "hits": ranks},
-        _lines(hits, rerank),
-        report=report,
-    )
-
-
-def _lines(hits: list[unbend.collection.Hit], rerank: str) -> list[str]:
     cells = [["rank", "distance", "" if rerank == "none" else rerank, "id", "path"]]
     for i, hit in enumerate(hits):
         again = "" if hit.reranked is None else "none"
         if hit.reranked is not None and math.isfinite(hit.reranked):
             again = f"{hit.reranked:.4f}"
-        cells.append(
-            [str(i + 1), f"{hit.distance:.4f}", again, hit.id[:SHORT_ID], shown_shape(hit)]
-        )
-    return table(">>><<", *cells)
+        known = hit.id[:SHORT_ID], shown_shape(hit)
+        cells.append([str(i + 1), f"{hit.distance:.4f}", again, *known])
+    result = {"store": store, "query": query, "rerank": rerank, "hits": ranks}
+    tell(result, table(">>><<", *cells), report=report)
 
 
 def matrix(
@@ -95,13 +85,12 @@ def matrix(
       unbend collection matrix shapes --report distances.html
     """
     entries, distances = opened(store, csv, figure, report).distances()
+    paths = [entry.path for entry in entries]
     if csv is not None:
-        rows = ([entry.path, *row] for entry, row in zip(entries, distances.tolist(), strict=True))
-        unbend.io.write_table(csv, [["path", *(entry.path for entry in entries)], *rows])
+        rows = ([path, *row] for path, row in zip(paths, distances.tolist(), strict=True))
+        unbend.io.write_table(csv, [["path", *paths], *rows])
     if figure is not None:
-        unbend.report.draw_distances(
-            [Path(entry.path).stem for entry in entries], distances, figure
-        )
+        unbend.report.draw_distances([Path(path).stem for path in paths], distances, figure)
     if report is not None:
         write_page(report, store, entries, distances, up)
     if len(entries) <= _MOST_PRINTED:
@@ -109,17 +98,9 @@ def matrix(
     else:
         hint = "" if csv or figure or report else ": add --csv OUT or --figure PNG"
         lines = [f"compared {len(entries):,} shapes, too many to print{hint}"]
-    tell(
-        {
-            "store": store,
-            "paths": [entry.path for entry in entries],
-            "also": [entry.also for entry in entries],
-            "distances": distances,
-        },
-        lines,
-        written=[csv, figure],
-        report=report,
-    )
+    also = [entry.also for entry in entries]
+    result = {"store": store, "paths": paths, "also": also, "distances": distances}
+    tell(result, lines, written=[csv, figure], report=report)
 
 
 def groups(
@@ -192,13 +173,10 @@ def evaluate(
     measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
     names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
     heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
-    lines = {
-        **{head: f"{getattr(measured, name):.1%}" for head, name in zip(heads, names, strict=True)},
-        "precision": ", ".join(
-            f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%} recall"
-            for i in (4, 9, 14, 19)
-        ),
-        "shapes": f"{len(kept):,} of {len(set(classes)):,} classes",
-    }
+    values = [f"{getattr(measured, name):.1%}" for name in names]
+    curve = [f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%}" for i in (4, 9, 14, 19)]
+    lines = dict(zip(heads, values, strict=True))
+    lines["precision"] = f"{' recall, '.join(curve)} recall"
+    lines["shapes"] = f"{len(kept):,} of {len(set(classes)):,} classes"
     counts = {"n_shapes": len(kept), "n_classes": len(set(classes))}
     tell({"store": store, **measured.to_dict(), **counts}, rows(lines))

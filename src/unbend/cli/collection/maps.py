@@ -47,16 +47,11 @@ def match(
         done = collection.match(
             chosen, out, workers=workers, scheduler=scheduler, progress=progress
         )
-    line = (
-        f"matched {done.matched:,}, there before {done.skipped:,}, failed "
-        f"{len(done.failures):,} ({done.seconds:.1f} s); {out}/matches.csv lists all"
-    )
-    tell(
-        {"store": store, "n_matched": done.matched, "n_skipped": done.skipped},
-        [line],
-        written=[out],
-        failures=done.failures,
-    )
+    counts = f"matched {done.matched:,}, there before {done.skipped:,}"
+    failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
+    result = {"store": store, "n_matched": done.matched, "n_skipped": done.skipped}
+    lines = [f"{counts}, {failed}; {out}/matches.csv lists all"]
+    tell(result, lines, written=[out], failures=done.failures)
 
 
 def register(
@@ -93,13 +88,9 @@ def register(
         done = collection.register(
             template, out, landmarks=pairs, workers=workers, scheduler=scheduler, progress=progress
         )
-    result = {
-        "store": store,
-        "template": template,
-        "n_registered": done.registered,
-        "n_skipped": done.skipped,
-        "shapes": [vars(one) | {"doubtful": one.doubtful} for one in done.shapes],
-    }
+    result: dict[str, Any] = {"store": store, "template": template}
+    result |= {"n_registered": done.registered, "n_skipped": done.skipped}
+    result["shapes"] = [vars(one) | {"doubtful": one.doubtful} for one in done.shapes]
     tell_registered(done, result, template, out)
 
 
@@ -162,22 +153,14 @@ def mean(
     statistics, n, others = found.statistics, len(found.names), len(found.left_out)
     shapes_told = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
     shares = ", ".join(f"{one / statistics.total_variance:.1%}" for one in statistics.variances)
+    size = f"{statistics.total_variance**0.5:.4g}"
     lines = {
         "shapes": shapes_told if others else f"{n:,}",
         "components": f"{shares} of the variance" if shares else "none: the shapes do not differ",
-        "variability": f"{statistics.total_variance**0.5:.4g} on average, in the unit of the "
-        "shapes",
+        "variability": f"{size} on average, in the unit of the shapes",
     }
-    tell(
-        {
-            "registered": registered,
-            "template": template.name,
-            "files": [path.name for path in written],
-            "n_shapes": n,
-            "failed": found.left_out,
-            "variances": statistics.variances,
-            "total_variance": statistics.total_variance,
-        },
-        rows(lines),
-        written=[out],
-    )
+    result: dict[str, Any] = {"registered": registered, "template": template.name}
+    files = [path.name for path in written]
+    result |= {"files": files, "n_shapes": n, "failed": found.left_out}
+    result |= {name: getattr(statistics, name) for name in ("variances", "total_variance")}
+    tell(result, rows(lines), written=[out])

@@ -43,24 +43,15 @@ def add(
         done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
     moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
+    count = len(collection)
     line = (
         f"added {done.added:,}, there before {done.skipped:,}{moved}, failed "
-        f"{len(done.failures):,}; {store} has {len(collection):,} shapes "
-        f"({done.seconds:.1f} s{rate})"
+        f"{len(done.failures):,}; {store} has {count:,} shapes ({done.seconds:.1f} s{rate})"
     )
     hint = f"unbend collection search {quoted(store)} MESH, to find what is like it"
-    tell(
-        {
-            "store": store,
-            "n_added": done.added,
-            "n_skipped": done.skipped,
-            "n_new_paths": done.new_paths,
-            "n_shapes": len(collection),
-        },
-        [line],
-        next_step=hint if len(collection) else None,
-        failures=done.failures,
-    )
+    told = {"store": store, "n_added": done.added, "n_skipped": done.skipped}
+    told |= {"n_new_paths": done.new_paths, "n_shapes": count}
+    tell(told, [line], next_step=hint if count else None, failures=done.failures)
 
 
 def list_(
@@ -80,10 +71,8 @@ def list_(
     """
     collection = opened(store)
     entries = itertools.islice(collection, n)
-    lines: Iterator[str] = _lines(entries)
-    if n is not None and len(collection) > n:
-        lines = itertools.chain(lines, [f"... of {len(collection):,}"])
-    tell({"store": store, "shapes": entries}, lines)
+    more = [f"... of {len(collection):,}"] if n is not None and len(collection) > n else []
+    tell({"store": store, "shapes": entries}, itertools.chain(_lines(entries), more))
 
 
 def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
@@ -171,10 +160,9 @@ def remove(
     for entry in removed:
         kept = f"; the shape stays as {shown(min(left[entry.id]))}" if left[entry.id] else ""
         lines.append(f"removed {shown_shape(entry)}{kept}")
-    tell(
-        {"store": store, "removed": removed, "n_shapes": len(collection)},
-        [*lines, f"{store} has {len(collection):,} shapes"],
-    )
+    count = len(collection)
+    lines.append(f"{store} has {count:,} shapes")
+    tell({"store": store, "removed": removed, "n_shapes": count}, lines)
 
 
 def export(
