@@ -160,10 +160,9 @@ def tell(
 ) -> None:
     """Tell what a command found: as JSON if that was asked for, else in lines.
 
-    Notes of the readers of `shapes` go to stderr. `written` and `report`, a page, are the files of
-    options, None for those that were not given. What failed of many things is listed, with exit
-    code 1; a match that is too `unsure` was not written, and the exit code is 3. Every JSON object
-    ends with the keys that are added here.
+    Notes of the readers of `shapes` go to stderr. `written` and `report` are the files of options,
+    None for those not given. `failures` end with exit code 1; a match that is `unsure`, which was
+    not written, with 3.
     """
     if failures is not None:
         list_failures(failures)

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from unbend._types import FloatArray
 
 _MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
-_TABLE_SUFFIXES = (".npy", ".csv")
 
 
 def canonical(
@@ -95,7 +94,7 @@ def canonical(
 
     files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
     for file in files:
-        suffix = unbend.io.check_writable(file, _MESH_SUFFIXES + _TABLE_SUFFIXES).suffix.lower()
+        suffix = unbend.io.check_writable(file, (*_MESH_SUFFIXES, ".npy", ".csv")).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:
             raise InputError(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
@@ -103,6 +102,8 @@ def canonical(
             )
     given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
     sampling = {name: number for name, number in given.items() if number is not None}
+    of_all: dict[str, Any] = {"n_components": n_components, "weighting": weighting}
+    of_all |= {"laplacian": laplacian, "component": component, "keep_scale": keep_scale}
 
     def compute(i: int, path: str) -> dict[str, Any]:
         def step(stage: str, share: float) -> None:
@@ -111,17 +112,7 @@ def canonical(
 
         step("reading", 0)
         shape = unbend.read_mesh(path)
-        form = make_form(
-            shape,
-            distance,
-            sampling,
-            n_components=n_components,
-            weighting=weighting,
-            laplacian=laplacian,
-            component=component,
-            keep_scale=keep_scale,
-            progress=step,
-        )
+        form = make_form(shape, distance, sampling, **of_all, progress=step)
         posed, seconds = None, form.seconds
         if detail is not None:
             start = perf_counter()
@@ -139,14 +130,9 @@ def canonical(
             looks |= {"command": command_line(), "progress": step}
             unbend.report.form_page(shape, form, report, **looks)
         names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
-        return {
-            "file": path,
-            "n_vertices": shape.n_vertices,
-            "n_faces": shape.n_faces,
-            "notes": shape.notes,
-            **{name: getattr(form, name) for name in names},
-            "steps": seconds,
-        }
+        one = {name: getattr(shape, name) for name in ("n_vertices", "n_faces", "notes")}
+        one |= {name: getattr(form, name) for name in names}
+        return {"file": path, **one, "steps": seconds}
 
     done: list[dict[str, Any]] = []
     failures: list[unbend.collection.Failure] = []

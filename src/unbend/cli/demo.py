@@ -35,10 +35,8 @@ def demo(
     """
     columns: list[Column] = []
     with progress_on_stderr() as progress:
-        for species, make in (
-            ("dog", unbend.datasets.make_quadruped),
-            ("human", unbend.datasets.make_biped),
-        ):
+        makers = {"dog": unbend.datasets.make_quadruped, "human": unbend.datasets.make_biped}
+        for species, make in makers.items():
             first = upright = None
             for pose in _POSES[species]:
                 progress(f"{species}, {pose}", 0)
@@ -58,12 +56,8 @@ def demo(
         pairs = _compare(columns)
         progress("drawing", 0)
         unbend.report.draw_canonical_forms(columns, out, canonical_view=(30, 20))
-    tell(
-        {"pairs": pairs},
-        _lines(pairs),
-        written=[out],
-        next_step="unbend canonical YOUR_MESH -o canonical.ply",
-    )
+    next_step = "unbend canonical YOUR_MESH -o canonical.ply"
+    tell({"pairs": pairs}, _lines(pairs), written=[out], next_step=next_step)
 
 
 def _compare(columns: list[Column]) -> list[dict[str, Any]]:
@@ -75,18 +69,14 @@ def _compare(columns: list[Column]) -> list[dict[str, Any]]:
         some = some - some.mean(axis=0)
         return np.asarray(some / np.sqrt((some**2).sum(axis=1).mean()))
 
-    return [
-        {
-            "first": first.replace(",", ""),
-            "second": second.replace(",", ""),
-            "same_species": first.split(",")[0] == second.split(",")[0],
-            "before": unbend.align(scaled(mesh.vertices), scaled(other.vertices)).residual,
-            "after": unbend.align(scaled(form), scaled(other_form)).residual,
-        }
-        for (first, mesh, form, *_), (second, other, other_form, *_) in itertools.combinations(
-            columns, 2
-        )
-    ]
+    pairs = []
+    for one, other in itertools.combinations(columns, 2):
+        names = {"first": one[0].replace(",", ""), "second": other[0].replace(",", "")}
+        same = one[0].split(",")[0] == other[0].split(",")[0]
+        before = unbend.align(scaled(one[1].vertices), scaled(other[1].vertices)).residual
+        after = unbend.align(scaled(one[2]), scaled(other[2])).residual
+        pairs.append({**names, "same_species": same, "before": before, "after": after})
+    return pairs
 
 
 def _lines(pairs: list[dict[str, Any]]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import unbend
 from unbend._text import quoted
@@ -13,9 +13,6 @@ from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
 from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, table, tell
-
-if TYPE_CHECKING:
-    from unbend._types import FloatArray
 
 
 def register(
@@ -137,16 +134,17 @@ def _numbers(scan: str, file: str, found: unbend.correspondence.Registration) ->
         "n_covered": int(found.covered.sum()),
         "coverage": found.coverage,
         "tolerance": found.tolerance,
-        "distance_covered": _spread(found, found.distances[found.covered]),
-        "distance_all": _spread(found, found.distances),
+        "distance_covered": _spread(found, covered_only=True),
+        "distance_all": _spread(found, covered_only=False),
         "confidence": found.confidence,
     }
 
 
-def _spread(found: unbend.correspondence.Registration, distances: FloatArray) -> dict[str, Any]:
+def _spread(found: unbend.correspondence.Registration, *, covered_only: bool) -> dict[str, Any]:
     """Mean and 95 % quantile of distances, in the scan's unit and in sqrt(area)."""
     import numpy as np
 
+    distances = found.distances[found.covered] if covered_only else found.distances
     mean = most = np.nan
     if len(known := distances[np.isfinite(distances)]):
         mean, most = known.mean(), np.quantile(known, 0.95)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -14,9 +14,6 @@ from unbend.cli import _options as options
 from unbend.cli import _output as output
 from unbend.cli._input import make_form, read_shapes
 from unbend.errors import InputError
-
-if TYPE_CHECKING:
-    from unbend._types import Progress
 
 
 def similarity(
@@ -70,21 +67,39 @@ def similarity(
                     f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
                     "--known-correspondence"
                 )
-        pairs = _compare(shapes, known, matrix, n_components, distance, progress)
+        forms = []
+        for shape in shapes:
+            progress(f"{shape.name}, canonical form", 0)
+            weighting = "uniform" if known else "area"
+            forms.append(make_form(shape, distance, n_components=n_components, weighting=weighting))
+        pairs: list[tuple[int, int, float, float | None]] = []
+        for i, j in itertools.combinations(range(len(shapes)), 2):
+            if i and not matrix:
+                break
+            found = areas = None
+            if not known:
+                areas = unbend.mesh.vertex_areas(shapes[i]), unbend.mesh.vertex_areas(shapes[j])
+
+                def step(stage: str, share: float, i: int = i, j: int = j) -> None:
+                    progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
+
+                found = unbend.match(shapes[i], shapes[j], progress=step)
+            value = unbend.similarity(
+                forms[i], forms[j], match=found, n_components=n_components, areas=areas
+            )
+            pairs.append((i, j, value, None if found is None else found.confidence))
         ranked = sorted(pairs, key=lambda one: -round(one[2], 9))
         named = [
             {"model": paths[i], "probe": paths[j], "similarity": value, "confidence": confidence}
             for i, j, value, confidence in pairs
         ]
         cells: list[list[Any]] = [["model", "probe", "similarity", "match_confidence"]]
+        cells += [list(one.values()) for one in named]
         if matrix:
             square = [[1.0] * len(paths) for _ in paths]
             for i, j, value, _ in pairs:
                 square[i][j] = square[j][i] = value
-            cells = [["shape", *paths]]
-            cells += [[path, *row] for path, row in zip(paths, square, strict=True)]
-        else:
-            cells += [list(one.values()) for one in named]
+            cells = [["shape", *paths], *([paths[i], *row] for i, row in enumerate(square))]
         if csv is not None:
             unbend.io.write_table(csv, cells)
         if figure is not None:
@@ -94,11 +109,9 @@ def similarity(
             if matrix:
                 unbend.report.similarity_page(shapes, square, report, **looks)
             else:
-                alike = [shapes[j] for _, j, *_ in ranked]
-                values = [value for _, _, value, _ in ranked]
-                unbend.report.search_page(
-                    shapes[0], alike, values, report, measure="similarity", **looks
-                )
+                alike, values = [shapes[one[1]] for one in ranked], [one[2] for one in ranked]
+                looks["measure"] = "similarity"
+                unbend.report.search_page(shapes[0], alike, values, report, **looks)
     lines = [["probe", "similarity", "" if known else "confidence of the match"]]
     for _, j, value, confidence in ranked:
         lines.append([paths[j], f"{value:.4f}", "" if known else f"{confidence:.2f}"])
@@ -109,39 +122,3 @@ def similarity(
         written=[csv, figure],
         report=report,
     )
-
-
-def _compare(
-    shapes: list[unbend.Mesh],
-    known: bool,
-    matrix: bool,
-    n_components: int,
-    distance: DistanceKind,
-    progress: Progress,
-) -> list[tuple[int, int, float, float | None]]:
-    """Compare the first shape with the others, or all with all; each form is computed once.
-
-    Gives pairs of shapes, their similarity, and the confidence of their match, if one was made.
-    """
-    forms = []
-    for shape in shapes:
-        progress(f"{shape.name}, canonical form", 0)
-        weighting = "uniform" if known else "area"
-        forms.append(make_form(shape, distance, n_components=n_components, weighting=weighting))
-    pairs = []
-    for i, j in itertools.combinations(range(len(shapes)), 2):
-        if i and not matrix:
-            break
-        found = areas = None
-        if not known:
-            areas = unbend.mesh.vertex_areas(shapes[i]), unbend.mesh.vertex_areas(shapes[j])
-
-            def step(stage: str, share: float, i: int = i, j: int = j) -> None:
-                progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
-
-            found = unbend.match(shapes[i], shapes[j], progress=step)
-        value = unbend.similarity(
-            forms[i], forms[j], match=found, n_components=n_components, areas=areas
-        )
-        pairs.append((i, j, value, None if found is None else found.confidence))
-    return pairs

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import unbend
-from unbend.cli._output import command_line, list_failures, shown
+from unbend.cli._output import list_failures, shown
 from unbend.errors import FileError
-
-if TYPE_CHECKING:
-    from unbend._types import FloatArray
-    from unbend.choices import Axis
 
 SHORT_ID = 12  # digits of an id that are shown
 
@@ -43,23 +38,3 @@ def read_shown(
     meshes, failures = unbend.collection.read_found(shapes, store)
     list_failures(failures)
     return meshes
-
-
-def write_page(
-    report: str,
-    store: str,
-    entries: Sequence[unbend.collection.Entry],
-    distances: FloatArray,
-    up: Axis,
-    groups: list[int] | None = None,
-) -> None:
-    """Write how far shapes of a collection are from each other as a page."""
-    unbend.report.similarity_page(
-        read_shown(entries, store),
-        distances,
-        report,
-        measure="distance",
-        groups=groups,
-        up=up,
-        command=command_line(),
-    )

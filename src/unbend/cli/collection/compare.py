@@ -13,7 +13,7 @@ from unbend.choices import Axis, Rerank
 from unbend.cli import _options as options
 from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
 from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape, write_page
+from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24
@@ -92,7 +92,8 @@ def matrix(
     if figure is not None:
         unbend.report.draw_distances([Path(path).stem for path in paths], distances, figure)
     if report is not None:
-        write_page(report, store, entries, distances, up)
+        looks: Any = {"measure": "distance", "up": up, "command": command_line()}
+        unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
     if len(entries) <= _MOST_PRINTED:
         lines = matrix_lines([shown_shape(entry) for entry in entries], distances)
     else:
@@ -135,7 +136,9 @@ def groups(
         pairs = sorted((path, number) for number, some in enumerate(paths) for path in some)
         unbend.io.write_table(csv, [("path", "group"), *pairs])
     if report is not None:
-        write_page(report, store, entries, distances, up, groups=numbers)
+        looks: Any = {"measure": "distance", "up": up, "command": command_line()}
+        looks["groups"] = numbers
+        unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
     lines = []
     for number, some in enumerate(members):
         lines += [f"group {number}: {len(some):,}", *(f"  {shown_shape(one)}" for one in some)]
