@@ -35,39 +35,37 @@ def look(work: Work) -> Result:
 def _health(mesh: Mesh) -> tuple[bool, list[str]]:
     """Tell whether a shape can be used, and what should be known of it, a sentence each."""
     found = diagnose(mesh)
-    told = list(mesh.notes)
-    if mesh.is_point_cloud:
-        told.append("These are points without faces. A surface between them is used.")
     several = found.n_components > 1
     try:
         prepare(mesh, component="largest" if several else None)
     except InputError as refusal:
         return False, [f"unbend cannot work with this shape: {refusal}"]
-    if several:
-        told.append(
-            f"It has {found.n_components:,} separate pieces; the largest is used. If that is "
-            "wrong, delete the small pieces in a program such as MeshLab or Blender."
-        )
-    if found.one_sided:
-        told.append("It has one side only, like a Möbius strip, and cannot be matched.")
-    elif found.inconsistent_edges:
-        told.append("Some faces point inward. They are turned; pictures may show spots.")
-    if found.boundary_edges:
-        told.append(
-            f"It is open, with {plural(found.boundary_loops, 'hole')} or rims. That is fine."
-        )
-    if found.non_manifold_edges or found.non_manifold_vertices or found.degenerate_faces:
-        told.append("Some faces are damaged. unbend works around them.")
-    if found.unreferenced_vertices:
-        told.append(f"{plural(found.unreferenced_vertices, 'vertex')} in no face: left out.")
-    if found.duplicate_vertices and several:
-        told.append(
-            "Some points lie exactly on others. If the surface is cut there, merge them first "
-            "(in Blender: Merge by Distance)."
-        )
-    if mesh.n_vertices > _MANY:
-        told.append("It is large: expect minutes. A reduced copy gives nearly the same map.")
-    return True, told
+    pieces = (
+        f"It has {found.n_components:,} separate pieces; the largest is used. If that is wrong, "
+        "delete the small pieces in a program such as MeshLab or Blender."
+    )
+    merge = (
+        "Some points lie exactly on others. If the surface is cut there, merge them first "
+        "(in Blender: Merge by Distance)."
+    )
+    holes, loose = plural(found.boundary_loops, "hole"), found.unreferenced_vertices
+    turned = found.inconsistent_edges and not found.one_sided
+    damaged = found.non_manifold_edges or found.non_manifold_vertices or found.degenerate_faces
+    problems = (
+        (mesh.is_point_cloud, "These are points without faces. A surface between them is used."),
+        (several, pieces),
+        (found.one_sided, "It has one side only, like a Möbius strip, and cannot be matched."),
+        (turned, "Some faces point inward. They are turned; pictures may show spots."),
+        (found.boundary_edges, f"It is open, with {holes} or rims. That is fine."),
+        (damaged, "Some faces are damaged. unbend works around them."),
+        (loose, f"{plural(loose, 'vertex')} in no face: left out."),
+        (found.duplicate_vertices and several, merge),
+        (
+            mesh.n_vertices > _MANY,
+            "It is large: expect minutes. A reduced copy gives nearly the same map.",
+        ),
+    )
+    return True, [*mesh.notes, *(sentence for is_so, sentence in problems if is_so)]
 
 
 def sample(work: Work) -> Result:

@@ -12,14 +12,15 @@ import math
 import secrets
 import time
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route
 
 from unbend.app._session import Session
 from unbend.errors import InputError
-
-if TYPE_CHECKING:
-    from starlette.requests import Request
-    from starlette.responses import Response
 
 _MOST_JSON = 2**20  # bytes of a request that is no file
 _POLICY = (
@@ -47,10 +48,6 @@ def make_app(
     session: Session, tabs: dict[str, float], token: str, port: int, lifetime: Any = None
 ) -> Any:
     """Make the ASGI application; `tabs` gets when each open page was last heard of."""
-    from starlette.applications import Starlette
-    from starlette.requests import ClientDisconnect
-    from starlette.responses import FileResponse, JSONResponse, PlainTextResponse
-    from starlette.routing import Mount, Route
 
     async def asset(request: Request) -> Response:
         package, name, kind = _ASSETS[request.path_params.get("name", "")]
@@ -141,8 +138,6 @@ def make_app(
 
 def _guarded(app: Any, token: str, port: int) -> Any:
     """Refuse requests of other pages, names and addresses, and add headers to all answers."""
-    from starlette.responses import PlainTextResponse
-
     names = [f"{name}:{port}" for name in ("127.0.0.1", "localhost")]
     hosts = {name.encode(): f"http://{name}".encode() for name in names}
 
@@ -155,9 +150,8 @@ def _guarded(app: Any, token: str, port: int) -> Any:
         foreign = origin not in (None, hosts.get(host))
         foreign |= given.get(b"sec-fetch-site", b"none") not in (b"same-origin", b"none")
         changes = scope["method"] not in ("GET", "HEAD")
-        known = secrets.compare_digest(
-            scope["path"].lstrip("/").split("/")[0].encode(), token.encode()
-        )
+        first = scope["path"].lstrip("/").split("/")[0]
+        known = secrets.compare_digest(first.encode(), token.encode())
         answer, refusal = app, "unbend app: open the address that the command printed"
         if host not in hosts or foreign or (changes and origin is None):
             answer = PlainTextResponse(refusal, 403)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from unbend._memory import available_memory
-from unbend.app._routes import make_app
 from unbend.app._session import Session, remove_dead
 from unbend.errors import InputError, MissingExtraError
 
@@ -39,6 +38,8 @@ def serve(
     try:
         import starlette  # noqa: F401
         import uvicorn
+
+        from unbend.app._routes import make_app
     except ImportError:
         raise MissingExtraError("uvicorn", "starlette") from None
     try:

@@ -91,8 +91,6 @@ class Session:
                 "up": self._up,
             }
 
-    # Files
-
     def new_upload(self, name: str, size: int, *, values: bool) -> tuple[Path, str, int]:
         """Give the path for a file of the user, the name to show, and the bytes that it may have.
 
@@ -182,8 +180,6 @@ class Session:
         with self._change():
             result = self._results[i]
             result["placed"] = check_landmarks(given, len(result["shapes"]))
-
-    # Jobs
 
     def submit(self, asked: dict[str, Any]) -> int:
         """Put into the queue what a page asked for, after checking every word of it."""

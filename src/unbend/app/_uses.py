@@ -86,13 +86,13 @@ def search(work: Work, store: str) -> Result:
     call = f"hits = Collection({store!r}).search({mesh.name!r}, {_N_FOUND})"
     python = ["from unbend.collection import Collection", call]
     lost = {failure.path for failure in failures}
-    return work.result(f"Most like {mesh.name}", command, python) | {
-        "found": [
-            {"path": find_file(hit, store), "name": one.name}
-            for hit, one in zip(hits, found, strict=True)
-            if hit.path not in lost
-        ]
-    }
+    result = work.result(f"Most like {mesh.name}", command, python)
+    result["found"] = [
+        {"path": find_file(hit, store), "name": one.name}
+        for hit, one in zip(hits, found, strict=True)
+        if hit.path not in lost
+    ]
+    return result
 
 
 def groups(work: Work, store: str) -> Result:
@@ -102,11 +102,9 @@ def groups(work: Work, store: str) -> Result:
     entries, distances = Collection(store).distances()
     check_count(len(entries))  # before they are read
     numbers = find_groups(distances).tolist()
-    pairs = [
-        (path, number)
-        for one, number in zip(entries, numbers, strict=True)
-        for path in (one.path, *one.also)
-    ]
+    pairs: list[tuple[str, int]] = []
+    for one, number in zip(entries, numbers, strict=True):
+        pairs += [(path, number) for path in (one.path, *one.also)]
     table = work.new_file("groups.csv", "the group of each shape")
     write_table(table, [("path", "group"), *sorted(pairs)])
     meshes, _ = read_found(entries, store)
@@ -198,10 +196,9 @@ def morph(work: Work, steps: int) -> Result:
         work.keep_mesh(stem if steps == 1 else f"{stem}-{i}", share, between, colors[0])
         work.draw(share, between, colors[0])
     work.draw(target.name, target, colors[1])
-    out = ["--steps", str(steps), "-o", f"{stem}.ply"]
+    command = ["morph", *work.names, "--map", work.map_name, "--steps", str(steps)]
     call = f"[morph(source, target, found, i / {steps + 1}) for i in range(1, {steps + 1})]"
+    python = work.python("morph, read_match, read_mesh", f"between = {call}")
     return work.result(
-        f"Between {' and '.join(work.names)}",
-        ["morph", *work.names, "--map", work.map_name, *out],
-        work.python("morph, read_match, read_mesh", f"between = {call}"),
+        f"Between {' and '.join(work.names)}", [*command, "-o", f"{stem}.ply"], python
     )

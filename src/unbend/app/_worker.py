@@ -57,11 +57,9 @@ class Worker:
                     return {}
                 process.join()
                 self._start()
-            return {
-                "error": trouble
-                or f"the computation ended unexpectedly (exit code {process.exitcode}); "
-                "nothing else was lost: try again, or with a reduced shape"
-            }
+            ended = f"the computation ended unexpectedly (exit code {process.exitcode})"
+            again = "nothing else was lost: try again, or with a reduced shape"
+            return {"error": trouble or f"{ended}; {again}"}
 
     def cancel(self) -> None:
         """End the process, and with it the job that it runs."""

@@ -36,9 +36,6 @@ def make_form(
     return unbend.sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
 
 
-# Commands on many files: folders stand for their meshes, and results go to a folder.
-
-
 def expand_folders(paths: Iterable[str]) -> list[str]:
     """Replace folders by the meshes in and below them, in order."""
     found: list[str] = []
@@ -86,9 +83,6 @@ def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) ->
         found[file] = path
     unbend.collection.make_folder(folder)
     return list(found)
-
-
-# Maps, landmarks and matches.
 
 
 def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:

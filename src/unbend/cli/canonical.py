@@ -68,8 +68,7 @@ def canonical(
           distances have no exact form; for them it is 200 by default.
       n_eigenpairs: Eigenfunctions of the paper's form, likewise; 100 by default.
       keep_scale: Keep the mesh's unit; otherwise its area becomes 1.
-      detail: preserved: write the surface itself instead of the form, deformed as rigidly as
-          possible into the form's pose.
+      detail: preserved: write the surface, deformed as rigidly as possible into the form's pose.
 
     Examples
     --------

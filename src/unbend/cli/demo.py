@@ -56,8 +56,22 @@ def demo(
         pairs = _compare(columns)
         progress("drawing", 0)
         unbend.report.draw_canonical_forms(columns, out, canonical_view=(30, 20))
+    cells = [["", "before", "after"]]
+    after: dict[bool, list[float]] = {True: [], False: []}
+    for pair in sorted(pairs, key=lambda pair: not pair["same_species"]):
+        names = f"{pair['first']} - {pair['second']}"
+        cells.append([names, f"{pair['before']:.1%}", f"{pair['after']:.1%}"])
+        after[pair["same_species"]].append(pair["after"])
+    lines = [
+        "How far apart two shapes are after the best rigid alignment, in % of their size:",
+        "",
+        *table("<>>", *cells),
+        "",
+        f"Unbent, one species differs by {max(after[True]):.1%} at most between poses, "
+        f"two species by {min(after[False]):.1%} at least.",
+    ]
     next_step = "unbend canonical YOUR_MESH -o canonical.ply"
-    tell({"pairs": pairs}, _lines(pairs), written=[out], next_step=next_step)
+    tell({"pairs": pairs}, lines, written=[out], next_step=next_step)
 
 
 def _compare(columns: list[Column]) -> list[dict[str, Any]]:
@@ -77,20 +91,3 @@ def _compare(columns: list[Column]) -> list[dict[str, Any]]:
         after = unbend.align(scaled(one[2]), scaled(other[2])).residual
         pairs.append({**names, "same_species": same, "before": before, "after": after})
     return pairs
-
-
-def _lines(pairs: list[dict[str, Any]]) -> list[str]:
-    cells = [["", "before", "after"]]
-    after: dict[bool, list[float]] = {True: [], False: []}
-    for pair in sorted(pairs, key=lambda pair: not pair["same_species"]):
-        names = f"{pair['first']} - {pair['second']}"
-        cells.append([names, f"{pair['before']:.1%}", f"{pair['after']:.1%}"])
-        after[pair["same_species"]].append(pair["after"])
-    return [
-        "How far apart two shapes are after the best rigid alignment, in % of their size:",
-        "",
-        *table("<>>", *cells),
-        "",
-        f"Unbent, one species differs by {max(after[True]):.1%} at most between poses, "
-        f"two species by {min(after[False]):.1%} at least.",
-    ]

@@ -68,12 +68,6 @@ def evaluate(
     told = {"map": map_file, "target": target, "distance": distance, "n_rows": len(found.direct)}
     told |= {"coverage": found.coverage, "overlap": found.overlap}
     told |= {"thresholds": unbend.correspondence.THRESHOLDS, "protocols": protocols}
-    tell(told, _summary(found, protocols), shapes=[shape], written=[figure])
-
-
-def _summary(
-    found: unbend.correspondence.Evaluation, protocols: dict[str, dict[str, Any]]
-) -> list[str]:
     columns = [int(abs(unbend.correspondence.THRESHOLDS - shown).argmin()) for shown in _SHOWN]
     cells = [["protocol", "mean", "median", "AUC", *(f"<= {shown:g}" for shown in _SHOWN)]]
     for name, one in protocols.items():
@@ -89,4 +83,5 @@ def _summary(
             f"overlap: {part.iou:.1%} intersection over union, {part.precision:.1%} precision, "
             f"{part.recall:.1%} recall"
         )
-    return table("<>>>>>>>", *cells) + lines
+    lines = table("<>>>>>>>", *cells) + lines
+    tell(told, lines, shapes=[shape], written=[figure])

@@ -41,8 +41,7 @@ def register(
           from the scan, yellow where that is not reached (.ply and .vtp have the distances too),
           .off, .stl. From .obj to .obj only positions change: texture, materials, groups and
           polygons stay. For several scans, a folder.
-      report: Write a page for a browser: the fitted template, coloured by its distance from the
-          scan, beside the scan.
+      report: Write a page for a browser: the template, coloured by distance, beside the scan.
 
     Examples
     --------

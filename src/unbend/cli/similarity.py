@@ -38,8 +38,7 @@ def similarity(
     -------
       model: The mesh to compare with.
       probes: Meshes to compare it with.
-      known: Vertex i is the same point on every shape; otherwise the shapes are matched, which
-          takes seconds a pair.
+      known: Vertex i is the same point on all shapes; else they are matched, in seconds a pair.
       matrix: Compare all pairs.
       n_components: Dimension that is compared.
       distance: The distance that the forms approximate.
