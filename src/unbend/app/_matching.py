@@ -138,11 +138,9 @@ def _matched(
     elif landmarks:
         title += f", with {plural(len(landmarks), 'landmark')}"
     matched = int((found.source_to_target >= 0).sum())
-    facts = {
-        "matched": f"{matched:,} of {source.n_vertices:,} vertices",
-        "overlap": f"{found.overlap_source:.0%} of the first surface, "
-        f"{found.overlap_target:.0%} of the second",
-    }
+    facts = {"matched": f"{matched:,} of {source.n_vertices:,} vertices"}
+    overlap = f"{found.overlap_source:.0%} of the first surface"
+    facts["overlap"] = f"{overlap}, {found.overlap_target:.0%} of the second"
     return work.result(title, command, python, facts) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),
@@ -155,7 +153,6 @@ def _matched(
 def _in_words(confidence: float) -> str:
     if math.isnan(confidence):
         return "of unknown confidence"
-    words = "very likely right" if confidence >= 0.9 else "likely right"
-    if is_doubtful(confidence):
-        words = "doubtful"
+    sure = "very likely right" if confidence >= 0.9 else "likely right"
+    words = "doubtful" if is_doubtful(confidence) else sure
     return f"{words} (confidence {confidence:.2f} of 1)"

@@ -1,11 +1,11 @@
 """The command line: one file per command, no numerics.
 
 To add a command, write a function, and add it to `app` below. Its parameters are the arguments and
-options, as in ``distance.py``; its docstring has their help, and ends with examples. Call what is
-numerical by its full name, as `unbend.match` or `unbend.io.read_map`: it is loaded on first use,
-for ``unbend --help`` must not wait for it. End with ``tell(...)``, which prints text or JSON. Raise
-:class:`unbend.errors.UnbendError` for anything the user can put right; it is turned into one
-sentence and exit code 2 here, in one place.
+options, as in ``distance.py``; its docstring, or `_options.HELP`, has their help, and it ends with
+examples. Call what is numerical by its full name, as `unbend.match` or `unbend.io.read_map`: it is
+loaded on first use, for ``unbend --help`` must not wait for it. End with ``tell(...)``, which
+prints text or JSON. Raise :class:`unbend.errors.UnbendError` for anything the user can put right;
+it is turned into one sentence and exit code 2 here, in one place.
 """
 
 from __future__ import annotations

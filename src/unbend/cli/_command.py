@@ -30,10 +30,9 @@ def make_group(help: str, *functions: Callable[..., None], **options: Any) -> ty
 
 
 def _command(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --quiet to a function; its docstring has the help of its options.
+    """Add --json and --quiet to a function; its docstring, or `HELP`, has the help of its options.
 
-    A parameter that is a dataclass stands for the options that are its fields. The lines of the
-    examples are kept apart.
+    A parameter that is a dataclass stands for the options that are its fields.
     """
     defaults: dict[str, Any] = {}
     hints: dict[str, Any] = {}
@@ -71,10 +70,9 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
     run.__name__, run.__annotations__ = function.__name__, hints
     run.__doc__ = f"{text}    \b\n    Examples:\n{examples}"
     kind = inspect.Parameter.KEYWORD_ONLY
-    run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [
-            inspect.Parameter(name, kind, default=default, annotation=hints[name])
-            for name, default in defaults.items()
-        ]
-    )
+    parameters = [
+        inspect.Parameter(name, kind, default=default, annotation=hints[name])
+        for name, default in defaults.items()
+    ]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return run

@@ -83,12 +83,14 @@ HELP = {
     "cache": "Keep eigenpairs on disk for later runs.",
     "map": "A map that unbend match wrote, best as .npz; without it the shapes are matched first.",
     "base": "What MAP counts from; .vts from 1, others from 0.",
-    "partial": "Which shape may be partial: torn, cut, half seen; auto: those with a boundary.",
+    "partial": "Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
+    "boundary.",
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
     "counted from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
-    "workers": "Local processes, by default as many as processors and memory allow; 0: this one.",
+    "workers": "Local processes; by default as many as there are processors and memory for. 0: "
+    "none beside this one.",
     "scheduler": "A Dask scheduler to use; its workers must see the files under these paths.",
     "as_json": "Print one JSON object: the result, files written, warnings, and seconds taken.",
     "quiet": "No progress, notes or hints; only results, warnings and errors.",

@@ -71,9 +71,12 @@ def match(
       allow_mirror: Let the map turn the surface inside out, as from a left hand to a right one.
       refine: Refine the map on the full meshes.
       figure: Draw both shapes, corresponding points in one colour (.png, .pdf, .svg).
-      colored: Write both shapes (.ply, .obj, .glb, .vtp), partners in one colour, for other tools.
-      report: Write a page: both shapes turn together, and a place on one shows its partner.
-      truth: Source vertices with known images, and those images: the report shows the errors.
+      colored: Write both shapes (.ply, .obj, .glb, .vtp), corresponding points in one colour, for
+          Blender, MeshLab and ParaView.
+      report: Write a page to look at the match in a browser: both shapes turn together, and a place
+          on one shows its partner on the other.
+      truth: Source vertices whose image is known, and their true images, row by row: the report
+          then shows the errors.
       mirrored_truth: Their images on the other side.
 
     Examples
