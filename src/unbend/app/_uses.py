@@ -8,32 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from unbend import correspondence, io, report
 from unbend.app._work import Result, Work
 from unbend.canonical import canonical_form
-from unbend.correspondence import morph as shape_between
-from unbend.correspondence import register as fit_template
-from unbend.correspondence import transfer as carry
-from unbend.correspondence import value_kind, write_registration
 from unbend.distances import distance as measure
-from unbend.io import (
-    MARKUP_SUFFIXES,
-    read_markups,
-    read_values,
-    value_colors,
-    write_markups,
-    write_table,
-    write_values,
-)
 from unbend.mesh import Mesh
-from unbend.report import (
-    check_count,
-    form_page,
-    match_colors,
-    position_colors,
-    search_page,
-    similarity_page,
-    view,
-)
 
 _N_FOUND = 20  # shapes of a collection
 _LARGEST = ("--component", "largest")
@@ -43,10 +22,10 @@ def distance(work: Work, vertices: Sequence[int]) -> Result:
     work.progress("measuring", 0.0)
     (mesh,), (stem,) = work.meshes, work.stems
     nearest = measure(mesh, vertices, component="largest").min(axis=0)
-    view(mesh, values=nearest, landmarks=vertices, path=work.page, up=work.up)
+    report.view(mesh, values=nearest, landmarks=vertices, path=work.page, up=work.up)
     for suffix in (".csv", ".ply", ".glb"):
         path = work.new_file(f"{stem}-distance{suffix}", "the distance of each vertex")
-        write_values(path, nearest, mesh)
+        io.write_values(path, nearest, mesh)
     at = int(np.nanargmax(nearest))
     facts = {"farthest": f"vertex {at}, at {nearest[at]:.5g} in the unit of the file"}
     starts = [word for one in vertices for word in ("--from", str(one))]
@@ -62,12 +41,12 @@ def form(work: Work) -> Result:
     found = canonical_form(mesh, component="largest", progress=work.progress)
     there = np.asarray(np.isfinite(found.points).all(axis=1))
     faces = mesh.faces[there[mesh.faces].all(axis=1)]
-    colors = np.rint(255 * position_colors(mesh.vertices)).astype(np.uint8)
+    colors = np.rint(255 * report.position_colors(mesh.vertices)).astype(np.uint8)
     bare = Mesh(np.where(there[:, None], found.points, 0.0), faces, name=stem)
     about = "the canonical form in the colours of the shape"
     work.keep_mesh(f"{stem}-canonical", about, bare, colors)
-    write_values(work.new_file(f"{stem}-canonical.csv", "its coordinates"), found.points, mesh)
-    form_page(mesh, found, work.page, up=work.up, progress=work.progress)
+    io.write_values(work.new_file(f"{stem}-canonical.csv", "its coordinates"), found.points, mesh)
+    report.form_page(mesh, found, work.page, up=work.up, progress=work.progress)
     command = ["canonical", mesh.name, *_LARGEST, "-o", f"{stem}-canonical.ply"]
     call = f'form = canonical_form({mesh.name!r}, component="largest")'
     python = ["from unbend import canonical_form", call]
@@ -81,7 +60,7 @@ def search(work: Work, store: str) -> Result:
     (mesh,) = work.meshes
     hits = Collection(store).search(mesh, _N_FOUND, progress=work.progress)
     found, failures = read_found(hits, store)
-    search_page(mesh, found, [hit.distance for hit in hits], work.page, up=work.up)
+    report.search_page(mesh, found, [hit.distance for hit in hits], work.page, up=work.up)
     command = ["collection", "search", store, mesh.name, "-n", str(_N_FOUND)]
     call = f"hits = Collection({store!r}).search({mesh.name!r}, {_N_FOUND})"
     python = ["from unbend.collection import Collection", call]
@@ -100,16 +79,16 @@ def groups(work: Work, store: str) -> Result:
 
     work.progress("comparing", 0.0)
     entries, distances = Collection(store).distances()
-    check_count(len(entries))  # before they are read
+    report.check_count(len(entries))  # before they are read
     numbers = find_groups(distances).tolist()
     pairs: list[tuple[str, int]] = []
     for one, number in zip(entries, numbers, strict=True):
         pairs += [(path, number) for path in (one.path, *one.also)]
     table = work.new_file("groups.csv", "the group of each shape")
-    write_table(table, [("path", "group"), *sorted(pairs)])
+    io.write_table(table, [("path", "group"), *sorted(pairs)])
     meshes, _ = read_found(entries, store)
     looks: Any = {"groups": numbers, "up": work.up, "progress": work.progress}
-    similarity_page(meshes, distances, work.page, measure="distance", **looks)
+    report.similarity_page(meshes, distances, work.page, measure="distance", **looks)
     python = [
         "from unbend.collection import Collection, find_groups",
         f"entries, distances = Collection({store!r}).distances()",
@@ -125,16 +104,16 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     (source, target), found = work.meshes, work.read_map()
     path, name = values or (work.paths[0], source.name)
     stem = f"{work.stems[1]}-{Path(name).stem.removesuffix('.mrk')}"
-    markups = path.lower().endswith(MARKUP_SUFFIXES)
+    markups = path.lower().endswith(io.MARKUP_SUFFIXES)
     out = f"{stem}.mrk.json" if markups else f"{stem}.csv"
     command = ["transfer", *work.names, "--map", work.map_name, "--values", name, "-o", out]
     if markups:
-        labels, rows = read_markups(path, source)
+        labels, rows = io.read_markups(path, source)
         carried = found.source_to_target[rows]
         kept = {labels[i]: int(carried[i]) for i in np.flatnonzero(carried >= 0)}
         about = "the landmarks, for 3D Slicer"
-        write_markups(work.new_file(out, about), target, list(kept.values()), list(kept))
-        view(target, landmarks=kept, path=work.page, up=work.up)
+        io.write_markups(work.new_file(out, about), target, list(kept.values()), list(kept))
+        report.view(target, landmarks=kept, path=work.page, up=work.up)
         facts = {"carried": f"{len(kept)} of {len(labels)} landmarks"}
         python = work.python(
             "io, read_match, read_mesh",
@@ -142,17 +121,17 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
             "carried = found.source_to_target[vertices]  # -1 where there is no partner",
         )
         return work.result(f"{name} on {target.name}", command, python, facts)
-    array = read_values(path, n_vertices=source.n_vertices, name=column)
-    kind = value_kind(array)
-    carried = carry(array, found, kind=kind, source=source, target=target)
+    array = io.read_values(path, n_vertices=source.n_vertices, name=column)
+    kind = correspondence.value_kind(array)
+    carried = correspondence.transfer(array, found, kind=kind, source=source, target=target)
     drawable = kind == "color" or array.ndim == 1
     suffixes = [".csv", ".npy"]
     suffixes += [".obj", ".glb"] if kind == "uv" else [".ply"] * (array.dtype.kind != "U")
     for suffix in [*suffixes, *([".glb"] if drawable else [])]:
-        write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
+        io.write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
     for mesh, own in zip(work.meshes, (array, carried), strict=True):
         if drawable:
-            colors = own[:, :3] if kind == "color" else value_colors(own, kind=kind)
+            colors = own[:, :3] if kind == "color" else io.value_colors(own, kind=kind)
             work.draw(mesh.name, mesh, colors)
     facts = {"carried": f"{len(carried):,} values, as {kind}"}
     named = f", name={column!r}" if column else ""
@@ -167,14 +146,14 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
 
 def register(work: Work) -> Result:
     source, target = work.meshes
-    found = fit_template(source, target, work.read_map(), progress=work.progress)
+    found = correspondence.register(source, target, work.read_map(), progress=work.progress)
     stem = "-on-".join(work.stems)
     for suffix in (".ply", ".obj", ".glb"):
         keeps = suffix == ".obj" == Path(work.paths[0]).suffix.lower()
         about = "coloured by the distance from the second shape"
         path = work.new_file(stem + suffix, "with the texture of the first" if keeps else about)
-        write_registration(path, found, like=work.paths[0] if keeps else None)
-    view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
+        correspondence.write_registration(path, found, like=work.paths[0] if keeps else None)
+    report.view(found.mesh, target, values=found.distances, path=work.page, up=work.up)
     facts = {
         "on the second shape": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
         "mean distance": f"{np.nanmean(found.distances):.3g} in the unit of the file",
@@ -187,11 +166,11 @@ def register(work: Work) -> Result:
 
 def morph(work: Work, steps: int) -> Result:
     (source, target), found = work.meshes, work.read_map()
-    stem, colors = "-to-".join(work.stems), match_colors(source, target, found)
+    stem, colors = "-to-".join(work.stems), report.match_colors(source, target, found)
     work.draw(source.name, source, colors[0])
     for i in range(1, steps + 1):
         work.progress("morphing", i / (steps + 1))
-        between = shape_between(source, target, found, i / (steps + 1))
+        between = correspondence.morph(source, target, found, i / (steps + 1))
         share = f"{i / (steps + 1):.0%} of the way"
         work.keep_mesh(stem if steps == 1 else f"{stem}-{i}", share, between, colors[0])
         work.draw(share, between, colors[0])

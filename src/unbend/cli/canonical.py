@@ -12,17 +12,8 @@ import typer
 import unbend
 from unbend.choices import Axis, Detail, DistanceKind, LaplacianKind, Weighting
 from unbend.cli import _options as options
+from unbend.cli import _output as output
 from unbend.cli._input import expand_folders, files_in, is_batch, make_form
-from unbend.cli._output import (
-    command_line,
-    lines_to_keep,
-    progress_on_stderr,
-    rows,
-    say,
-    table,
-    tell,
-    write_columns,
-)
 from unbend.errors import InputError, UnbendError
 
 if TYPE_CHECKING:
@@ -126,7 +117,7 @@ def canonical(
             unbend.report.draw_form(shape, form, figure, posed=posed, up=up)
         if report is not None:
             looks: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
-            looks |= {"command": command_line(), "progress": step}
+            looks |= {"command": output.command_line(), "progress": step}
             unbend.report.form_page(shape, form, report, **looks)
         names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
         one = {name: getattr(shape, name) for name in ("n_vertices", "n_faces", "notes")}
@@ -135,7 +126,7 @@ def canonical(
 
     done: list[dict[str, Any]] = []
     failures: list[unbend.collection.Failure] = []
-    with progress_on_stderr() as progress:
+    with output.progress_on_stderr() as progress:
         for i, path in enumerate(paths):
             try:
                 done.append(compute(i, path))
@@ -145,11 +136,11 @@ def canonical(
                 failures.append(unbend.collection.Failure.of(path, error))
     for one in done:
         for note in one["notes"]:
-            say("note", f"{one['file']}: {note}" if batch else note)
+            output.say("note", f"{one['file']}: {note}" if batch else note)
     hint = "add -o OUT.ply to write the form, --report HTML to look at it"
-    tell(
+    output.tell(
         {"files": done},
-        _overview(done, failures) if batch else rows(_summary(done[0])),
+        _overview(done, failures) if batch else output.rows(_summary(done[0])),
         written=[out, figure],
         report=report,
         next_step=None if out or figure or batch else hint,
@@ -162,12 +153,12 @@ def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:
     import numpy as np
 
     if not out.lower().endswith(_MESH_SUFFIXES):
-        write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
+        output.write_columns(out, points, [f"x{i + 1}" for i in range(points.shape[1])])
         return
     # Faces outside the chosen component have lost their vertices: no viewer could draw them.
     there = np.isfinite(points.sum(axis=1))
     faces = shape.faces if there.all() else shape.faces[there[shape.faces].all(axis=1)]
-    like = lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
+    like = output.lines_to_keep(out, path, whole=len(faces) == shape.n_faces)
     unbend.write_mesh(out, unbend.Mesh(points, faces), like=like)
 
 
@@ -191,4 +182,4 @@ def _overview(done: list[dict[str, Any]], failures: list[unbend.collection.Failu
         seconds = f"{sum(one['steps'].values()):.2f} s"
         lines.append((one["file"], *counts, f"{one['stress']:.3f}", seconds, ""))
     lines += [(one.path, "-", "-", "-", "-", "failed") for one in failures]
-    return table("<>>>><", *lines)
+    return output.table("<>>>><", *lines)

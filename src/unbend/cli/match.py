@@ -10,24 +10,9 @@ import typer
 import unbend
 from unbend._text import quoted
 from unbend.choices import Axis, Partial
+from unbend.cli import _input as inputs
 from unbend.cli import _options as options
-from unbend.cli._input import (
-    is_unsure,
-    keeps_all,
-    landmarks_of,
-    read_shapes,
-    read_truth,
-    show_match,
-    write_result,
-)
-from unbend.cli._output import (
-    elapsed,
-    lines_to_keep,
-    progress_on_stderr,
-    rows,
-    tell,
-    warn_if_doubtful,
-)
+from unbend.cli import _output as output
 from unbend.errors import InputError
 
 # A map that is not sure of its side has about as much of the surface on either.
@@ -95,13 +80,13 @@ def match(
         raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
-    with progress_on_stderr() as progress:
-        shapes = read_shapes((source, target), component)
+    with output.progress_on_stderr() as progress:
+        shapes = inputs.read_shapes((source, target), component)
         known = None
         if truth is not None:
             files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
-            known = read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
-        hints = landmarks_of(landmarks, shapes)
+            known = inputs.read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
+        hints = inputs.landmarks_of(landmarks, shapes)
         found = unbend.match(
             *shapes,
             partial=partial,
@@ -110,11 +95,11 @@ def match(
             n_eigenpairs=n_eigenpairs,
             refine=refine,
             allow_mirror=allow_mirror,
-            barycentric=any((figure, report, colored, keeps_all(out))),
+            barycentric=any((figure, report, colored, inputs.keeps_all(out))),
             progress=progress,
         )
-        seconds = elapsed()
-        unsure = is_unsure(found, min_confidence)
+        seconds = output.elapsed()
+        unsure = inputs.is_unsure(found, min_confidence)
         maps = []
         if not unsure:
             progress("writing", 0)
@@ -122,22 +107,22 @@ def match(
                 plain = Path(out)
                 for i, one in enumerate((found, *found.alternatives)):
                     maps.append(str(plain.with_stem(f"{plain.stem}-{i + 1}")) if i else out)
-                    write_result(maps[i], one, shapes)
+                    inputs.write_result(maps[i], one, shapes)
             if colored is not None:
                 colors = unbend.report.match_colors(shapes[0], shapes[1], found)
                 for i, original in enumerate((source, target)):
-                    like = lines_to_keep(colored[i], original, whole=component is None)
+                    like = output.lines_to_keep(colored[i], original, whole=component is None)
                     unbend.write_mesh(colored[i], shapes[i], colors=colors[i], like=like)
             looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
-            show_match(shapes, found, figure, report, progress=progress, **looks)
-    warn_if_doubtful(found, seen=report is not None and not unsure)
+            inputs.show_match(shapes, found, figure, report, progress=progress, **looks)
+    output.warn_if_doubtful(found, seen=report is not None and not unsure)
     next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
     if out is not None:
         paths = f"{quoted(source, target)} --map {quoted(out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
     others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     median, within_95 = found.expected_error_quantiles()
-    tell(
+    output.tell(
         {
             "source": source,
             "target": target,
@@ -151,7 +136,7 @@ def match(
             "hypotheses": found.hypotheses,
             "alternatives": [_measures(one) for one in found.alternatives],
         },
-        rows(summary(shapes, found, seconds)) + others,
+        output.rows(summary(shapes, found, seconds)) + others,
         shapes=shapes,
         written=[*maps, figure, *(colored or ())],
         report=report,
