@@ -19,9 +19,7 @@ _N_VERTICES = 4000
 _COMPARED = 800  # vertices of each shape that the printed comparison looks at
 
 
-def demo(
-    out: Annotated[str, options.out("PNG", options.figure_file)] = "unbend-demo.png",
-) -> None:
+def demo(out: Annotated[str, options.out("PNG", options.figure_file)] = "unbend-demo.png") -> None:
     """Draw a dog and a person in three poses with their canonical forms, and compare them.
 
     Options

@@ -146,10 +146,7 @@ def groups(
     tell({"store": store, "groups": paths}, lines, written=[csv], report=report, next_step=guess)
 
 
-def evaluate(
-    store: str,
-    labels: str,
-) -> None:
+def evaluate(store: str, labels: str) -> None:
     """Measure how well the descriptors find shapes of the same class.
 
     Every labelled shape is a query. The measures are those of the Princeton Shape Benchmark, and

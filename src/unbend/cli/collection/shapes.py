@@ -54,10 +54,7 @@ def add(
     tell(told, [line], next_step=hint if count else None, failures=done.failures)
 
 
-def list_(
-    store: str,
-    n: Annotated[int | None, options.count("--n-shapes")] = None,
-) -> None:
+def list_(store: str, n: Annotated[int | None, options.count("--n-shapes")] = None) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
 
     Options
@@ -134,10 +131,7 @@ def info(
     tell({"store": store, **vars(entry)}, rows(lines), written=[thumbnail])
 
 
-def remove(
-    store: str,
-    shapes: list[str],
-) -> None:
+def remove(store: str, shapes: list[str]) -> None:
     """Remove shapes from a collection; their files stay where they are.
 
     A path removes only that path of a shape that has several. An id removes the shape.
@@ -165,10 +159,7 @@ def remove(
     tell({"store": store, "removed": removed, "n_shapes": count}, lines)
 
 
-def export(
-    store: str,
-    out: Annotated[str, options.out()],
-) -> None:
+def export(store: str, out: Annotated[str, options.out()]) -> None:
     """Write the stored data of every shape into one table.
 
     There is a row for each file. Identical files have the same id.
