@@ -103,6 +103,7 @@ def test_the_way_of_a_shape(app, ply) -> None:
     assert app.get("state")["results"][0]["placed"] == placed
     for bad in ([1], [{"name": "1", "at": [7]}], [{"name": 1, "at": [7, 7]}], {}):
         assert app.ask("PUT", f"results/{result['id']}/landmarks", bad)[0] == 400
+    assert app.ask("GET", f"results/{result['id']}/title/0")[0] == 404
     app.send("PUT", "up", {"up": "z"})
     state = app.wait(lambda s: not s["jobs"])
     assert state["up"] == "z"

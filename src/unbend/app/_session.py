@@ -144,12 +144,14 @@ class Session:
     def file(self, i: int, kind: str, n: int | None = None) -> tuple[str, str | None]:
         """Path of the file or picture of a shape, or the n-th of a result; files have a name."""
         if n is not None:
+            if kind not in ("files", "pictures"):
+                raise LookupError(kind)
             one = self._results[i][kind][n]
             return one["path"], one.get("name")
         shape = self._shapes[i]
-        return (
-            (shape["picture_path"], None) if kind == "picture" else (shape["path"], shape["name"])
-        )
+        if kind == "picture":
+            return shape["picture_path"], None
+        return shape["path"], shape["name"]
 
     def remove(self, kind: str, i: int) -> None:
         """Forget a shape, a result or a trouble, with our files of it, or cancel a job."""
