@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -18,8 +18,7 @@ _CHUNK = 200_000  # point-cone pairs measured at once: what keeps the arrays in 
 _CREASE = 0.2  # blend within a chain, as a share of the blend between chains
 
 
-@dataclass(frozen=True, eq=False)
-class Cones:
+class Cones(NamedTuple):
     """Rounded cones (convex hulls of two balls each) that flow into each other.
 
     Cone ``i`` is flattened along the unit vector ``flats[i]`` by the factor ``1 + extra[i]``.
@@ -38,8 +37,7 @@ class Cones:
 
     def turned(self, rotation: FloatArray, shift: FloatArray) -> Cones:
         """Rotate the body, then shift it."""
-        return replace(
-            self,
+        return self._replace(
             heads=self.heads @ rotation.T + shift,
             tails=self.tails @ rotation.T + shift,
             flats=self.flats @ rotation.T,

@@ -63,23 +63,18 @@ def collapse_short_edges(
             continue
         if not _keeps_normals(vertices, triangles, around[a] - shared, a, b):
             continue
-        for f in shared:
-            dead[f] = True
-            for vertex in triangles[f]:
-                around[vertex].discard(f)
+        for vertex in (a, b, *common):
+            around[vertex] -= shared
+            touched[vertex] = True
         for f in around[a]:
             triangles[f] = [b if vertex == a else vertex for vertex in triangles[f]]
         around[b] |= around[a]
-        around[a] = set()
-        for u in ring_a:
-            ring[u].discard(a)
         for u in ring_a - {b}:
-            ring[u].add(b)
-        ring[b] |= ring_a - {b}
+            ring[u] = ring[u] - {a} | {b}
+        ring[b] = (ring_a | ring_b) - {a, b}
+        dead[list(shared)] = True
         gone[a] = True
         excess -= cost
-        for vertex in (a, b, *common):
-            touched[vertex] = True
     number = np.cumsum(~gone) - 1
     kept = np.array(triangles, dtype=np.int64)[~dead]
     return vertices[~gone], number[kept], on_plane[~gone]

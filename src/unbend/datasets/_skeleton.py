@@ -44,39 +44,30 @@ class Bone(NamedTuple):
     chain: str = ""  # bones of one chain meet without the swelling where other parts flow together
 
 
-def chain_of(
-    name: str, parent: str, joints: Sequence[Point], radii: Sequence[float], part: str
-) -> list[Bone]:
-    """Make a chain of bones between joints: ``name_1``, ``name_2`` and so on."""
-    names = [parent, *(f"{name}_{i + 1}" for i in range(len(joints) - 1))]
-    ends = zip(joints, joints[1:], radii, radii[1:], strict=False)
+def chain_of(part: str, parent: str, joints: FloatArray, radii: FloatArray) -> list[Bone]:
+    """Make a part of bones between joints (n, 3): ``part_1``, ``part_2`` and so on."""
+    names = [parent, *(f"{part}_{i + 1}" for i in range(len(joints) - 1))]
+    points: list[Point] = [(x, y, z) for x, y, z in joints.tolist()]
+    r = radii.tolist()
     return [
-        Bone(names[i + 1], names[i], head, tail, r, s, part, chain=name)
-        for i, (head, tail, r, s) in enumerate(ends)
+        Bone(names[i + 1], names[i], points[i], points[i + 1], r[i], r[i + 1], part, chain=part)
+        for i in range(len(points) - 1)
     ]
 
 
-def mirrored(bone: Bone) -> Bone:
-    """Make the right-hand twin of a left-hand bone."""
-
-    def flip(point: Point) -> Point:
-        return (-point[0], point[1], point[2])
-
-    return bone._replace(
-        name=bone.name.replace("left", "right"),
-        parent=bone.parent.replace("left", "right") if bone.parent else None,
-        head=flip(bone.head),
-        tail=flip(bone.tail),
-        part=bone.part.replace("left", "right"),
-        chain=bone.chain.replace("left", "right"),
-        flat=flip(bone.flat),
-    )
-
-
 def both_sides(bones: Sequence[Bone]) -> list[Bone]:
-    """Follow each bone whose name speaks of the left by its twin."""
-    doubled = [(b, mirrored(b)) if "left" in b.name else (b,) for b in bones]
-    return [bone for pair in doubled for bone in pair]
+    """Follow each bone whose name speaks of the left by its twin on the right."""
+    doubled = []
+    for bone in bones:
+        doubled.append(bone)
+        if "left" in bone.name:
+            words = {one: getattr(bone, one) for one in ("name", "parent", "part", "chain")}
+            right = {one: word.replace("left", "right") for one, word in words.items()}
+            for one in ("head", "tail", "flat"):
+                x, y, z = getattr(bone, one)
+                right[one] = (-x, y, z)
+            doubled.append(bone._replace(**right))
+    return doubled
 
 
 def cones_of(bones: Sequence[Bone], *, for_motion: bool = False) -> Cones:

@@ -132,15 +132,11 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
         Bone("left_eye", "body", (0.09 * girth, 0.355, 0.075), (0.115 * girth, 0.38, 0.1), eye,
              eye, "head"),
     ]  # fmt: skip
-    for arm, azimuth in _AZIMUTHS.items():
-        left += _arm(f"left_arm_{arm}", np.deg2rad(azimuth), p["arms"], p["limbs"])
-    return both_sides(left)
-
-
-def _arm(name: str, azimuth: float, length: float, thickness: float) -> list[Bone]:
-    outward = np.array([np.sin(azimuth), 0, np.cos(azimuth)])
     share = np.linspace(0, 1, _N_SEGMENTS + 1)
-    joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * length * share)[:, None] * outward
-    radii = thickness * (0.07 - 0.044 * share**0.8)
-    points: list[Point] = [(float(x), float(y), float(z)) for x, y, z in joints]
-    return chain_of(name, "body", points, radii.tolist(), name)
+    radii = p["limbs"] * (0.07 - 0.044 * share**0.8)
+    for arm, degrees in _AZIMUTHS.items():
+        azimuth = np.deg2rad(degrees)
+        outward = np.array([np.sin(azimuth), 0, np.cos(azimuth)])
+        joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * p["arms"] * share)[:, None] * outward
+        left += chain_of(f"left_arm_{arm}", "body", joints, radii)
+    return both_sides(left)

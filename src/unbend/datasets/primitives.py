@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 
 from unbend._arrays import check_whole
 from unbend._types import FloatArray, IntArray
-from unbend.mesh import Mesh
+from unbend.mesh import Mesh, find_edges
 
 
 def make_sphere(subdivisions: int = 4) -> Mesh:
@@ -59,14 +59,10 @@ def _icosahedron() -> tuple[FloatArray, IntArray]:
 
 def _split_edges(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Split each face into four at the middles of its edges, moved onto the unit sphere."""
-    edges = np.sort(faces[:, [[1, 2], [2, 0], [0, 1]]], axis=2)
-    unique, place = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
-    middles = vertices[unique].sum(axis=1)
+    edges = find_edges(faces, len(vertices))
+    middles = vertices[edges.ends].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
     a, b, c = faces.T
-    ab, bc, ca = np.roll(place.reshape(-1, 3) + len(vertices), -2, axis=1).T
-    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-    return (
-        np.concatenate([vertices, middles]),
-        np.concatenate([np.stack(corners, axis=1) for corners in quarters]),
-    )
+    ab, bc, ca = edges.of_side.reshape(-1, 3).T + len(vertices)
+    quarters = np.hstack([(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]).T
+    return np.concatenate([vertices, middles]), quarters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -168,17 +167,16 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
     def trunk(x: float, y: float, z: float) -> Point:
         return (x * girth, y + drop, z * p["body"])
 
-    def leg(x: float, y: float, z: float) -> Point:
+    def leg(x: float, y: float, z: float, ahead: float = 0.0) -> Point:
         middle = 0.25 if z > 0 else -0.36
-        return (x * girth, y * legs, middle * p["body"] + (z - middle) * legs**0.5)
+        return (x * girth, y * legs, middle * p["body"] + (z - middle) * legs**0.5 + ahead)
 
-    neck_base = np.array(trunk(0, 0.59, 0.30))
-    neck_top = neck_base + np.array([0, 0.155, 0.135]) * p["neck"]
-    skull = neck_top + np.array([0, 0.035, 0.03])
+    _, base_y, base_z = trunk(0, 0.59, 0.30)
+    top_y, top_z = base_y + 0.155 * p["neck"], base_z + 0.135 * p["neck"]
     thick = girth * (0.75 + 0.25 * p["neck"])
 
     def face(x: float, y: float, z: float) -> Point:
-        return _point(skull + np.array([x, y, z]) * head)
+        return (x * head, top_y + 0.035 + y * head, top_z + 0.03 + z * head)
 
     m = p["muzzle"]
     long = max(0.0, m - 1)  # a long muzzle points down, as a horse's does
@@ -187,6 +185,9 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
     ear = face(0.058 * spread, 0.055, -0.01)
     ear_tip = (ear[0] + 0.035 * ears, ear[1] + 0.125 * ears, ear[2] - 0.02 * ears)
     narrow = (1.18, 0.0, 0.0)
+    lift = np.deg2rad(p["tail_lift"])
+    step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
+    tail = np.array(trunk(0, 0.59, -0.45)) + np.arange(5)[:, None] * step
     bones = [
         Bone("pelvis", None, trunk(0, 0.55, -0.38), trunk(0, 0.56, -0.2), 0.09 * girth,
              0.092 * girth, "torso", chain="spine"),
@@ -194,7 +195,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
              0.11 * girth, "torso", chain="spine"),
         Bone("chest", "loin", trunk(0, 0.55, 0), trunk(0, 0.535, 0.26), 0.12 * girth,
              0.13 * girth, "torso", narrow, "spine"),
-        Bone("neck", "chest", _point(neck_base), _point(neck_top), 0.088 * thick,
+        Bone("neck", "chest", (0.0, base_y, base_z), (0.0, top_y, top_z), 0.088 * thick,
              0.066 * girth, "head"),
         Bone("head", "neck", face(0, 0, 0), face(0, 0, 0.075), 0.08 * head, 0.07 * head, "head"),
         Bone("muzzle", "head", face(0, -0.018, 0.08), face(*tip), 0.058 * head,
@@ -203,7 +204,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
              0.023 * head, "head"),
         Bone("left_ear", "head", ear, ear_tip, 0.046 * head, 0.019 * head, "head",
              (0.25, -0.2, 1.75)),
-        *_tail(trunk(0, 0.59, -0.45), p),
+        *chain_of("tail", "pelvis", tail, np.linspace(0.034, 0.022, 5)),
         Bone("left_upper_arm", "chest", leg(0.085, 0.5, 0.25), leg(0.1, 0.335, 0.21),
              0.07 * girth, 0.045 * limbs, "left_foreleg", chain="left_foreleg"),
         Bone("left_forearm", "left_upper_arm", leg(0.1, 0.335, 0.21), leg(0.1, 0.125, 0.235),
@@ -211,7 +212,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
         Bone("left_pastern", "left_forearm", leg(0.1, 0.125, 0.235), leg(0.1, 0.05, 0.245),
              0.032 * limbs, 0.031 * limbs, "left_foreleg", chain="left_foreleg"),
         Bone("left_fore_paw", "left_pastern", leg(0.1, 0.04, 0.25),
-             _ahead(leg(0.1, 0.034, 0.25), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
+             leg(0.1, 0.034, 0.25, 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
              "left_foreleg", chain="left_foreleg"),
         Bone("left_thigh", "pelvis", leg(0.075, 0.5, -0.37), leg(0.1, 0.34, -0.31),
              0.088 * girth, 0.052 * limbs, "left_hindleg", (1.15, 0, 0), "left_hindleg"),
@@ -220,23 +221,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
         Bone("left_metatarsus", "left_shin", leg(0.1, 0.175, -0.43), leg(0.1, 0.05, -0.41),
              0.032 * limbs, 0.031 * limbs, "left_hindleg", chain="left_hindleg"),
         Bone("left_hind_paw", "left_metatarsus", leg(0.1, 0.04, -0.405),
-             _ahead(leg(0.1, 0.034, -0.405), 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
+             leg(0.1, 0.034, -0.405, 0.055 * paws), 0.037 * limbs, 0.034 * limbs,
              "left_hindleg", chain="left_hindleg"),
     ]  # fmt: skip
     return both_sides(bones)
-
-
-def _tail(root: Point, p: Mapping[str, float]) -> list[Bone]:
-    lift = np.deg2rad(p["tail_lift"])
-    step = 0.085 * p["tail"] * np.array([0, np.sin(lift), -np.cos(lift)])
-    joints = [_point(np.array(root) + i * step) for i in range(5)]
-    radii = np.linspace(0.034, 0.022, 5)
-    return chain_of("tail", "pelvis", joints, radii.tolist(), "tail")
-
-
-def _ahead(point: Point, length: float) -> Point:
-    return (point[0], point[1], point[2] + length)
-
-
-def _point(array: Any) -> Point:
-    return (float(array[0]), float(array[1]), float(array[2]))
