@@ -1,9 +1,4 @@
-"""What describes a shape whatever its pose: a vector to compare by Euclidean distance.
-
-Two statistics over the surface, by area, that depend on lengths within it alone: the quantiles of
-the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009), and the logarithm of the covariance
-(Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei & Cremers, 2011).
-"""
+"""What describes a shape whatever its pose: a vector to compare by Euclidean distance."""
 
 from __future__ import annotations
 
@@ -71,9 +66,10 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
     -----
     The order of vertices and faces and the orientation of faces change nothing beyond rounding.
 
-    Quantiles of the heat kernel signature at 8 times, and the covariance of the wave kernel
-    signature at 12 energies; all as logarithms, so that a difference is a ratio on every scale.
-    Each of the two counts by the mean square of its entries. Nothing is trained.
+    Quantiles of the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009) at 8 times, and the
+    covariance (Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei &
+    Cremers, 2011) at 12 energies; all as logarithms, so that a difference is a ratio on every
+    scale. Each of the two counts by the mean square of its entries. Nothing is trained.
 
     Examples
     --------

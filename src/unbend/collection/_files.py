@@ -118,10 +118,8 @@ def is_gone(path: str) -> bool:
     """Whether there is certainly no such file."""
     try:
         os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, FileNotFoundError | NotADirectoryError)
     return False
 
 

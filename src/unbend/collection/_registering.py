@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -188,16 +188,15 @@ def _write_tables(
     rows = [(*vars(one).values(), "doubtful" if one.doubtful else "registered") for one in shapes]
     bad = [(Path(one.path).stem, one.path, *[""] * 5, f"failed: {one.reason}") for one in failures]
     write_table(folder / "shapes.csv", [(*head, "status"), *rows, *bad])
-    write_table(folder / "vertices.csv", _vertices(folder, shapes))
-    return tuple(shapes)
-
-
-def _vertices(folder: Path, shapes: Iterable[RegisteredShape]) -> Iterator[Iterable[Any]]:
-    yield "shape", "vertex", "x", "y", "z"
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
-    for one, points in zip(shapes, every, strict=True):
-        for i, place in enumerate(points.tolist()):
-            yield one.name, i, *place
+    places = (
+        (one.name, i, *place)
+        for one, points in zip(shapes, every, strict=True)
+        for i, place in enumerate(points.tolist())
+    )
+    columns = "shape", "vertex", "x", "y", "z"
+    write_table(folder / "vertices.csv", itertools.chain([columns], places))
+    return tuple(shapes)
 
 
 def read_registrations(

@@ -1,8 +1,4 @@
-"""Statistics over shapes whose points correspond: mean, principal components, variability.
-
-Generalised Procrustes analysis (Gower 1975; Dryden & Mardia 2016): every shape is moved rigidly to
-fit the mean of all, and the mean is computed again, until it converges.
-"""
+"""Statistics over shapes whose points correspond: mean, principal components, variability."""
 
 from __future__ import annotations
 
@@ -62,10 +58,9 @@ class Statistics(Brief):
 
     def at(self, component: int, deviations: float) -> FloatArray:
         """Points (n, 3) of the mean moved along a component by standard deviations."""
-        if not is_whole(component) or not 0 <= component < len(self.components):
-            raise InputError(
-                f"there is no component {component!r}; there are {len(self.components)}, from 0"
-            )
+        count = len(self.components)
+        if not is_whole(component) or not 0 <= component < count:
+            raise InputError(f"there is no component {component!r}; there are {count}, from 0")
         if not is_number(deviations):
             raise InputError(f"deviations must be a number, not {deviations!r}")
         return np.asarray(self.mean + deviations * self.components[component])
@@ -79,6 +74,9 @@ def shape_statistics(
     scale: bool = False,
 ) -> Statistics:
     """Mean, principal components and variability of shapes whose points correspond.
+
+    Every shape is moved rigidly to fit the mean of all, until the mean stays (generalised
+    Procrustes analysis).
 
     Parameters
     ----------

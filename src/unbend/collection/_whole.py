@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from unbend._arrays import first_equal_row, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError
-from unbend.mesh import Mesh, find_components, find_edges, group_rows, proper_faces, vertex_areas
+from unbend.mesh import Mesh, find_components, find_edges, label_linked, proper_faces, vertex_areas
 from unbend.spectral import laplacian
 
 # Pieces with a smaller share of the area are removed, unless they make up half of it.
@@ -136,7 +136,8 @@ def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
     boundary = _boundary(vertices, faces)
     if not len(boundary):
         return vertices, faces
-    group = np.unique(group_rows(boundary, len(vertices))[: len(boundary)], return_inverse=True)[1]
+    labels = label_linked(boundary.T, len(vertices))[boundary[:, 0]]
+    group = np.unique(labels, return_inverse=True)[1]
     lengths = np.linalg.norm(vertices[boundary[:, 0]] - vertices[boundary[:, 1]], axis=1)
     middles = lengths[:, None] * vertices[boundary].mean(axis=1)
     total = np.bincount(group, lengths)
@@ -221,8 +222,7 @@ def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
     piece = _merged(piece, links[-1])
     for k in _NEIGHBOURS:
         if piece.max() > _FEW:
-            apart, there = tree.query(points, min(k, n))
-            links.append(_to_others(piece, apart, there))
+            links.append(_to_others(piece, *tree.query(points, min(k, n))))
             piece = _merged(piece, links[-1])
     while piece.max() > 0:
         counts = np.bincount(piece)
@@ -261,5 +261,4 @@ def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
 
 def _merged(piece: IntArray, links: IntArray) -> IntArray:
     """Renumber pieces after links have joined some."""
-    joined = group_rows(piece[links], int(piece.max()) + 1)[len(links) :]
-    return np.unique(joined[piece], return_inverse=True)[1]
+    return np.asarray(label_linked(piece[links].T, piece.max() + 1)[piece])

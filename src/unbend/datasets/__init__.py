@@ -1,7 +1,5 @@
 """Shapes to try things on, with known correspondences: synthetic animals, and TOSCA to download."""
 
-from __future__ import annotations
-
 from unbend.datasets.biped import make_biped
 from unbend.datasets.fetch import fetch_tosca_remeshed
 from unbend.datasets.octopus import make_octopus
