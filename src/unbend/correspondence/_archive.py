@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
 import re
 import zipfile
 from dataclasses import MISSING, fields, replace
@@ -16,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray
+from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io import (
     MeshLike,
@@ -54,11 +53,7 @@ _ROUNDING = 1e-6
 
 
 def write_match(
-    path: str | os.PathLike[str],
-    match: Match,
-    *,
-    source: MeshLike | None = None,
-    target: MeshLike | None = None,
+    path: StrPath, match: Match, *, source: MeshLike | None = None, target: MeshLike | None = None
 ) -> None:
     """Write all fields of a match, including its alternatives, to a .npz file.
 
@@ -106,10 +101,7 @@ def _arrays_of(match: Match) -> _Arrays:
 
 
 def read_match(
-    path: str | os.PathLike[str],
-    *,
-    source: MeshLike | None = None,
-    target: MeshLike | None = None,
+    path: StrPath, *, source: MeshLike | None = None, target: MeshLike | None = None
 ) -> Match:
     """Read a match that :func:`write_match` wrote.
 

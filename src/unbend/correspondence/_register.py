@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.alignment import procrustes
 from unbend.correspondence._fitting import Fit
 from unbend.correspondence._projection import make_target
@@ -183,10 +182,7 @@ def register(
 
 
 def write_registration(
-    path: str | os.PathLike[str],
-    registration: Registration,
-    *,
-    like: str | os.PathLike[str] | None = None,
+    path: StrPath, registration: Registration, *, like: StrPath | None = None
 ) -> None:
     """Write the mesh of a registration, coloured by the distance of its vertices from the scan.
 

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from unbend._memory import available_memory
+from unbend._types import StrPath
 from unbend.errors import FileError, MeshError
 
 
-def check_writable(path: str | os.PathLike[str], suffixes: Collection[str]) -> Path:
+def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
     """Raise FileError if a file cannot be written, before anything is computed.
 
     Suffixes are in lower case, with their dot; empty: any. The folder must exist and be writable.
@@ -95,7 +96,7 @@ def prefixed(prefix: str) -> Iterator[None]:
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def atomic_write(path: StrPath) -> Iterator[BinaryIO]:
     """Open a file that appears under its name, or replaces another, only once it is complete.
 
     It is written under a temporary name in the same folder, and renamed at the end of the ``with``
@@ -120,7 +121,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             temporary.unlink()
 
 
-def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[list[str]]:
+def read_table(path: StrPath, columns: Sequence[str]) -> list[list[str]]:
     """Read the values of these columns, in any order and among others; the first line names them.
 
     Row i is line i + 2 of a file without empty lines. Raises FileError if the file cannot be read,
@@ -148,9 +149,7 @@ def read_table(path: str | os.PathLike[str], columns: Sequence[str]) -> list[lis
     return rows
 
 
-def write_table(
-    path: str | os.PathLike[str], rows: Iterable[Iterable[Any]], *, quote_all: bool = False
-) -> None:
+def write_table(path: StrPath, rows: Iterable[Iterable[Any]], *, quote_all: bool = False) -> None:
     """Write rows, the first being the names of the columns; the file appears once complete."""
     with atomic_write(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)

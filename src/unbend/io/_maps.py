@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from unbend._arrays import array_of, is_whole, snap
 from unbend._text import plural
-from unbend._types import IntArray
+from unbend._types import IntArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
@@ -26,7 +25,7 @@ MAP_SUFFIXES = (".npy", ".txt", ".csv", ".vts")
 
 
 def read_map(
-    path: str | os.PathLike[str],
+    path: StrPath,
     *,
     base: int | None = None,
     n_source: int | None = None,
@@ -88,9 +87,7 @@ def read_map(
         return counted_from_zero(values, first, n_target)
 
 
-def write_map(
-    path: str | os.PathLike[str], point_map: npt.ArrayLike, *, base: int | None = None
-) -> None:
+def write_map(path: StrPath, point_map: npt.ArrayLike, *, base: int | None = None) -> None:
     """Write a point map: the target vertex of each source vertex.
 
     Parameters
@@ -136,7 +133,7 @@ def write_map(
 
 
 def read_landmarks(
-    path: str | os.PathLike[str], n_source: int | None = None, n_target: int | None = None
+    path: StrPath, n_source: int | None = None, n_target: int | None = None
 ) -> IntArray:
     """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 

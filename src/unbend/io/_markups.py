@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from unbend._text import plural
-from unbend._types import IntArray
+from unbend._types import IntArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
@@ -33,7 +32,7 @@ _SCHEMA = (
 _FLIPS = {"LPS": 1, "RAS": -1, "1": 1, "0": -1}
 
 
-def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str], IntArray]:
+def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     """Read landmarks that 3D Slicer or unbend placed on a mesh.
 
     Parameters
@@ -89,9 +88,7 @@ def read_markups(path: str | os.PathLike[str], mesh: MeshLike) -> tuple[list[str
     return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
 
 
-def read_markup_pairs(
-    paths: Sequence[str | os.PathLike[str]], source: MeshLike, target: MeshLike
-) -> IntArray:
+def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLike) -> IntArray:
     """Read landmarks (l, 2) from a file for each of two meshes.
 
     Points are paired by label if both files have the same labels; otherwise by order.
@@ -117,7 +114,7 @@ def read_markup_pairs(
 
 
 def write_markups(
-    path: str | os.PathLike[str], mesh: MeshLike, vertices: npt.ArrayLike, labels: Sequence[str]
+    path: StrPath, mesh: MeshLike, vertices: npt.ArrayLike, labels: Sequence[str]
 ) -> None:
     """Write vertices of a mesh as landmarks for 3D Slicer, a .mrk.json file.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unbend._types import StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import prefixed, read_bytes
 from unbend.io._foreign import FOREIGN_SUFFIXES, read_foreign
@@ -30,7 +31,7 @@ _EXTRAS = {".obj": obj.extras, ".off": off.extras, ".ply": ply.extras}
 READ_SUFFIXES = (*_READERS, *FOREIGN_SUFFIXES)
 
 
-def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+def read_mesh(path: StrPath) -> Mesh:
     r"""Read a triangle mesh or a point cloud.
 
     Vertices and faces keep the file's order and number. Polygons are split into fans of
@@ -75,7 +76,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     return Mesh(contents.vertices, contents.faces, name=Path(path).name, notes=contents.notes)
 
 
-def read_contents(path: str | os.PathLike[str]) -> Contents:
+def read_contents(path: StrPath) -> Contents:
     """Read a mesh file: its shape, and on demand its values per vertex."""
     path = Path(path)
     data = read_bytes(path, READ_SUFFIXES)
@@ -88,7 +89,7 @@ def read_contents(path: str | os.PathLike[str]) -> Contents:
     return contents
 
 
-def file_extras(path: str | os.PathLike[str]) -> list[str]:
+def file_extras(path: StrPath) -> list[str]:
     """Name what a mesh file holds besides its shape: colours, normals, materials ..."""
     path = Path(path)
     suffix = path.suffix.lower()

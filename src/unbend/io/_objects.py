@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from unbend._types import StrPath
 from unbend.errors import InputError
 from unbend.io.formats.contents import triangulate
 from unbend.mesh import Mesh
@@ -31,13 +31,7 @@ class HasPoints(Protocol):
 
 
 MeshLike: TypeAlias = (
-    Mesh
-    | str
-    | os.PathLike[str]
-    | Sequence[npt.ArrayLike]
-    | npt.NDArray[Any]
-    | HasVertices
-    | HasPoints
+    Mesh | StrPath | Sequence[npt.ArrayLike] | npt.NDArray[Any] | HasVertices | HasPoints
 )
 """Whatever is taken for a mesh: see :func:`as_mesh`."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 from itertools import count, takewhile
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy.typing as npt
 
 from unbend._arrays import values_of
 from unbend._text import plural
+from unbend._types import StrPath
 from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError
 from unbend.io._colors import value_colors
@@ -37,7 +37,7 @@ _TOGETHER = (
 
 
 def read_values(
-    path: str | os.PathLike[str], *, n_vertices: int | None = None, name: str | None = None
+    path: StrPath, *, n_vertices: int | None = None, name: str | None = None
 ) -> npt.NDArray[Any]:
     r"""Read values per vertex.
 
@@ -133,12 +133,12 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
 
 
 def write_values(
-    path: str | os.PathLike[str],
+    path: StrPath,
     values: npt.ArrayLike,
     mesh: MeshLike,
     *,
     kind: str = "scalar",
-    like: str | os.PathLike[str] | None = None,
+    like: StrPath | None = None,
 ) -> None:
     """Write values per vertex, as a table or on a mesh.
 
@@ -214,7 +214,7 @@ def write_values(
         )
 
 
-def check_storable(path: str | os.PathLike[str], values: npt.NDArray[Any], kind: str) -> None:
+def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
     """Raise InputError if the format cannot hold such values, before anything is computed."""
     suffix = Path(path).suffix.lower()
     if suffix in SCALAR_SUFFIXES and values.dtype.kind == "U":

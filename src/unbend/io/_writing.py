@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
-from unbend._types import FloatArray
+from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
@@ -38,13 +38,13 @@ SCALAR_SUFFIXES = (".ply", ".vtp")
 
 
 def write_mesh(
-    path: str | os.PathLike[str],
+    path: StrPath,
     mesh: MeshLike,
     *,
     scalars: Mapping[str, npt.ArrayLike] | None = None,
     colors: npt.ArrayLike | None = None,
     uvs: npt.ArrayLike | None = None,
-    like: str | os.PathLike[str] | None = None,
+    like: StrPath | None = None,
 ) -> None:
     """Write a triangle mesh or a point cloud.
 

@@ -10,12 +10,7 @@ from unbend.report.figures import (
     same_scale,
     save_figure,
 )
-from unbend.report.match_figures import (
-    draw_error_curves,
-    draw_match,
-    match_colors,
-    pattern_colors,
-)
+from unbend.report.match_figures import draw_error_curves, draw_match, match_colors, pattern_colors
 from unbend.report.pages._document import Page
 from unbend.report.pages._form_page import form_page
 from unbend.report.pages._match_page import match_page

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import numbers_of
-from unbend._types import FloatArray, IntArray
+from unbend._types import FloatArray, IntArray, StrPath
 from unbend.errors import InputError
 from unbend.report.figures import as_written, new_figure, save_figure
 
 _MOST_NAMES, _MOST_NUMBERS = 150, 20  # more would be too small to read
 
 
-def draw_distances(
-    names: Sequence[str], distances: npt.ArrayLike, path: str | os.PathLike[str]
-) -> None:
+def draw_distances(names: Sequence[str], distances: npt.ArrayLike, path: StrPath) -> None:
     """Write a heat map of distances and the dendrogram that orders it, by average linkage.
 
     Parameters
@@ -45,9 +42,7 @@ def draw_distances(
     _draw_table(names, distances, path, alike=False)
 
 
-def draw_similarities(
-    names: Sequence[str], similarities: npt.ArrayLike, path: str | os.PathLike[str]
-) -> None:
+def draw_similarities(names: Sequence[str], similarities: npt.ArrayLike, path: StrPath) -> None:
     """Write a heat map of how alike shapes are, and the dendrogram that orders it.
 
     Parameters
@@ -72,9 +67,7 @@ def draw_similarities(
     _draw_table(names, similarities, path, alike=True)
 
 
-def _draw_table(
-    names: Sequence[str], values: npt.ArrayLike, path: str | os.PathLike[str], *, alike: bool
-) -> None:
+def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, alike: bool) -> None:
     """Draw a table of similarities, or of distances."""
     table, n = checked_table(values, len(names)), len(names)
     label, cmap = ("similarity", "viridis") if alike else ("distance", "viridis_r")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from unbend._arrays import numbers_of
 from unbend._text import printable
-from unbend._types import FloatArray
+from unbend._types import FloatArray, StrPath
 from unbend.alignment import procrustes
 from unbend.errors import InputError, MissingExtraError
 from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
@@ -121,7 +120,7 @@ def draw_mesh(
 
 def draw_canonical_forms(
     columns: Sequence[tuple[Any, ...]],
-    path: str | os.PathLike[str],
+    path: StrPath,
     *,
     canonical_view: str | tuple[float, float] = "front",
 ) -> None:
@@ -230,7 +229,7 @@ def as_written(name: str) -> str:
     return printable(name).replace("$", r"\$")
 
 
-def save_figure(figure: Any, path: str | os.PathLike[str]) -> None:
+def save_figure(figure: Any, path: StrPath) -> None:
     """Write a figure to a file that is either complete or not there.
 
     Parameters

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import FloatArray
+from unbend._types import FloatArray, StrPath
 from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, carry
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
@@ -113,7 +112,7 @@ def draw_match(
     source: MeshLike,
     target: MeshLike,
     match: Match | npt.ArrayLike,
-    path: str | os.PathLike[str],
+    path: StrPath,
     *,
     up: str = "y",
 ) -> None:
@@ -167,7 +166,7 @@ def draw_match(
     save_figure(figure, path)
 
 
-def draw_error_curves(evaluations: Mapping[str, Evaluation], path: str | os.PathLike[str]) -> None:
+def draw_error_curves(evaluations: Mapping[str, Evaluation], path: StrPath) -> None:
     """Write a picture of the share of points within each geodesic error.
 
     Parameters

@@ -58,11 +58,7 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
 
 
 def rasterize(
-    seen: FloatArray,
-    faces: IntArray,
-    rgb: FloatArray,
-    size: tuple[int, int],
-    thicker: float = 0.0,
+    seen: FloatArray, faces: IntArray, rgb: FloatArray, size: tuple[int, int], thicker: float = 0.0
 ) -> tuple[FloatArray, tuple[float, float, float, float]]:
     """Draw triangles, the nearest in front, fitted into a size in pixels (width, height).
 

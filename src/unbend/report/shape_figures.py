@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import numbers_of
-from unbend._types import BoolArray, FloatArray
+from unbend._types import BoolArray, FloatArray, StrPath
 from unbend.canonical import CanonicalForm, check_form
 from unbend.errors import InputError
 from unbend.io import MeshLike
@@ -35,7 +34,7 @@ _SIDE = 1.8  # inches, of a picture of how a shape varies
 def draw_form(
     mesh: MeshLike,
     form: CanonicalForm,
-    path: str | os.PathLike[str],
+    path: StrPath,
     *,
     posed: FloatArray | None = None,
     up: str = "y",
@@ -96,12 +95,7 @@ def draw_form(
 
 
 def draw_values(
-    mesh: MeshLike,
-    values: npt.ArrayLike,
-    path: str | os.PathLike[str],
-    *,
-    label: str = "",
-    up: str = "y",
+    mesh: MeshLike, values: npt.ArrayLike, path: StrPath, *, label: str = "", up: str = "y"
 ) -> None:
     """Write a picture of a shape from both sides, coloured by a value per vertex.
 
@@ -152,9 +146,7 @@ def draw_values(
 
 
 def draw_variation(
-    rows: Sequence[tuple[str, Sequence[Mesh]]],
-    captions: Sequence[str],
-    path: str | os.PathLike[str],
+    rows: Sequence[tuple[str, Sequence[Mesh]]], captions: Sequence[str], path: StrPath
 ) -> None:
     """Write rows of one shape as it changes, all at one scale; what moves most is brightest.
 

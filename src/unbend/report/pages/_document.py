@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from unbend._display import table
-from unbend._types import FloatArray, Progress
+from unbend._types import FloatArray, Progress, StrPath
 from unbend.io import atomic_write, check_writable
 from unbend.report.figures import upright
 
@@ -71,7 +71,7 @@ class Page:
     title: str
     html: str
 
-    def write(self, path: str | os.PathLike[str]) -> None:
+    def write(self, path: StrPath) -> None:
         """Write the page to a .html file that is either complete or not there.
 
         Raises FileError if the file cannot be written.
@@ -80,7 +80,7 @@ class Page:
         with atomic_write(path) as file:
             file.write(self.html.encode("utf-8"))
 
-    def open(self, path: str | os.PathLike[str] | None = None) -> Path:
+    def open(self, path: StrPath | None = None) -> Path:
         """Write the page to a .html file, and open it in the browser that the system prefers.
 
         By default the file is a temporary one, which stays. Returns its path. Raises FileError if
@@ -103,9 +103,7 @@ class Page:
         return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
-def begin_page(
-    path: str | os.PathLike[str] | None, up: str, progress: Progress | None = None
-) -> Progress:
+def begin_page(path: StrPath | None, up: str, progress: Progress | None = None) -> Progress:
     """Refuse, before any work, what cannot be written and what is no axis; return `progress`."""
     if path is not None:
         check_writable(path, _SUFFIXES)
@@ -120,7 +118,7 @@ def make_page(
     data: dict[str, Any],
     scripts: Sequence[str],
     *,
-    path: str | os.PathLike[str] | None,
+    path: StrPath | None,
     heading: str = "",
     band: str = "",
 ) -> Page:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from html import escape
 
 import numpy as np
 
 from unbend._display import table
-from unbend._types import BoolArray, FloatArray, Progress
+from unbend._types import BoolArray, FloatArray, Progress, StrPath
 from unbend.canonical import CanonicalForm, check_form
 from unbend.choices import Axis
 from unbend.distances import spectral_filter
@@ -42,7 +41,7 @@ _STEPS = 2**13
 def form_page(
     mesh: MeshLike,
     form: CanonicalForm,
-    path: str | os.PathLike[str] | None = None,
+    path: StrPath | None = None,
     *,
     posed: FloatArray | None = None,
     up: Axis = "y",

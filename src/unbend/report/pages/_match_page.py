@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._types import BoolArray, FloatArray, IntArray, Progress
+from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
 from unbend.correspondence import as_point_map, carry, evaluate, morph
@@ -37,7 +36,7 @@ def match_page(
     source: MeshLike,
     target: MeshLike,
     match: Match | npt.ArrayLike,
-    path: str | os.PathLike[str] | None = None,
+    path: StrPath | None = None,
     *,
     up: Axis = "y",
     truth: Sequence[npt.ArrayLike] | None = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, get_args
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from unbend._arrays import array_of, numbers_of
 from unbend._display import table
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray, Progress
+from unbend._types import FloatArray, IntArray, Progress, StrPath
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
@@ -46,7 +45,7 @@ MOST_SHAPES = _VERTICES_IN_ALL // _LEAST_VERTICES
 def similarity_page(
     shapes: Iterable[MeshLike],
     values: npt.ArrayLike,
-    path: str | os.PathLike[str] | None = None,
+    path: StrPath | None = None,
     *,
     measure: Measure = "similarity",
     groups: npt.ArrayLike | None = None,
@@ -143,7 +142,7 @@ def search_page(
     query: MeshLike,
     found: Iterable[MeshLike],
     values: npt.ArrayLike,
-    path: str | os.PathLike[str] | None = None,
+    path: StrPath | None = None,
     *,
     measure: str = "distance",
     up: Axis = "y",
@@ -292,10 +291,7 @@ def _read_shapes(
         if mesh.n_faces:
             shown = show(mesh, most)
             thinned += len(shown.ids) < (shown.stand_ins >= 0).sum()
-            drawn = {
-                "places": pack_places(shown.places),
-                "faces": pack_whole(shown.faces),
-            }
+            drawn = {"places": pack_places(shown.places), "faces": pack_whole(shown.faces)}
         packed.append({"name": mesh.name, "told": facts, "drawn": drawn})
     said = "all shapes are drawn as they are"
     if thinned:

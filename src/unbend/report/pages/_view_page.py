@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._text import plural
-from unbend._types import FloatArray
+from unbend._types import FloatArray, StrPath
 from unbend.choices import Axis
 from unbend.io import MeshLike
 from unbend.mesh import Mesh
@@ -41,7 +40,7 @@ def view(
     a: MeshLike,
     b: MeshLike | None = None,
     landmarks: npt.ArrayLike | Mapping[str, int] | None = None,
-    path: str | os.PathLike[str] | None = None,
+    path: StrPath | None = None,
     *,
     values: npt.ArrayLike | None = None,
     up: Axis = "y",
