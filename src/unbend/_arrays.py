@@ -82,7 +82,13 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     """
     rows = np.ascontiguousarray(rows + 0)  # + 0 turns -0.0 into 0.0
     first = np.arange(len(rows), dtype=np.int64)
-    candidates = _hash_repeats(rows)
+    # Only rows whose hash occurs more than once are compared: all repeated ones and few others.
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.view(np.uint64).T:
+        mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    hashes = np.sort(mixed)
+    candidates = np.flatnonzero(np.isin(mixed, hashes[1:][hashes[1:] == hashes[:-1]]))
     columns = rows[candidates].T
     order = np.lexsort(columns)  # stable: equal rows stay in their original order
     ordered = columns[:, order]
@@ -132,15 +138,3 @@ def nearest_rows(points: FloatArray, targets: FloatArray) -> IntArray:
 def count_repeats(rows: npt.NDArray[Any]) -> int:
     """Count the rows that equal an earlier one."""
     return int((first_equal_row(rows) != np.arange(len(rows))).sum())
-
-
-def _hash_repeats(rows: npt.NDArray[Any]) -> IntArray:
-    """Rows whose hash occurs more than once: all repeated rows and, rarely, a few others."""
-    bits = rows.view(np.uint64)
-    mixed = np.zeros(len(rows), dtype=np.uint64)
-    for column in bits.T:
-        mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
-    ordered = np.sort(mixed)
-    repeated = np.unique(ordered[1:][ordered[1:] == ordered[:-1]])
-    return np.flatnonzero(np.isin(mixed, repeated))

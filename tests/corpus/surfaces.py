@@ -292,7 +292,7 @@ def _scaled() -> Iterator[Case]:
 def _points() -> Iterator[Case]:
     v = stone().vertices
     for name, vertices, sentence in (
-        ("three points", v[:3], "only 3 points"),
+        ("three points", v[:3], "only 3 different positions"),
         ("four points in one place", np.ones((4, 3)), "only 1 different position"),
         ("on one line", np.outer(np.arange(42.0), [1, 2, 3]), "span no surface"),
     ):

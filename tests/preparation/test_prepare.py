@@ -144,8 +144,8 @@ def test_doubled_faces_and_those_that_name_a_vertex_twice_are_left_out() -> None
     np.testing.assert_array_equal(prepared.kept_faces, [1, 2, 3, 4])
     assert not prepared.robust_needed
     assert prepared.notes == (
-        "1 face that repeats the vertices of another left out",
-        "2 faces that name a vertex twice left out",
+        "1 face left out, for repeating the vertices of another",
+        "2 faces left out, for naming a vertex twice",
     )
 
 
@@ -174,11 +174,11 @@ def test_points() -> None:
     cloud = Mesh(np.vstack([VERTICES, VERTICES[:1]]))
     prepared = prepare(cloud, component="largest")
     assert prepared.mesh is cloud
-    assert prepared.notes == ("1 point repeats the position of another",)
+    assert prepared.notes == ("1 point at the position of another",)
     assert not prepared.robust_needed
     assert len(prepared.kept_faces) == 0
     assert prepare(Mesh(VERTICES)).notes == ()
     with pytest.raises(MeshError, match="only 3 different positions"):
         prepare(Mesh(VERTICES[[0, 1, 2, 2, 2]]))
-    with pytest.raises(MeshError, match="only 3 points; a shape needs at least 4"):
+    with pytest.raises(MeshError, match="only 3 different positions; a shape needs at least 4"):
         prepare(Mesh(VERTICES[:3]))

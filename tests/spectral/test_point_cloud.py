@@ -326,7 +326,7 @@ def test_points_at_one_place(apart):
     again = np.concatenate([points[:50], points[:9], points[:9]])
     again += apart * np.random.default_rng(0).standard_normal(again.shape)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "mesh: .* repeat the position", UnbendWarning)
+        warnings.filterwarnings("ignore", "mesh: .* at the position", UnbendWarning)
         found = spectrum(np.concatenate([points, again]), 9)
         far = distance(np.concatenate([points, again]), 3, distance="geodesic")[0]
         spread = distance(np.concatenate([points, again]), 3)[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
@@ -24,8 +24,7 @@ _FORM_COLUMNS = 16
 Scaled = tuple[FloatArray, FloatArray, Metric]
 
 
-@dataclass(frozen=True)
-class Options:
+class Options(NamedTuple):
     """Parameters of both methods."""
 
     distance: DistanceKind

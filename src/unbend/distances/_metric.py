@@ -32,9 +32,9 @@ def length_power(kind: str) -> int:
 
 def check_kind(kind: str) -> None:
     """Refuse a name that is no distance."""
-    if kind not in get_args(DistanceKind):
-        names = ", ".join(get_args(DistanceKind))
-        raise InputError(f"there is no distance {kind!r}; choose one of {names}")
+    names = get_args(DistanceKind)
+    if kind not in names:
+        raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
 
 
 def refuse_of_geodesics(kind: str, **options: bool) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
@@ -25,8 +24,7 @@ FACES_AT_ONCE = 2**14
 _LONGEST_WALK = 1000
 
 
-@dataclass(frozen=True, eq=False)
-class Edges:
+class Edges(NamedTuple):
     """The undirected edges of a mesh."""
 
     ends: IntArray  # (n_edges, 2), the lower vertex first
@@ -91,8 +89,7 @@ def label_linked(links: Any, n: int) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-@dataclass(frozen=True, eq=False)
-class Components:
+class Components(NamedTuple):
     """The connected components, largest first."""
 
     of_vertex: IntArray  # (n,) -1 for vertices that no face uses

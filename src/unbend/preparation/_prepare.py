@@ -89,21 +89,20 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
             f"{mesh.name}: faces use only {plural(len(kept), 'vertex')}; a shape needs at least "
             f"{_LEAST_VERTICES}"
         )
-    degenerate, _ = measure_faces(working.vertices, working.faces)
+    degenerate = measure_faces(working.vertices, working.faces)[0]
     if degenerate.all():
         raise _no_area(mesh.name)
     check_size(working)
     problems = _problems(working, int(degenerate.sum()))
     twice = has_earlier_twin(working.faces) if problems else np.zeros(0, dtype=bool)
     if twice.any():  # faces at an edge are more than two then, or fans at a vertex more than one
-        verb = "repeats the vertices" if twice.sum() == 1 else "repeat the vertices"
-        notes.append(f"{plural(int(twice.sum()), 'face')} that {verb} of another left out")
+        repeats = plural(int(twice.sum()), "face")
+        notes.append(f"{repeats} left out, for repeating the vertices of another")
         working = Mesh(working.vertices, working.faces[~twice], name=mesh.name, notes=mesh.notes)
         kept_faces, degenerate = kept_faces[~twice], degenerate[~twice]
         problems = _problems(working, int(degenerate.sum()))
     if n_improper := int(has_repeated_index(mesh.faces).sum()):
-        verb = "names" if n_improper == 1 else "name"
-        notes.append(f"{plural(n_improper, 'face')} that {verb} a vertex twice left out")
+        notes.append(f"{plural(n_improper, 'face')} left out, for naming a vertex twice")
     if problems:
         notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
     return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
@@ -121,22 +120,16 @@ def only_component(mesh: Mesh, component: str | int | None) -> Mesh:
 
 def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
     _chosen(component, 1, mesh.name)
-    if mesh.n_vertices < _LEAST_VERTICES:
-        raise MeshError(
-            f"{mesh.name}: the point cloud has only {plural(mesh.n_vertices, 'point')}; "
-            f"a shape needs at least {_LEAST_VERTICES}"
-        )
     repeats = count_repeats(mesh.vertices)
-    if mesh.n_vertices - repeats < _LEAST_VERTICES:
+    distinct = mesh.n_vertices - repeats
+    if distinct < _LEAST_VERTICES:
         raise MeshError(
-            f"{mesh.name}: the points have only "
-            f"{plural(mesh.n_vertices - repeats, 'different position')}; a shape needs at least "
-            f"{_LEAST_VERTICES}"
+            f"{mesh.name}: the points have only {plural(distinct, 'different position')}; a shape "
+            f"needs at least {_LEAST_VERTICES}"
         )
     check_size(mesh)
-    verb = "point repeats" if repeats == 1 else "points repeat"
-    notes = (f"{repeats} {verb} the position of another",) if repeats else ()
-    kept = np.arange(mesh.n_vertices, dtype=np.int64)
+    notes = (f"{plural(repeats, 'point')} at the position of another",) if repeats else ()
+    kept = np.arange(mesh.n_vertices)
     return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, notes)
 
 
