@@ -200,9 +200,12 @@ def test_steps_are_timed_and_announced(blob):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"n_components": 0}, "dimension must be 1 to 641"),
-        ({"n_components": 642}, "dimension must be 1 to 641"),
-        ({"method": "sampled", "n_eigenpairs": 5, "n_components": 5}, "must be 1 to 4"),
+        ({"n_components": 0}, "dimension must be a whole number from 1 to 641"),
+        ({"n_components": 642}, "dimension must be a whole number from 1 to 641"),
+        (
+            {"method": "sampled", "n_eigenpairs": 5, "n_components": 5},
+            "must be a whole number from 1 to 4",
+        ),
         ({"distance": "geodesic"}, "no exact form; use sampled_canonical_form"),
         ({"weighting": "none"}, "weighting must be"),
         ({"distance": "euclid"}, "there is no distance 'euclid'"),
@@ -216,7 +219,10 @@ def test_steps_are_timed_and_announced(blob):
         ),
         ({"n_samples": 0, "method": "sampled"}, "n_samples must be a whole number of at least 2"),
         ({"n_samples": 2.5, "method": "sampled"}, "n_samples must be a whole number"),
-        ({"n_samples": 3, "method": "sampled"}, "dimension must be 1 to 2 here, not 3"),
+        (
+            {"n_samples": 3, "method": "sampled"},
+            "dimension must be a whole number from 1 to 2, not 3",
+        ),
         ({"n_eigenpairs": 1, "method": "sampled"}, "n_eigenpairs must be a whole number of at"),
         ({"random_state": -1}, "random_state must be a whole number of at least 0, not -1"),
         ({"random_state": 1.5}, "random_state must be"),

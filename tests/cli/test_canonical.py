@@ -122,7 +122,10 @@ def test_a_component_keeps_its_place_among_all_vertices(blob, tmp_path):
         (["blob.off", "-o", "form.ply", "--n-components", "4"], "write the form as .npy or .csv"),
         (["blob.off", "-o", "form.stl"], 'unknown suffix ".stl"'),
         (["blob.off", "-o", "nowhere/form.ply"], "there is no folder nowhere"),
-        (["blob.off", "-o", "form.npy", "--n-components", "0"], "dimension must be 1 to 641"),
+        (
+            ["blob.off", "-o", "form.npy", "--n-components", "0"],
+            "dimension must be a whole number from 1 to 641",
+        ),
         (["blob.off", "--component", "x"], "must be largest or a number"),
         (
             ["blob.off", "--detail", "preserved", "--n-components", "2"],

@@ -408,7 +408,7 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
         largest_eigenpairs(lambda x: x * np.nan, 50, 3, block_size=6)
     with pytest.raises(SolverError, match="not symmetric"):
         largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3, block_size=6)
-    monkeypatch.setattr(lanczos, "_LIMIT", 20)
+    monkeypatch.setattr(lanczos, "LIMIT", 20)
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
     products = []
 

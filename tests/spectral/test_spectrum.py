@@ -243,7 +243,7 @@ def test_the_first_peak_decides_where_the_third_moment_vanishes_in_any_unit(unit
 
 @pytest.mark.parametrize("k", [0, 643, 2.5, True])
 def test_impossible_numbers_of_eigenpairs_are_refused(blob, k):
-    with pytest.raises(InputError, match="has 1 to 642"):
+    with pytest.raises(InputError, match="from 1 to 642"):
         spectrum(blob, k)
     assert spectrum(blob, 1).eigenvalues.tolist() == [0]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import is_number, is_whole, nearest_rows, numbers_of, unit_of
+from unbend._arrays import check_whole, is_number, nearest_rows, numbers_of, unit_of
 from unbend._display import Brief
 from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, IntArray
@@ -229,12 +229,9 @@ def align(
         raise InputError(
             f"points to align must have one dimension, not {source.shape[1]} and {target.shape[1]}"
         )
-    fits = is_number(tolerance) and 0 <= tolerance < 1
-    if not is_whole(max_iterations) or max_iterations < 0 or not fits:
-        raise InputError(
-            "max_iterations must be a whole number and tolerance from 0 to 1, not "
-            f"{max_iterations!r} and {tolerance!r}"
-        )
+    check_whole(max_iterations, "max_iterations")
+    if not is_number(tolerance) or not 0 <= tolerance < 1:
+        raise InputError(f"tolerance must be from 0 to 1, not {tolerance!r}")
     centers = source.mean(axis=0), target.mean(axis=0)
     left, right = source - centers[0], target - centers[1]
     unit = unit_of(right)

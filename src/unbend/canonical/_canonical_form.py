@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from unbend._arrays import check_whole, is_whole
+from unbend._arrays import check_whole
 from unbend._display import Brief, table
 from unbend._types import FloatArray, Progress
 from unbend.canonical._methods import Options, Scaled, Steps, exact, sampled
@@ -191,8 +191,7 @@ def sampled_canonical_form(
     Parameters
     ----------
     distance : str, default="biharmonic"
-        ``"biharmonic"``, ``"commute-time"``, ``"diffusion"``, ``"geodesic"`` or
-        ``"geodesic-exact"``; see :func:`unbend.distance`.
+        Any that :func:`unbend.distance` takes.
     n_samples, n_eigenpairs : int, default=200, 100
         Number of sampled vertices and of eigenfunctions, limited by the number of vertices.
     mu : float, default=1e4
@@ -208,9 +207,7 @@ def sampled_canonical_form(
 
     Raises
     ------
-    InputError
-        If a name or number is out of range, or the distance has no diffusion time.
-    MeshError, SolverError
+    InputError, MeshError, SolverError
         See :func:`canonical_form`.
 
     Warns
@@ -252,7 +249,7 @@ def _form(
     laplacian: LaplacianKind,
     component: str | int | None,
     progress: Progress | None,
-    most: float = np.inf,
+    most: int | None = None,
 ) -> CanonicalForm:
     """Scale a mesh's distances by a method that gives at most so many dimensions."""
     d = options.n_components
@@ -262,9 +259,8 @@ def _form(
     steps = Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
-    most = min(most, surface.n_vertices - 1)
-    if not is_whole(d) or not 1 <= d <= most:
-        raise InputError(f"the form's dimension must be 1 to {most} here, not {d}")
+    most = min(most or surface.n_vertices, surface.n_vertices - 1)
+    check_whole(d, "the form's dimension", 1, most)
     points, values, metric = scale(surface, options, steps)
     points = points[:, :d].copy()
     by_area = options.weighting == "area"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unbend._arrays import first_largest, is_whole
+from unbend._arrays import check_whole, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
 from unbend.distances import check_kind, diffusion_time, make_metric, refuse_of_geodesics
@@ -96,10 +96,7 @@ def spread_samples(
     from_sources: Callable[[IntArray], FloatArray], n_vertices: int, n_samples: int, start: int
 ) -> Samples:
     """Sample farthest points by a function that gives the distances from a source."""
-    if not is_whole(n_samples) or not 1 <= n_samples <= n_vertices:
-        raise InputError(
-            f"asked for {n_samples!r} samples, but the surface has {n_vertices} vertices"
-        )
+    check_whole(n_samples, "the number of samples", 1, n_vertices)
     indices = np.empty(n_samples, dtype=np.int64)
     distances = np.zeros((n_samples, n_samples))
     nearest = np.full(n_vertices, np.inf)

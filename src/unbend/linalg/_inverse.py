@@ -18,7 +18,7 @@ from unbend.linalg.factorization import Factorization, factorize
 from unbend.linalg.tall import column_lengths, inner, multiply, sparse_residuals
 
 _FEW = 30  # up to this many pairs the shift goes above them all: see _first_shift
-_LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
+LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 _CLEARANCE = 0.03  # least distance from a shift to an eigenvalue, in mean spacings of eigenvalues
 _POLISHINGS = 3  # corrections before more is taken in; one is the rule
 _PATIENCE = 30  # corrections before another try: far from the shift each leaves up to .83
@@ -43,7 +43,7 @@ def inverse_lanczos(matrix: SparseMatrix, k: int, tol: float) -> tuple[FloatArra
     check = min(wanted + 40, n)
     # Above the shift pairs must be counted; where all lie below it, that is done.
     goal, counted, reached = tol / 2, below >= k, np.inf
-    while basis.done < min(n, _LIMIT + 10 * wanted):
+    while basis.done < min(n, LIMIT + 10 * wanted):
         basis.grow()
         if basis.done < check and basis.done < basis.size:
             continue

@@ -9,10 +9,8 @@ import scipy.sparse as sp
 from unbend._parallel import COLUMNS, n_threads, one_blas_thread
 from unbend._types import FloatArray, SparseMatrix
 from unbend.errors import SolverError
-from unbend.linalg._inverse import ROUNDING, inverse_lanczos, least_that_counts
+from unbend.linalg._inverse import LIMIT, ROUNDING, inverse_lanczos, least_that_counts
 from unbend.linalg._krylov import KrylovBasis, Operator
-
-_LIMIT = 1_000  # columns of the basis beyond ten for each pair before giving up
 
 
 def smallest_eigenpairs(
@@ -109,7 +107,7 @@ def largest_eigenpairs(
             exhausted = basis.done == basis.size
             if exhausted or (basis.done >= k and residuals.max() <= tol * np.abs(values).max()):
                 break
-            if basis.done > _LIMIT + 10 * k:
+            if basis.done > LIMIT + 10 * k:
                 raise SolverError(
                     f"no {k} eigenpairs to a relative residual of {tol:g} in {basis.done} products"
                 )

@@ -64,9 +64,8 @@ class Mesh:
         faces = _face_array(faces, name)
         _check_faces(faces, len(vertices), name)
         _check_finite(vertices, faces, name)
-        vertices.setflags(write=False)
-        faces.setflags(write=False)
-        self.__dict__.update(vertices=vertices, faces=faces, name=name, notes=tuple(notes))
+        state = {"vertices": vertices, "faces": faces, "name": name, "notes": tuple(notes)}
+        self.__setstate__(state)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Read-only after copying and pickling, too: both give arrays that may be written."""
@@ -117,12 +116,10 @@ def _vertex_array(vertices: Any, name: str) -> FloatArray:
 
 
 def _face_array(faces: Any, name: str) -> IntArray:
-    if faces is None:
-        return np.empty((0, 3), dtype=np.int64)
     if np.ma.is_masked(faces):
         raise MeshError(f"{name}: some faces are masked; leave such faces out")
     try:
-        array = np.asarray(faces)
+        array = np.asarray([] if faces is None else faces)
     except ValueError:
         raise MeshError(
             f"{name}: faces name different numbers of vertices; triangulate them first"

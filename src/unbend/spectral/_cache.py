@@ -146,14 +146,13 @@ def cache_info() -> CacheInfo:
 
 def clear_cache() -> int:
     """Remove every cached spectrum; return how many there were. FileError if one cannot be."""
-    count = 0
-    for path, _, _ in _files():
+    files = list(_files())
+    for path, _, _ in files:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise FileError(f"cannot remove {path}: {error.strerror}") from None
-        count += 1
-    return count
+    return len(files)
 
 
 def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.csgraph as csgraph
 
-from unbend._arrays import is_number, is_whole
+from unbend._arrays import check_whole, is_number
 from unbend._display import Brief
 from unbend._memory import check_memory
 from unbend._parallel import one_blas_thread
@@ -101,13 +101,13 @@ def spectrum(
 
     Notes
     -----
-    Signs follow one rule: an eigenfunction's area-weighted third moment is positive; where it
-    vanishes (functions odd under a symmetry), its first entry of largest magnitude is.
+    An eigenfunction's area-weighted third moment is positive; where it vanishes (functions odd
+    under a symmetry), its first entry of largest magnitude is.
 
-    So does the basis of a multiple eigenvalue's space (on symmetric shapes), whatever their number:
-    its first function is the one that reaches the highest value at any vertex, each next one
-    the one that does so among those orthogonal to it; of several such vertices the first decides.
-    Eigenvalues count as equal if they differ by less than a tenth of `tolerance`.
+    Of a multiple eigenvalue's space (on symmetric shapes), the first function is the one that
+    reaches the highest value at any vertex, each next one the one that does so among those
+    orthogonal to it; of several such vertices the first decides. Eigenvalues count as equal if they
+    differ by less than a tenth of `tolerance`.
 
     Eigenpairs are kept on disk, in the folder that the environment variable ``UNBEND_CACHE_DIR``
     names. The cache changes no result. ``UNBEND_CACHE_GIB`` sets its largest size; 0 switches it
@@ -136,15 +136,10 @@ def spectrum(
 
 def eigenpairs(surface: Surface, k: int, *, tolerance: float = _RESIDUAL) -> Spectrum:
     """Lowest `k` eigenpairs of a surface at unit area, for its vertices in use; see `spectrum`."""
-    operator = surface.operator
-    if not is_whole(k) or not 1 <= k <= surface.n_vertices:
-        raise InputError(
-            f"{surface.mesh.name}: asked for {k!r} eigenpairs, but a mesh of "
-            f"{surface.n_vertices} vertices has 1 to {surface.n_vertices}"
-        )
+    check_whole(k, f"{surface.mesh.name}: the number of eigenpairs", 1, surface.n_vertices)
     values, functions = _at_least(surface, k, tolerance)
     functions = np.ascontiguousarray(functions[:, :k])
-    return Spectrum(values[:k], functions, operator.areas, operator.kind)
+    return Spectrum(values[:k], functions, surface.operator.areas, surface.operator.kind)
 
 
 def _at_least(surface: Surface, k: int, tolerance: float) -> tuple[FloatArray, FloatArray]:
