@@ -138,9 +138,11 @@ def _matched(
     elif landmarks:
         title += f", with {plural(len(landmarks), 'landmark')}"
     matched = int((found.source_to_target >= 0).sum())
-    facts = {"matched": f"{matched:,} of {source.n_vertices:,} vertices"}
-    overlap = f"{found.overlap_source:.0%} of the first surface"
-    facts["overlap"] = f"{overlap}, {found.overlap_target:.0%} of the second"
+    facts = {
+        "matched": f"{matched:,} of {source.n_vertices:,} vertices",
+        "overlap": f"{found.overlap_source:.0%} of the first surface, "
+        f"{found.overlap_target:.0%} of the second",
+    }
     return work.result(title, command, python, facts) | {
         "map_file": str(whole),
         "confidence": _in_words(found.confidence),

@@ -90,7 +90,8 @@ def similarity(
     check_whole(n_components, "n_components", 1)
     if weighting == "uniform" and areas is not None:
         raise InputError('areas have no use with weighting="uniform"')
-    by_area = weighting != "uniform" and not (match is areas is None and weighting == "auto")
+    weighs = match is not None or areas is not None
+    by_area = weighting == "area" or (weighting == "auto" and weighs)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
     left, right = (
         _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes

@@ -55,19 +55,27 @@ def chain_of(part: str, parent: str, joints: FloatArray, radii: FloatArray) -> l
     ]
 
 
+def _mirrored(bone: Bone) -> Bone:
+    """Make the right-hand twin of a left-hand bone."""
+
+    def flip(point: Point) -> Point:
+        return (-point[0], point[1], point[2])
+
+    return bone._replace(
+        name=bone.name.replace("left", "right"),
+        parent=bone.parent.replace("left", "right") if bone.parent else None,
+        head=flip(bone.head),
+        tail=flip(bone.tail),
+        part=bone.part.replace("left", "right"),
+        chain=bone.chain.replace("left", "right"),
+        flat=flip(bone.flat),
+    )
+
+
 def both_sides(bones: Sequence[Bone]) -> list[Bone]:
-    """Follow each bone whose name speaks of the left by its twin on the right."""
-    doubled = []
-    for bone in bones:
-        doubled.append(bone)
-        if "left" in bone.name:
-            words = {one: getattr(bone, one) for one in ("name", "parent", "part", "chain")}
-            right = {one: word.replace("left", "right") for one, word in words.items()}
-            for one in ("head", "tail", "flat"):
-                x, y, z = getattr(bone, one)
-                right[one] = (-x, y, z)
-            doubled.append(bone._replace(**right))
-    return doubled
+    """Follow each bone whose name speaks of the left by its twin."""
+    doubled = [(b, _mirrored(b)) if "left" in b.name else (b,) for b in bones]
+    return [bone for pair in doubled for bone in pair]
 
 
 def cones_of(bones: Sequence[Bone], *, for_motion: bool = False) -> Cones:

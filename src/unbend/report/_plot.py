@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from unbend.report.figures import draw_mesh, new_figure
 from unbend.report.match_figures import error_curves
 
 
+@singledispatch
 def plot(thing: Any) -> Any:
     """Draw a result with matplotlib; notebooks show the figure, ``savefig`` writes it.
 
@@ -44,28 +46,48 @@ def plot(thing: Any) -> Any:
     >>> len(plot(make_sphere(2)).axes)
     1
     """
-    if isinstance(thing, Evaluation):
-        return error_curves({"map": thing})
-    if not isinstance(thing, Mesh | CanonicalForm | Match):
-        kind = type(thing).__name__
-        raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
-    figure = new_figure(5, 4.4 if isinstance(thing, Match) else 5)
-    ax = figure.add_axes((0, 0, 1, 1)) if isinstance(thing, Mesh) else figure.add_subplot()
-    if isinstance(thing, Match):
-        most = float(np.abs(thing.functional_map).max()) or 1.0
-        picture = ax.imshow(thing.functional_map, cmap="RdBu", vmin=-most, vmax=most)
-        ax.set(xlabel="eigenfunction of the target", ylabel="eigenfunction of the source")
-        figure.colorbar(picture, ax=ax)
-    elif isinstance(thing, CanonicalForm):
-        points = np.zeros((len(thing.points), 3))
-        points[:, : thing.points.shape[1]] = thing.points[:, :3]
-        order = np.argsort(points[:, 2])
-        ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
-        ax.set(xlabel="first coordinate", ylabel="second coordinate", aspect="equal")
-    elif thing.is_point_cloud:
-        ax.scatter(*thing.vertices[:, :2].T, s=2, c=position_colors(thing.vertices))
+    kind = type(thing).__name__
+    raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
+
+
+@plot.register
+def _(mesh: Mesh) -> Any:
+    figure = new_figure(5, 5)
+    ax = figure.add_axes((0, 0, 1, 1))
+    colors = position_colors(used_vertices(mesh))
+    if mesh.is_point_cloud:
+        ax.scatter(mesh.vertices[:, 0], mesh.vertices[:, 1], s=2, c=colors)
         ax.set_aspect("equal")
         ax.set_axis_off()
     else:
-        draw_mesh(ax, thing, colors=position_colors(used_vertices(thing)))
+        draw_mesh(ax, mesh, colors=colors)
     return figure
+
+
+@plot.register
+def _(form: CanonicalForm) -> Any:
+    figure = new_figure(5, 5)
+    ax = figure.add_subplot()
+    points = np.zeros((len(form.points), 3))
+    points[:, : form.points.shape[1]] = form.points[:, :3]
+    order = np.argsort(points[:, 2])
+    ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
+    ax.set_aspect("equal")
+    ax.set(xlabel="first coordinate", ylabel="second coordinate")
+    return figure
+
+
+@plot.register
+def _(match: Match) -> Any:
+    figure = new_figure(5, 4.4)
+    ax = figure.add_subplot()
+    most = float(np.abs(match.functional_map).max()) or 1.0
+    picture = ax.imshow(match.functional_map, cmap="RdBu", vmin=-most, vmax=most)
+    ax.set(xlabel="eigenfunction of the target", ylabel="eigenfunction of the source")
+    figure.colorbar(picture, ax=ax)
+    return figure
+
+
+@plot.register
+def _(found: Evaluation) -> Any:
+    return error_curves({"map": found})
