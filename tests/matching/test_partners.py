@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from sheets import make_sheet
 from testshapes.damage import keep
+from unbend import Mesh
 from unbend._types import BoolArray, IntArray
 from unbend.datasets import make_sphere
 from unbend.matching._inputs import prepare_shape
@@ -25,10 +26,10 @@ class Bitten(NamedTuple):
     origin: IntArray  # of the part's vertices, in the whole
 
 
-def _bitten(least: float) -> Bitten:
-    lacking = BALL.vertices[:, 2] > least
-    bitten = keep(BALL, ~lacking)
-    whole, part = (prepare_shape(one, 20, partial=True).shape for one in (BALL, bitten.mesh))
+def _bitten(least: float, ball: Mesh = BALL) -> Bitten:
+    lacking = ball.vertices[:, 2] > least
+    bitten = keep(ball, ~lacking)
+    whole, part = (prepare_shape(one, 20, partial=True).shape for one in (ball, bitten.mesh))
     lengths = (
         np.linalg.norm(np.subtract(*one.vertices[ends]))
         for one, ends in ((part, [0, -1]), (whole, bitten.origin[[0, -1]]))
@@ -94,6 +95,19 @@ def test_each_patch_and_each_map_is_looked_at_by_itself() -> None:
     none = np.zeros_like(wide)
     lacking = ~_kept(pricked, ~np.hstack([none, small, wide, small | wide]))
     np.testing.assert_array_equal(lacking, np.hstack([none, small, none, small]))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("subdivisions", [3, 5])
+def test_a_ragged_outline_is_as_good_as_a_smooth_one(subdivisions: int) -> None:
+    """Partners are uncertain within a tenth of the outline, however fine the mesh is."""
+    one = _bitten(0.3, make_sphere(subdivisions))
+    height = one.whole.vertices[:, 2] * np.sqrt(4 * np.pi)
+    chance = np.random.default_rng(2).random(len(height))
+    overlap = ((height < 0.3) ^ ((np.abs(height - 0.3) < 0.1) & (chance < 0.4)))[:, None]
+    kept = _kept(one, overlap)[:, 0]
+    assert kept[height < 0.1].all()
+    assert not kept[height > 0.5].any()
 
 
 @pytest.mark.kernels

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from unbend._arrays import snap
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
+from unbend.deformation import TURNING
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
@@ -34,15 +36,25 @@ def keep_matched(
 
     ``overlap`` (n, p) tells which vertices have a partner by each of p point maps, in whose poses
     the shape is ``size`` (p,) times as long. The image of an outline may be ``near``, a distance,
-    to the boundary.
+    to the boundary. The finer a mesh is, the longer are ragged outlines: patches of a fine one are
+    judged by smoothed outlines too.
     """
-    kept = overlap.copy()
-    if not kept.all():
-        graph = shape.edge_weights.indptr, shape.edge_weights.indices
-        longest = constants.OUTLINE * goal.boundary_length / size
-        off = goal.boundary_distances[point_maps]
-        scratch = np.empty((2, len(kept)), np.int64), np.empty((2, len(kept)))
-        _keep_matched(shape.faces, shape.vertices, *graph, kept, longest, off, near, *scratch)
+    if overlap.all():
+        return overlap
+    ends = shape.edge_weights.indptr, shape.edge_weights.indices
+    limits = constants.OUTLINE * goal.boundary_length / size, goal.boundary_distances[point_maps]
+    scratch = np.empty((2, len(overlap)), np.int64), np.empty((2, len(overlap)))
+
+    def judged(patches: BoolArray) -> BoolArray:
+        kept = patches.copy()
+        _keep_matched(shape.faces, shape.vertices, *ends, kept, *limits, near, *scratch)
+        return kept
+
+    kept = judged(overlap)
+    changed = shape.areas @ (kept & ~overlap)
+    if shape.edge < TURNING and changed.max() > constants.SMALLEST_PART:
+        smooth = snap(shape.averaged(shape.areas[:, None] * overlap)) > 0.5
+        kept &= judged(smooth)
     return kept
 
 
