@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from becos import species
 from cloud_sets import clouds
+from extra_sets import extras
 from match_cases import Set
 from own_sets import HARM, bodies, different
 from part_sets import HELD_OUT, KNOWN, parts
@@ -47,6 +48,7 @@ SETS: dict[str, Set] = {
     "proportions": bodies("own", "proportions"),
     "octopuses": bodies("octopuses", "proportions"),
     "different": different,
+    "extras": extras,
     "clouds": clouds(0.0),
     "clouds-noise": clouds(0.005),
     "clouds-views": clouds(0.0, view=True),

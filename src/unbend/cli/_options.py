@@ -83,8 +83,8 @@ HELP = {
     "cache": "Keep eigenpairs on disk for later runs.",
     "map": "A map that unbend match wrote, best as .npz; without it the shapes are matched first.",
     "base": "What MAP counts from; .vts from 1, others from 0.",
-    "partial": "Which shape may be partial: torn, cut, or seen from one side; auto: those with a "
-    "boundary.",
+    "partial": "Which shape may lack what the other has: torn, cut, seen from one side, or without "
+    "a part; auto: either; none: every point gets a partner.",
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
     "counted from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
     "save_match": "Keep the match that was made, as unbend match -o does.",

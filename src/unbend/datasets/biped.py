@@ -120,8 +120,7 @@ def make_biped(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
+    return make_shape(BIPED, pose, n_vertices, species, meshing, random_state, proportions)
 
 
 def _bones(p: Mapping[str, float]) -> list[Bone]:
@@ -190,3 +189,6 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
              0.042 * p["limbs"], 0.032 * p["limbs"], "left_leg"),
     ]  # fmt: skip
     return both_sides(left)
+
+
+BIPED = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)

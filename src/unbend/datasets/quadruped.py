@@ -155,8 +155,7 @@ def make_quadruped(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
+    return make_shape(QUADRUPED, pose, n_vertices, species, meshing, random_state, proportions)
 
 
 def _bones(p: Mapping[str, float]) -> list[Bone]:
@@ -225,3 +224,6 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
              "left_hindleg", chain="left_hindleg"),
     ]  # fmt: skip
     return both_sides(bones)
+
+
+QUADRUPED = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)

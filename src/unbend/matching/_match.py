@@ -18,6 +18,7 @@ from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
+from unbend.matching._extras import without_extras
 from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._plan import (
@@ -79,10 +80,11 @@ def match(
         Of several components the largest is matched; the vertices of the others take the partner
         of the nearest vertex of the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
-        Which shape may be a part of what it shows, torn, cut off or seen from one side: what the
-        other one has beyond its boundary gets no partner, -1. A closed surface is whole.
-        ``"auto"`` is ``"both"``, but less than a fiftieth of the area is not left without
-        partner: small holes are no parts.
+        Which shape may lack what the other one has: that gets no partner, -1. It lies beyond a
+        boundary, where a shape was torn, cut off or seen from one side; or it is a part of 8 to
+        50 % of the area that is unlike everything on the other shape, closed or not.
+        ``"auto"`` is ``"both"``, but less than 3 % of the area is not left without partner
+        beyond a boundary: small holes are no parts. With ``"none"`` everything has a partner.
     landmarks : (l, 2) array_like of int, optional
         Pairs of a source and a target vertex that are said to correspond. One to three settle
         what is ambiguous; they need not be exact. Those that what fits best leads elsewhere are
@@ -172,13 +174,21 @@ def match(
             "other a right one: if so, match with allow_mirror=True (--allow-mirror)"
         )
     whole = constants.SMALLEST_PART if partial == "auto" else 0.0
+
+    def finished(
+        candidate: Candidate, fine: dict[Candidate, Candidate]
+    ) -> tuple[Candidate, Candidate]:
+        """Leave out what only one has: on the medium copies, and exactly on the full meshes."""
+        rough = without_extras(sides, candidate, torn)
+        polished = fine.get(rough) or refined(sides, rough, polish=refine)
+        return rough, with_partners(exact(sides, polished), sides, whole)
+
     results = []
     shares = _lead_shares([*other_hand, *found], sides)[len(other_hand) :]
     for i in range(min(n_matches, len(found))):
-        chosen = fine.get(found[i]) or refined(sides, found[i], polish=refine)
-        chosen = with_partners(exact(sides, chosen), sides, whole)
+        rough, chosen = finished(found[i], fine)
         order = [i, *range(i), *range(i + 1, len(found))]
-        ranks = [found[j] for j in order]
+        ranks = [rough, *(found[j] for j in order[1:])]
         apart = differences(sides, ranks)
         result = _result(ours, theirs, sides, chosen, ranks, shares[order], apart)
         result = replace(result, landmark_hints=_landmark_hints(ours, sides, ranks, apart))
@@ -190,7 +200,7 @@ def match(
     result = replace(results[0], alternatives=tuple(results[1:]))
     if mirrored:
         turned, fine = reranked(sides, turned, polish=refine)
-        other = with_partners(exact(sides, fine[turned[0]]), sides, whole).registered
+        other = finished(turned[0], fine)[1].registered
         result = replace(result, mirrored=expand(other.forward, other.source.overlap, ours, theirs))
     for row in result.missed_landmarks:
         warn(f"landmark {row} is ignored: it contradicts the best-fitting map")

@@ -20,13 +20,18 @@ from unbend.matching._shape import Shape
 _PASSES = 3  # over the data weights
 
 
+def as_taken(sides: Sides, candidate: Candidate) -> Sides:
+    """Take the target as a candidate does: as it is, or as its mirror image."""
+    return sides if candidate.reflected == sides.turned else sides.reflected()
+
+
 def refined(sides: Sides, candidate: Candidate, *, polish: bool = True) -> Candidate:
     """Bring a candidate from the proxies to the shapes themselves, and register these.
 
     For whole shapes data weights rise several times over: what had slid while shapes were soft
     returns when they are stiff again. Parts would drift.
     """
-    sides = _as_taken(sides, candidate)
+    sides = as_taken(sides, candidate)
     ours, theirs = sides.source.shape, sides.target.shape
     proxies = sides.source.proxies[MEDIUM], sides.target.proxies[MEDIUM]
     found = lift(candidate.registered, *proxies, ours, theirs)
@@ -44,7 +49,7 @@ def exact(sides: Sides, candidate: Candidate) -> Candidate:
     Normals keep a leg from catching the leg beside it, and tell candidates apart. But they differ
     between two meshes of one surface, so that a finished map is more exact when they count little.
     """
-    sides = _as_taken(sides, candidate)
+    sides = as_taken(sides, candidate)
     ours, theirs = sides.source.shape, sides.target.shape
     (found,) = register(
         ours, theirs, [candidate.registered], (), 0, normal_weight=constants.NORMAL_WEIGHTS[1]
@@ -78,28 +83,25 @@ def reranked(
 def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate:
     """Give vertices a partner, or none, as most around them have.
 
-    Only patches that end at a boundary of the other shape have none, and only if they are more than
-    the share `least` of the area.
+    Only patches that end at a boundary of the other shape have none, what only one shape has, and
+    what leads there; and only if they are more than the share `least` of the area.
     """
     found = candidate.registered
     ours, theirs = sides.source.shape, sides.target.shape
     poses = []
-    for pose, shape, goal, point_map in (
-        (found.source, ours, theirs, found.forward),
-        (found.target, theirs, ours, found.backward),
+    for pose, other, shape, goal, point_map in (
+        (found.source, found.target, ours, theirs, found.forward),
+        (found.target, found.source, theirs, ours, found.backward),
     ):
         overlap = _as_most_around(shape, pose.overlap)[:, None]
         near = shape.edge + goal.edge  # maps are no longer rough
         size, maps = np.array([pose.size]), point_map[:, None]
         overlap = keep_matched(shape, goal, overlap, size, maps, near)[:, 0]
+        extra = pose.extra | np.broadcast_to(other.extra, len(goal.areas))[point_map]
+        overlap &= ~_as_most_around(shape, extra)
         none = float(shape.areas @ ~overlap)
         poses.append(pose._replace(overlap=overlap if none > least else np.ones_like(overlap)))
     return replace(candidate, registered=Registered(*found[:2], *poses))
-
-
-def _as_taken(sides: Sides, candidate: Candidate) -> Sides:
-    """Take the target as a candidate does: as it is, or as its mirror image."""
-    return sides if candidate.reflected == sides.turned else sides.reflected()
 
 
 def _as_most_around(shape: Shape, overlap: BoolArray) -> BoolArray:

@@ -40,12 +40,20 @@ class Pose(NamedTuple):
         Whether a vertex has a partner, and does not lie beyond the boundary of a partial shape.
     size : float
         How much longer things are in the pose.
+    extra : (n,) ndarray of bool, or False
+        Whether a vertex is of a part that the other shape has not. It has no partner, whatever
+        boundaries there are.
     """
 
     places: FloatArray
     rotations: FloatArray
     overlap: BoolArray
     size: float = 1.0
+    extra: BoolArray | bool = False
+
+    def without(self, extra: BoolArray) -> Pose:
+        """Leave a part (n,) out, instead of any that was."""
+        return self._replace(overlap=(self.overlap | self.extra) & ~extra, extra=extra)
 
 
 class Registered(NamedTuple):
@@ -221,6 +229,8 @@ class _Moving:
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.overlap = np.stack([one.overlap for one in poses], axis=1)
         self.size = np.array([one.size for one in poses])
+        n = len(shape.vertices)
+        self.extra = np.stack([np.broadcast_to(one.extra, n) for one in poses], axis=1)
         self.resting = np.hstack([shape.vertices, normal_weight * shape.normals])
         self.covariances: FloatArray  # of the last step
 
@@ -266,14 +276,14 @@ class _Moving:
     def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
         overlap = cycle_consistent(self.shape, forward, backward) & ~off
-        self.overlap = keep_matched(
-            self.shape, self.goal, overlap, self.size, forward, constants.LIMB
-        )
+        overlap = keep_matched(self.shape, self.goal, overlap, self.size, forward, constants.LIMB)
+        self.overlap = overlap & ~self.extra
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""
         places, rotations = (np.ascontiguousarray(o[:, i]) for o in (self.places, self.rotations))
-        return Pose(places, rotations, self.overlap[:, i].copy(), float(self.size[i]))
+        extra = self.extra[:, i].copy()
+        return Pose(places, rotations, self.overlap[:, i].copy(), float(self.size[i]), extra)
 
     def rows(self, ahead: int, rest: int) -> FloatArray:
         """Positions and normals ahead and at rest, (n, poses, 12), from two of the columns on."""
@@ -321,7 +331,8 @@ def _lifted(pose: Pose, proxy: Proxy, shape: Shape) -> Pose:
     parents, rotations = proxy.parents, pose.rotations[proxy.parents]
     offsets = shape.vertices - proxy.shape.vertices[parents]
     places = pose.places[parents] + pose.size * np.einsum("nij,nj->ni", rotations, offsets)
-    return Pose(places, rotations, pose.overlap[parents], pose.size)
+    extra = np.broadcast_to(pose.extra, len(pose.places))[parents]
+    return Pose(places, rotations, pose.overlap[parents], pose.size, extra)
 
 
 def spectral_residual(source: Shape, target: Shape, found: Registered) -> float:

@@ -15,6 +15,7 @@ from unbend.mesh._topology import (
     has_repeated_index,
     label_linked,
     measure_faces,
+    minimum_cut,
     other_sides,
     proper_faces,
 )
@@ -36,6 +37,7 @@ __all__ = [
     "label_linked",
     "measure_corners",
     "measure_faces",
+    "minimum_cut",
     "orient_consistently",
     "other_sides",
     "proper_faces",

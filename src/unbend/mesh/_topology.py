@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_matrix, csr_array, csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
 from unbend._arrays import first_equal_row
 from unbend._parallel import slices
@@ -87,6 +87,27 @@ def label_linked(links: Any, n: int) -> IntArray:
     """Label n nodes, (n,), so that nodes joined by links (2, m) or chains of them share a label."""
     graph = coo_matrix((np.ones(len(links[0]), np.int8), tuple(links)), shape=(n, n))
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def minimum_cut(gains: FloatArray, links: IntArray, costs: FloatArray, unit: float) -> BoolArray:
+    """Choose some of n nodes (n,), so that what they gain, less what cuts cost, is the most.
+
+    A link (2, m) is cut, at its cost (m,) of 0 or more, if its first node is chosen and its second
+    is not. Gains and costs are rounded to whole multiples of ``unit``.
+    """
+    n = len(gains)
+    nodes = np.arange(n)
+    source, sink = n, n + 1
+    tail = np.concatenate([links[0], np.where(gains > 0, source, nodes)])
+    head = np.concatenate([links[1], np.where(gains > 0, nodes, sink)])
+    capacity = np.minimum(np.concatenate([costs, np.abs(gains)]) / unit, 2**30)
+    whole = np.rint(capacity).astype(np.int32)
+    graph = csr_array((whole, (tail, head)), shape=(n + 2, n + 2))
+    left = graph - maximum_flow(graph, source, sink).flow
+    left.eliminate_zeros()
+    chosen = np.zeros(n + 2, dtype=bool)
+    chosen[breadth_first_order(left, source, return_predecessors=False)] = True
+    return chosen[:n]
 
 
 class Components(NamedTuple):

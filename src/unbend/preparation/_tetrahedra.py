@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow, minimum_spanning_tree
+from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.mesh import find_edges, label_linked
+from unbend.mesh import find_edges, label_linked, minimum_cut
 from unbend.preparation._winding_field import unit_vectors
 
 LONGEST = 3.0  # edge of a face of the surface, in spacings of the points
@@ -93,23 +93,10 @@ def find_inside(
     second = beyond[first, face]
     back = (beyond[second] == first[:, None]).argmax(axis=1)
     quality = 1 - np.minimum(depth[first, face], depth[second, back])
-    n = len(radii)
     hull = np.where(beyond < 0, area, 0).sum(axis=1)
-    every = np.arange(n)
-    inward, outward = np.maximum(flux, 0), np.maximum(-flux, 0) + _SMOOTHNESS * hull
-    capacity = np.concatenate([_SMOOTHNESS * area[first, face] * quality, inward, outward])
-    capacity *= _LEVELS / area.mean()
-    rows = np.concatenate([first, np.full(n, n), every])
-    columns = np.concatenate([second, every, np.full(n, n + 1)])
-    graph = sp.csr_array(
-        (np.rint(np.minimum(capacity, 2**30)).astype(np.int32), (rows, columns)),
-        shape=(n + 2, n + 2),
-    )
-    left = graph - maximum_flow(graph, n, n + 1).flow
-    left.eliminate_zeros()
-    inside = np.zeros(n + 2, dtype=bool)
-    inside[breadth_first_order(left, n, return_predecessors=False)] = True
-    return inside[:n]
+    costs = _SMOOTHNESS * area[first, face] * quality
+    gains = flux - _SMOOTHNESS * hull
+    return minimum_cut(gains, np.stack([first, second]), costs, area.mean() / _LEVELS)
 
 
 def boundary(

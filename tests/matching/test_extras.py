@@ -1,0 +1,58 @@
+"""Parts that only one of two closed bodies has."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from testshapes.changed import is_usual, make_changed
+from unbend import match
+from unbend.datasets import Shape, make_quadruped
+from unbend.mesh import minimum_cut
+
+
+def test_a_minimum_cut_is_the_best_of_all_choices() -> None:
+    chance = np.random.default_rng(1)
+    for _ in range(20):
+        gains = chance.integers(-9, 10, 8).astype(float)
+        links, costs = chance.integers(8, size=(2, 14)), chance.integers(10, size=14).astype(float)
+        choices = np.array(list(product((False, True), repeat=8)))
+        cuts = choices[:, links[0]] & ~choices[:, links[1]]
+        worth = choices @ gains - cuts @ costs
+        found = minimum_cut(gains, links, costs, 1.0)
+        assert worth[(choices == found).all(axis=1)] == worth.max()
+
+
+@pytest.fixture(scope="module")
+def riders() -> tuple[Shape, Shape]:
+    """A horse with a rider, and one without, in other poses."""
+    chance = np.random.default_rng(7)
+    return make_changed(chance, "quadruped", "rider"), make_changed(chance, "quadruped", "")
+
+
+def test_a_rider_has_no_partner_on_a_horse_without_one(riders: tuple[Shape, Shape]) -> None:
+    ridden, free = riders
+    found = match(ridden.mesh, free.mesh)
+    usual, partner = is_usual(ridden), found.source_to_target >= 0
+    assert (partner == usual).mean() > 0.95
+    assert found.overlap_source == pytest.approx(usual.mean(), abs=0.1)
+    assert found.overlap_target > 0.95
+    off = (
+        ridden.reference[usual & partner] - free.reference[found.source_to_target[usual & partner]]
+    )
+    assert np.linalg.norm(off, axis=1).mean() < 0.03
+
+
+def test_everything_has_a_partner_where_nothing_may_be_lacking(
+    riders: tuple[Shape, Shape],
+) -> None:
+    ridden, free = riders
+    for partial in ("none", "source"):  # the horse with the rider lacks nothing
+        found = match(ridden.mesh, free.mesh, partial=partial)
+        assert (found.source_to_target >= 0).all()
+
+
+def test_poses_of_one_body_lack_nothing() -> None:
+    one, other = (make_quadruped(pose, n_vertices=900) for pose in ("standing", "rearing"))
+    found = match(one.mesh, other.mesh)
+    assert found.overlap_source == found.overlap_target == 1
