@@ -103,7 +103,8 @@ def measure(case: Case, there: IntArray, back: IntArray, expected: FloatArray | 
     """Errors over the true overlap, those expected, and how well the overlap itself was found."""
     known = np.flatnonzero(there[case.rows] >= 0)
     if not len(known):
-        return {"error": np.inf, "mirrored": False, "iou": 0.0}
+        unknown = {} if case.overlap is None else {"iou": 0.0}
+        return {"error": np.inf, "mirrored": False} | unknown
     known = np.random.default_rng(0).permutation(known)[:N_POINTS]
     images = np.where(there >= 0, case.origin[there], -1)
     rows, *truths = (
