@@ -27,7 +27,8 @@ def test_a_minimum_cut_is_the_best_of_all_choices() -> None:
 def riders() -> tuple[Shape, Shape]:
     """A horse with a rider, and one without, in other poses."""
     chance = np.random.default_rng(7)
-    return make_changed(chance, "quadruped", "rider"), make_changed(chance, "quadruped", "")
+    ridden, free = (make_changed(chance, "quadruped", one, 1200) for one in ("rider", ""))
+    return ridden, free
 
 
 def test_a_rider_has_no_partner_on_a_horse_without_one(riders: tuple[Shape, Shape]) -> None:
