@@ -1,6 +1,7 @@
 """Topology by arrays is that by definition, on random faces."""
 
 from collections import defaultdict
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from unbend import Mesh
 from unbend.datasets import make_sphere
 from unbend.mesh import _topology as topology
-from unbend.mesh import edge_ends, faces_around
+from unbend.mesh import edge_ends, faces_around, minimum_cut
 
 NOTHING = np.empty((0, 3), dtype=np.int64)
 
@@ -170,3 +171,15 @@ def test_every_vertex_has_the_faces_around_it():
     for i in range(n):
         mine = np.flatnonzero((faces == i).any(axis=1))
         np.testing.assert_array_equal(around[start[i] : start[i + 1]], mine)
+
+
+def test_a_minimum_cut_is_the_best_of_all_choices():
+    chance = np.random.default_rng(1)
+    for _ in range(20):
+        gains = chance.integers(-9, 10, 8).astype(float)
+        links, costs = chance.integers(8, size=(2, 14)), chance.integers(10, size=14).astype(float)
+        choices = np.array(list(product((False, True), repeat=8)))
+        cuts = choices[:, links[0]] & ~choices[:, links[1]]
+        worth = choices @ gains - cuts @ costs
+        found = minimum_cut(gains, links, costs, 1.0)
+        assert worth[(choices == found).all(axis=1)] == worth.max()

@@ -34,6 +34,8 @@ def without_extras(sides: Sides, candidate: Candidate, may_lack: Sequence[bool])
 
     ``may_lack`` says whether the source, and the target, may lack what the other has.
     """
+    if not any(may_lack):
+        return candidate
     shapes = as_taken(sides, candidate).at(MEDIUM)
     if (rough := _cut_off(*shapes, candidate.registered, may_lack)) is None:
         return candidate
