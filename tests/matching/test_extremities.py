@@ -238,6 +238,8 @@ def test_landmarks_come_first_and_a_tip_there_does_not_come_again(
         found = find_extremities(replace(shape, landmarks=np.array([landmark]))).vertices
         assert found[0] == landmark
         assert sorted(found) == sorted(ends)
+    found = find_extremities(replace(shape, landmarks=ends[::-1]))
+    np.testing.assert_array_equal(found.vertices[: found.n_given], ends[:1:-1])  # seven of nine
 
 
 def test_either_shape_may_lack_most_tips() -> None:
@@ -277,7 +279,7 @@ def test_landmarks_hold_what_they_name() -> None:
         np.arange(5), distances[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5))
     )
     # Said to correspond: 0 to 0, though the ways say 0 to 1.
-    found = guess_limbs(extremities, swapped, 60, 1)
+    found = guess_limbs(extremities._replace(n_given=1), swapped, 60)
     assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
     assert any(
         dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
@@ -293,7 +295,7 @@ def test_landmarks_hold_all_together_then_each_alone_then_none() -> None:
     cycled = extremities._replace(distances=distances[np.ix_(cycle, cycle)])
     held = [
         set(one.source[one.source == one.target]) & {0, 1}
-        for one in guess_limbs(extremities, cycled, 1, 2)
+        for one in guess_limbs(extremities._replace(n_given=2), cycled, 1)
     ]
     assert held[0] == {0, 1}
     assert held[-1] == set()

@@ -239,7 +239,7 @@ def test_a_map_that_misses_a_landmark_is_behind_one_that_explains_no_more() -> N
     misses, equal = replace(_judged(0.1), missed=np.array([True])), _judged(0.1)
     assert misses.cost > equal.cost == equal.energy
     assert replace(misses, missed=np.ones(3, dtype=bool)).cost == pytest.approx(
-        0.1 + 3 * constants.WITHOUT
+        0.1 + 3 * constants.MISSED
     )
     assert _trust([equal, misses]) > 0.99
 
@@ -324,7 +324,7 @@ def test_a_rough_cost_counts_the_landmarks_that_are_missed() -> None:
     costs = rough_costs(few, many, forward, backward)
     without = (replace(one, landmarks=none) for one in (few, many))
     added = costs - rough_costs(*without, forward, backward)
-    np.testing.assert_allclose(added, np.array([0, 2, 1]) * constants.WITHOUT, atol=1e-12)
+    np.testing.assert_allclose(added, np.array([0, 2, 1]) * constants.MISSED, atol=1e-12)
 
 
 def test_a_bend_costs_as_much_either_way() -> None:

@@ -38,9 +38,12 @@ SLACK = 0.3  # Mean edges beyond a boundary that still count as on the surface.
 OUTLINE = 3.0  # A part that is missing may have an outline so many times the boundary's length.
 
 # How maps are scored.
-# What a missed landmark adds to a cost. So many times minus the logarithm of the share of a shape
-# that has a partner are added too: a small overlap that fits must not beat a large one.
+# So many times minus the logarithm of the share of a shape that has a partner are added to a cost:
+# a small overlap that fits must not beat a large one.
 WITHOUT = 0.12
+# What a missed landmark adds: less than bending a body to a wrong one costs, as a rule, and more
+# than a map saves that misses a right one.
+MISSED = 0.08
 NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the

@@ -22,7 +22,7 @@ from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
-MOST_LANDMARKS = 7
+_MOST_GIVEN = 7  # landmarks that are extremities, the first ones
 _WIDTH = 3000  # Assignments kept after each extremity; a few hundred lose good ones of ten.
 _FEWEST = 3  # Extremities that must correspond: fewer do not distinguish left from right.
 _NEAR = 1e-3  # Landmarks that are closer than this, or equal, count as this far apart.
@@ -35,6 +35,8 @@ class Extremities(NamedTuple):
     ----------
     vertices : (t,) ndarray of int64
         Landmarks first, then the most remote.
+    n_given : int
+        How many are landmarks.
     distances : (t, t) ndarray of float64
         Geodesic distances between them, along edges.
     fields : (n, t) ndarray of float64
@@ -44,6 +46,7 @@ class Extremities(NamedTuple):
     vertices: IntArray
     distances: FloatArray
     fields: FloatArray
+    n_given: int = 0
 
     def taken(self, extremities: IntArray, kept: IntArray) -> Extremities:
         """Select some extremities, and the distances to them of some vertices."""
@@ -78,7 +81,7 @@ Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
 def find_extremities(shape: Shape) -> Extremities:
-    """Find landmarks, and far apart local maxima of the mean squared biharmonic distance."""
+    """Find landmarks, seven at most, and far apart maxima of the mean biharmonic distance."""
     # Of equally remote vertices the first is taken, on every processor.
     remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
     edges = shape.edge_weights
@@ -86,9 +89,10 @@ def find_extremities(shape: Shape) -> Extremities:
     extremities = np.flatnonzero(remoteness >= highest)
     kept: list[int] = []
     distances = np.empty((0, len(remoteness)))
-    sought = [*shape.landmarks, *extremities[np.argsort(-remoteness[extremities], kind="stable")]]
+    landmarks = shape.landmarks[:_MOST_GIVEN]
+    sought = [*landmarks, *extremities[np.argsort(-remoteness[extremities], kind="stable")]]
     for i, extremity in enumerate(sought):
-        given = i < len(shape.landmarks)
+        given = i < len(landmarks)
         if given or (
             len(kept) < constants.N_EXTREMITIES and (distances[:, extremity] > constants.LIMB).all()
         ):
@@ -101,6 +105,7 @@ def find_extremities(shape: Shape) -> Extremities:
         chosen,
         (distances[:, chosen] + distances[:, chosen].T) / 2,
         np.ascontiguousarray(distances.T),
+        len(landmarks),
     )
 
 
@@ -141,19 +146,18 @@ def _coordinates(extremities: Extremities) -> tuple[FloatArray, FloatArray, Floa
     return limbs, np.minimum(extremities.fields, limbs), beyond
 
 
-def guess_limbs(
-    source: Extremities, target: Extremities, count: int, n_landmarks: int = 0
-) -> list[Guess]:
+def guess_limbs(source: Extremities, target: Extremities, count: int) -> list[Guess]:
     """Guess which extremities correspond: those whose distances deviate least.
 
     At most `count` guesses of a kind are made, and none if a shape has too few extremities. There
     is a kind for each of the two assumptions; with landmarks, for all of them, for each alone and
     for none, because one of them may be wrong.
     """
-    known = [set(range(n_landmarks)), *({i} for i in range(n_landmarks)), set()]
+    given = range(source.n_given)
+    known = [set(given), *({i} for i in given), set()]
     found = run_all(
         functools.partial(_assignments, source.distances, target.distances, count, fixed, deviation)
-        for fixed in known[0 if n_landmarks > 1 else 1 :]
+        for fixed in known[0 if len(given) > 1 else 1 :]
         for deviation in (_of_logarithms, _of_lengths)
     )
     guesses = [

@@ -19,7 +19,6 @@ from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
 from unbend.matching._extras import without_extras
-from unbend.matching._extremities import MOST_LANDMARKS
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._plan import (
     MEDIUM,
@@ -86,9 +85,9 @@ def match(
         ``"auto"`` is ``"both"``, but less than 3 % of the area is not left without partner
         beyond a boundary: small holes are no parts. With ``"none"`` everything has a partner.
     landmarks : (l, 2) array_like of int, optional
-        Pairs of a source and a target vertex that are said to correspond. One to three settle
-        what is ambiguous; they need not be exact. Those that what fits best leads elsewhere are
-        named in `missed_landmarks`.
+        Pairs of a source and a target vertex that correspond. One to three settle what is
+        ambiguous. The map leads them to each other, to about an edge, except for those that
+        contradict what fits best: `missed_landmarks` names them.
     n_matches : int, default=1
         How many maps to give at most: the best as the result, the others as its
         `alternatives`.
@@ -286,8 +285,6 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
 
 def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
     pairs = landmark_pairs(landmarks)
-    if len(pairs) > MOST_LANDMARKS:
-        raise InputError(f"give at most {MOST_LANDMARKS} landmarks, not {len(pairs)}")
     return tuple(
         one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
         for one, vertices in zip((ours, theirs), pairs.T, strict=True)

@@ -222,7 +222,7 @@ def from_extremities(sides: Sides, found: list[Candidate]) -> list[Candidate]:
     n_kept = 2 * BEAM if sides.partial else BEAM
     medium = sides.at(MEDIUM)
     mine, other = run_all(functools.partial(find_extremities, one) for one in medium)
-    guesses = guess_limbs(mine, other, 48 * n_kept, len(medium[0].landmarks))
+    guesses = guess_limbs(mine, other, 48 * n_kept)
     if not guesses:
         return []
     kept = sides.source.proxies[COARSE].kept, sides.target.proxies[COARSE].kept

@@ -232,6 +232,7 @@ class _Moving:
         n = len(shape.vertices)
         self.extra = np.stack([np.broadcast_to(one.extra, n) for one in poses], axis=1)
         self.resting = np.hstack([shape.vertices, normal_weight * shape.normals])
+        self.around = np.exp(-((shape.landmark_distances / constants.LIMB) ** 2))
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -247,11 +248,27 @@ class _Moving:
             backward, goal.areas[:, None] * goal_overlap, goal.vertices, len(shape.vertices)
         )
         force += data_weights + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
+        if len(shape.landmarks):
+            self.draw_landmarks(force, forward)
         before = self.places
         self.places, _, self.covariances = shape.step(
             shape.system(2 * data_weight), data_weight * force, self.rotations, self.size
         )
         self.ahead = self.places + constants.MOMENTUM * (self.places - before)
+
+    def draw_landmarks(self, force: FloatArray, forward: IntArray) -> None:
+        """Draw the surface around landmarks to their partners, if they are less than a limb off.
+
+        All of it moves as far as the landmark must, so that it keeps its shape.
+        """
+        shape, goal = self.shape, self.goal
+        each, twice = np.arange(len(shape.landmarks))[:, None], 2 * shape.areas[:, None, None]
+        near = goal.landmark_distances[each, forward[shape.landmarks]] < constants.LIMB
+        share = self.around[..., None] * near[:, None]
+        share /= np.maximum(share.sum(axis=0), 1)
+        off = goal.vertices[goal.landmarks][:, None] - self.ahead[shape.landmarks]
+        force += share.sum(axis=0)[..., None] * (twice * self.ahead - force)
+        force += twice * np.einsum("lnp,lpi->npi", share, off)
 
     def stretch(self) -> FloatArray:
         """Median over what has partners of how much longer things are than at rest."""

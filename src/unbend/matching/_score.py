@@ -55,7 +55,7 @@ class Candidate:
     @property
     def cost(self) -> float:
         """Energy, and what missed landmarks add to it."""
-        return self.energy + constants.WITHOUT * float(self.missed.sum())
+        return self.energy + constants.MISSED * float(self.missed.sum())
 
 
 def scored(
@@ -100,7 +100,7 @@ def rough_costs(source: Shape, target: Shape, forward: IntArray, backward: IntAr
     missed = [
         _missed(source, target, *maps).sum() for maps in zip(forward.T, backward.T, strict=True)
     ]
-    return np.asarray((ahead + back) / 2 + constants.WITHOUT * np.array(missed))
+    return np.asarray((ahead + back) / 2 + constants.MISSED * np.array(missed))
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
