@@ -232,7 +232,6 @@ class _Moving:
         n = len(shape.vertices)
         self.extra = np.stack([np.broadcast_to(one.extra, n) for one in poses], axis=1)
         self.resting = np.hstack([shape.vertices, normal_weight * shape.normals])
-        self.around = np.exp(-((shape.landmark_distances / constants.LIMB) ** 2))
         self.covariances: FloatArray  # of the last step
 
     def step(
@@ -257,14 +256,11 @@ class _Moving:
         self.ahead = self.places + constants.MOMENTUM * (self.places - before)
 
     def draw_landmarks(self, force: FloatArray, forward: IntArray) -> None:
-        """Draw the surface around landmarks to their partners, if they are less than a limb off.
-
-        All of it moves as far as the landmark must, so that it keeps its shape.
-        """
+        """Draw what is around landmarks as far as they are off their partners, up to a limb."""
         shape, goal = self.shape, self.goal
         each, twice = np.arange(len(shape.landmarks))[:, None], 2 * shape.areas[:, None, None]
         near = goal.landmark_distances[each, forward[shape.landmarks]] < constants.LIMB
-        share = self.around[..., None] * near[:, None]
+        share = shape.landmark_surroundings[..., None] * near[:, None]
         share /= np.maximum(share.sum(axis=0), 1)
         off = goal.vertices[goal.landmarks][:, None] - self.ahead[shape.landmarks]
         force += share.sum(axis=0)[..., None] * (twice * self.ahead - force)

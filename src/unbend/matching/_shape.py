@@ -127,6 +127,15 @@ class Shape(ElasticSurface):
         return np.asarray(dijkstra(self.edge_lengths, directed=False, indices=self.landmarks))
 
     @cached
+    def landmark_surroundings(self) -> FloatArray:
+        """How much vertices go along with the landmarks (l, n): less than halfway to the next."""
+        apart = self.landmark_distances[:, self.landmarks]
+        np.fill_diagonal(apart, np.inf)
+        nearest = apart.min(axis=1, initial=2 * constants.LIMB)
+        radii = np.maximum(nearest / 2, constants.PATCH)
+        return np.asarray(np.exp(-((self.landmark_distances / radii[:, None]) ** 2)))
+
+    @cached
     def samples(self) -> IntArray:
         """Up to `SAMPLES` vertices, each as far as possible from those before it."""
         points = snap(self.vertices)  # of equally far ones the first is taken, on every processor
