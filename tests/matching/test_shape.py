@@ -222,6 +222,21 @@ def test_rounding_does_not_choose_the_samples_of_a_symmetric_shape() -> None:
         np.testing.assert_array_equal(shape.samples, shapes[0].samples)
 
 
+def test_what_goes_along_with_a_landmark_ends_halfway_to_the_next() -> None:
+    sheet = _square(41)
+    corner, middle, near = 0, 20 * 41 + 20, 20 * 41 + 28
+    alone = replace(sheet, landmarks=np.array([middle])).landmark_surroundings[0]
+    pair = replace(sheet, landmarks=np.array([middle, near, corner, corner])).landmark_surroundings
+    far = abs(sheet.distances[middle] - constants.LIMB).argmin()
+    assert alone[far] == pytest.approx(np.exp(-1), rel=0.1)
+    assert alone[middle] == pair[0, middle] == pair[1, near] == 1
+    # A fifth of the side apart; each is far from what the other draws. A corner is given twice.
+    assert sheet.distances[middle, near] == pytest.approx(0.2)
+    np.testing.assert_allclose(pair[[0, 1], [near, middle]], np.exp(-4))
+    np.testing.assert_array_equal(pair[2], pair[3])
+    assert np.isfinite(pair).all()
+
+
 def test_a_proxy_has_the_whole_area_and_the_functions_of_the_shape() -> None:
     shape = _shape(make_quadruped("walking", n_vertices=1500).mesh)
     proxy = make_proxy(replace(shape, landmarks=np.array([3, 600])), 500)
