@@ -44,7 +44,7 @@ WITHOUT = 0.12
 # What a missed landmark adds: less than bending a body to a wrong one costs, as a rule, and more
 # than a map saves that misses a right one.
 MISSED = 0.08
-NEARLY = 1.15  # Candidates that cost up to so many times the least are ranked on the full meshes.
+NEARLY = 0.15  # Candidates that cost up to this share more than the least are nearly as good.
 # Energy at which a map without disorder is as likely right as wrong, how fast that changes, how
 # much energy a disorder of one counts as, and the lead, as a share of the energy, that makes the
 # odds between two maps 2.7 to 1: fitted by benchmarks/confidence.py.

@@ -115,7 +115,7 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 def nearly_as_good(one: Candidate, first: Candidate) -> bool:
     """Whether a candidate costs hardly more than the best."""
-    return one.cost <= constants.NEARLY * max(first.cost, FLOOR)
+    return one.cost <= (1 + constants.NEARLY) * max(first.cost, FLOOR)
 
 
 def distinct(
