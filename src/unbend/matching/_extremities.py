@@ -22,7 +22,7 @@ from unbend.alignment import nearest_pairs
 from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape
 
-_MOST_GIVEN = 7  # landmarks that are extremities, the first ones
+_MOST_GIVEN = 7  # Landmarks that are extremities, the first ones.
 _WIDTH = 3000  # Assignments kept after each extremity; a few hundred lose good ones of ten.
 _FEWEST = 3  # Extremities that must correspond: fewer do not distinguish left from right.
 _NEAR = 1e-3  # Landmarks that are closer than this, or equal, count as this far apart.
@@ -81,7 +81,7 @@ Deviation = Callable[[int, FloatArray, FloatArray], FloatArray]
 
 
 def find_extremities(shape: Shape) -> Extremities:
-    """Find landmarks, seven at most, and far apart maxima of the mean biharmonic distance."""
+    """Find landmarks, and far apart local maxima of the mean squared biharmonic distance."""
     # Of equally remote vertices the first is taken, on every processor.
     remoteness = snap(((shape.basis / shape.eigenvalues) ** 2).sum(axis=1))
     edges = shape.edge_weights
