@@ -35,12 +35,12 @@ class Extremities(NamedTuple):
     ----------
     vertices : (t,) ndarray of int64
         Landmarks first, then the most remote.
-    n_given : int
-        How many are landmarks.
     distances : (t, t) ndarray of float64
         Geodesic distances between them, along edges.
     fields : (n, t) ndarray of float64
         Geodesic distances from every vertex to them.
+    n_given : int
+        How many of them, the first ones, are landmarks.
     """
 
     vertices: IntArray
