@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import unbend
 from unbend import Mesh, preparation
 from unbend.cli import app
+from unbend.datasets import make_sphere
 from unbend.io import write_mesh
 from unbend.preparation import Diagnosis
 
@@ -129,6 +130,9 @@ def test_points(folder: Path) -> None:
     code, out, _ = check("p.xyz")
     assert code == 0
     assert "treated as a point cloud" in out
+    assert "cannot match it: p.xyz: 4 points at different positions are too few" in out
+    write_mesh("p.xyz", make_sphere(4).vertices)
+    assert "unbend can work with this point cloud.\n" in check("p.xyz")[1]
 
 
 def test_an_unreadable_file_is_one_sentence(folder: Path) -> None:

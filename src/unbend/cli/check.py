@@ -71,7 +71,13 @@ def _judge(
         return False, f"unbend cannot work with this mesh: {refusal}", None
     as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
     sentence = "unbend can work with this mesh."
-    if several:
+    if shape.is_point_cloud:
+        sentence = "unbend can work with this point cloud."
+        try:
+            unbend.preparation.surface_of_points(shape)
+        except InputError as refusal:
+            sentence = f"unbend can work with this point cloud, but cannot match it: {refusal}"
+    elif several:
         sentence = "unbend can work with one component of this mesh."
         command += " --component largest"
     elif health.one_sided:
@@ -95,7 +101,7 @@ def _overview(found: list[dict[str, Any]]) -> list[str]:
 def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[str]:
     """Facts about a mesh, then whatever is out of order."""
     lines = [(shape.name, "found", "what unbend does"), ("vertices", f"{shape.n_vertices:,}", "")]
-    if not health.n_faces:
+    if shape.is_point_cloud:
         lines.append(("faces", "0", "treated as a point cloud"))
     else:
         lengths = (health.edge_min, health.edge_median, health.edge_max)
