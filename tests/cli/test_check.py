@@ -135,6 +135,12 @@ def test_points(folder: Path) -> None:
     assert "unbend can work with this point cloud.\n" in check("p.xyz")[1]
 
 
+def test_positions_that_lost_their_detail(folder: Path) -> None:
+    ball = make_sphere(3)
+    write_mesh("far.ply", ((ball.vertices + 4e6).astype(np.float32), ball.faces))
+    assert "with this mesh, but its positions are rounded to about 0.5" in check("far.ply")[1]
+
+
 def test_an_unreadable_file_is_one_sentence(folder: Path) -> None:
     (folder / "cut.off").write_text("OFF\n9 9 9\n")
     code, out, err = check("cut.off")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from unbend import Mesh
+from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError
 from unbend.preparation import only_component, prepare
 
@@ -182,3 +183,17 @@ def test_points() -> None:
         prepare(Mesh(VERTICES[[0, 1, 2, 2, 2]]))
     with pytest.raises(MeshError, match="only 3 different positions; a shape needs at least 4"):
         prepare(Mesh(VERTICES[:3]))
+
+
+def test_rounded_positions_are_told() -> None:
+    ball = make_sphere(3)
+    far = ball.vertices + np.array([500_000, 4_500_000, 0])
+    rounded = far.astype(np.float32).astype(np.float64)
+    for faces in (ball.faces, None):
+        assert not any("rounded" in note for note in prepare(Mesh(far, faces)).notes)
+        assert prepare(Mesh(rounded, faces)).notes[-1] == (
+            "positions are rounded to about 0.5, and vertices are about 0.08 apart; move the shape "
+            "to the origin before saving it"
+        )
+    near = Mesh((ball.vertices + 100).astype(np.float32), ball.faces)
+    assert prepare(near).notes == ()

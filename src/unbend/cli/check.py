@@ -69,7 +69,6 @@ def _judge(
         prepared = unbend.preparation.prepare(shape, component="largest" if several else None)
     except InputError as refusal:
         return False, f"unbend cannot work with this mesh: {refusal}", None
-    as_it_is = len(prepared.kept) == prepared.n_original and not prepared.robust_needed
     sentence = "unbend can work with this mesh."
     if shape.is_point_cloud:
         sentence = "unbend can work with this point cloud."
@@ -82,8 +81,10 @@ def _judge(
         command += " --component largest"
     elif health.one_sided:
         sentence = "unbend can work with this mesh, but cannot match it."
-    elif as_it_is and not health.inconsistent_edges:
+    elif not prepared.notes and not health.inconsistent_edges:
         sentence = "This mesh is healthy."
+    if rounding := unbend.preparation.describe_rounding(prepared.mesh):
+        sentence = f"{sentence[:-1]}, but its {rounding}"
     return True, sentence, command
 
 

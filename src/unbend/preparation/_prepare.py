@@ -24,6 +24,7 @@ from unbend.mesh import (
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
 _NO_RESULT = "NaN in the result, -1 in a map"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
+_ROUNDED = 0.1  # of the distance between vertices: rounding to longer steps turns faces about
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         notes.append(f"{plural(n_improper, 'face')} left out, for naming a vertex twice")
     if problems:
         notes.append(f"robust Laplacian, because of {' and '.join(problems)}")
+    if rounding := describe_rounding(working):
+        notes.append(rounding)
     return Prepared(working, kept, kept_faces, mesh.n_vertices, bool(problems), tuple(notes))
 
 
@@ -128,9 +131,24 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
             f"needs at least {_LEAST_VERTICES}"
         )
     check_size(mesh)
-    notes = (f"{plural(repeats, 'point')} at the position of another",) if repeats else ()
+    notes = [f"{plural(repeats, 'point')} at the position of another"] if repeats else []
+    if rounding := describe_rounding(mesh):
+        notes.append(rounding)
     kept = np.arange(mesh.n_vertices)
-    return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, notes)
+    return Prepared(mesh, kept, kept[:0], mesh.n_vertices, False, tuple(notes))
+
+
+def describe_rounding(mesh: Mesh) -> str:
+    """Say so if positions, all in use, are 32-bit numbers too far from the origin for detail."""
+    step = float(np.finfo(np.float32).eps * np.abs(mesh.vertices).max())
+    apart = float(np.ptp(mesh.vertices, axis=0).max() / np.sqrt(mesh.n_vertices))
+    with np.errstate(over="ignore"):
+        if step <= _ROUNDED * apart or (mesh.vertices.astype(np.float32) != mesh.vertices).any():
+            return ""
+    return (
+        f"positions are rounded to about {step:.1g}, and vertices are about {apart:.1g} apart; "
+        "move the shape to the origin before saving it"
+    )
 
 
 def check_area(mesh: Mesh) -> None:
