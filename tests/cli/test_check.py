@@ -135,6 +135,13 @@ def test_points(folder: Path) -> None:
     assert "unbend can work with this point cloud.\n" in check("p.xyz")[1]
 
 
+def test_faces_that_are_oriented_inward(folder: Path) -> None:
+    write_mesh("t.off", (VERTICES, FACES[:, ::-1]))
+    out = check("t.off")[1]
+    assert "inward  turns them to match" in out
+    assert "healthy" not in out
+
+
 def test_positions_that_lost_their_detail(folder: Path) -> None:
     ball = make_sphere(3)
     write_mesh("far.ply", ((ball.vertices + 4e6).astype(np.float32), ball.faces))

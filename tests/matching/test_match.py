@@ -69,23 +69,29 @@ def test_vertex_order_motion_and_unit_do_not_matter(blob: Mesh) -> None:
     assert (match(blob, moved).source_to_target == inverse).all()
 
 
-def test_mirror_image_keeps_the_side_that_faces_name(blob: Mesh) -> None:
-    # Without a symmetry of its own the shape and its mirror image have one isometry. Reflected
-    # and re-wound, that isometry turns the surface inside out; left as wound, it does not.
-    reflected = Mesh(blob.vertices * MIRROR, blob.faces)
-    rewound = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
-    every = np.arange(blob.n_vertices)
-    assert (match(blob, reflected).source_to_target == every).all()
+def test_faces_that_are_oriented_inward_are_turned(blob: Mesh) -> None:
+    inside_out = Mesh(blob.vertices, blob.faces[:, ::-1])
+    for pair in ((blob, inside_out), (inside_out, blob)):
+        with pytest.warns(UnbendWarning, match="oriented inward; they are turned"):
+            found = match(*pair, barycentric=True)
+        assert (found.source_to_target == np.arange(blob.n_vertices)).all()
+        assert found.confidence > 0.9
+        places = np.einsum("ij,ijk->ik", found.weights, blob.vertices[pair[1].faces[found.faces]])
+        assert np.abs(places - blob.vertices).max() < 0.02
+
+
+def test_a_mirror_image_is_told_and_matched_if_allowed(blob: Mesh) -> None:
+    # Without a symmetry of its own the shape and its mirror image have one isometry, which turns
+    # the surface inside out.
+    image = Mesh(blob.vertices * MIRROR, blob.faces[:, ::-1])
     with pytest.warns(UnbendWarning, match="mirror image of the target fits far better"):
-        kept = match(blob, rewound, refine=False)
+        kept = match(blob, image, refine=False)
     assert kept.confidence < 0.01
-    allowed = match(blob, rewound, allow_mirror=True, barycentric=True)
-    assert (allowed.source_to_target == every).all()
+    allowed = match(blob, image, allow_mirror=True, barycentric=True)
+    assert (allowed.source_to_target == np.arange(blob.n_vertices)).all()
     assert allowed.orientation < -0.9
-    places = np.einsum(
-        "ij,ijk->ik", allowed.weights, rewound.vertices[rewound.faces[allowed.faces]]
-    )
-    assert np.abs(places - rewound.vertices).max() < 0.02
+    places = np.einsum("ij,ijk->ik", allowed.weights, image.vertices[image.faces[allowed.faces]])
+    assert np.abs(places - image.vertices).max() < 0.02
 
 
 def test_symmetry_swaps_left_and_right() -> None:

@@ -147,13 +147,6 @@ def test_side_by_side_shapes_are_prepared_as_one_by_one(
         np.testing.assert_array_equal(one.kept, other.kept)
 
 
-def test_inside_out_becomes_the_mirror_image_outside_out(blob: Mesh) -> None:
-    shape, turned = _shape(blob), _shape(Mesh(blob.vertices, blob.faces[:, ::-1]))
-    assert _volume(shape) > 0
-    assert _volume(turned) == pytest.approx(_volume(shape))
-    np.testing.assert_allclose(turned.vertices, shape.vertices * [-1, 1, 1], atol=1e-9)
-
-
 def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) -> None:
     shape = _shape(blob)
     mirror = shape.reflected()

@@ -6,7 +6,7 @@ import pytest
 from sheets import make_sheet, make_twisted_ball
 from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.mesh import _winding, find_edges, orient_consistently
+from unbend.mesh import _winding, face_inward, find_edges, orient_consistently
 
 
 def test_faces_are_wound_alike_and_the_fewer_turned():
@@ -88,3 +88,17 @@ def test_a_seam_is_as_long_as_its_edges_in_roots_of_the_area() -> None:
     ends = np.array([[0, 1], [3, 4], [6, 7]])
     for size in (1e-200, 3.0):
         assert _winding._length(size * sheet.vertices, ends, sheet.faces) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1, 1e200])
+def test_faces_of_a_surface_with_an_inside_face_in_or_out(scale):
+    ball = make_sphere(3)
+    x = ball.vertices[:, 0]
+    far = scale * (ball.vertices + 30)
+    holed = ball.faces[(x[ball.faces] < 0.9).any(axis=1)]
+    shell = ball.faces[(x[ball.faces] > 0.5).any(axis=1)]  # a bent sheet
+    for faces in (ball.faces, holed):
+        assert face_inward(far, faces[:, ::-1])
+        assert not face_inward(far, faces)
+    for faces in (shell, shell[:, ::-1], shell[:0]):
+        assert not face_inward(far, faces)

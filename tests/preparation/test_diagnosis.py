@@ -62,6 +62,7 @@ def test_a_cube() -> None:
         "non_manifold_vertices": 0,
         "inconsistent_edges": 0,
         "one_sided": False,
+        "inside_out": False,
         "degenerate_faces": 0,
         "unreferenced_vertices": 0,
         "duplicate_vertices": 0,
@@ -292,3 +293,12 @@ def test_faces_that_are_none_close_nothing() -> None:
     assert not diagnose(Mesh(points, [[0, 0, 1]])).closed
     assert not diagnose(Mesh(points)).closed
     assert diagnose(Mesh(points, [[0, 1, 2], [0, 2, 1]])).closed
+
+
+def test_faces_that_are_oriented_inward() -> None:
+    inward = CUBE.faces[:, ::-1].copy()
+    assert diagnose(Mesh(CUBE.vertices, inward)).inside_out
+    inward[3] = CUBE.faces[3]
+    health = diagnose(Mesh(CUBE.vertices, inward))
+    assert health.inside_out
+    assert health.inconsistent_edges == 3

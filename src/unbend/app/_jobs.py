@@ -55,6 +55,10 @@ def _health(mesh: Mesh) -> tuple[bool, list[str]]:
         (mesh.is_point_cloud, "These are points without faces. A surface between them is used."),
         (several, pieces),
         (found.one_sided, "It has one side only, like a Möbius strip, and cannot be matched."),
+        (
+            found.inside_out,
+            "Its faces point inward. They are turned. If left and right look exchanged, mirror it.",
+        ),
         (turned, "Some faces point inward. They are turned; pictures may show spots."),
         (found.boundary_edges, f"It is open, with {holes} or rims. That is fine."),
         (damaged, "Some faces are damaged. unbend works around them."),

@@ -81,7 +81,7 @@ def _judge(
         command += " --component largest"
     elif health.one_sided:
         sentence = "unbend can work with this mesh, but cannot match it."
-    elif not prepared.notes and not health.inconsistent_edges:
+    elif not (prepared.notes or health.inconsistent_edges or health.inside_out):
         sentence = "This mesh is healthy."
     if rounding := unbend.preparation.describe_rounding(prepared.mesh):
         sentence = f"{sentence[:-1]}, but its {rounding}"
@@ -136,5 +136,8 @@ def _details(shape: unbend.Mesh, health: unbend.preparation.Diagnosis) -> list[s
         (health.duplicate_faces, "duplicate faces", "leaves them out"),
     )
     lines += [(what, f"{count:,}", action) for count, what, action in problems if count]
+    if health.inside_out:
+        inward = "turns them to match; mirror the mesh instead if two axes were exchanged"
+        lines.append(("faces", "inward", inward))
     lines += [("reading", "", note) for note in shape.notes]
     return table("<><", *lines)

@@ -16,7 +16,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import Mesh, find_components, orient_consistently, vertex_ids
+from unbend.mesh import Mesh, face_inward, find_components, orient_consistently, vertex_ids
 from unbend.preparation import restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
@@ -76,7 +76,7 @@ class _Checked(NamedTuple):
     """The surface of a mesh's largest component or of points, and where that is in the mesh."""
 
     surface: Surface
-    faces: IntArray  # of the surface, wound alike
+    faces: IntArray  # of the surface, oriented consistently, outward if it has an inside
     kept: IntArray
     representatives: IntArray
     own_faces: IntArray | None
@@ -115,6 +115,12 @@ def _check(mesh: Mesh) -> _Checked:
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "
             "cannot be told apart on it; repair the mesh"
         )
+    if face_inward(surface.mesh.vertices, faces):
+        warn(
+            f"{mesh.name}: its faces are oriented inward; they are turned. If its coordinates are "
+            "mirrored instead, as by exchanging two axes, the map exchanges left and right"
+        )
+        faces = faces[:, ::-1]
     corners = mesh.faces[own_faces]
     return _Checked(surface, faces, kept, _stand_ins(mesh, kept), own_faces, corners)
 

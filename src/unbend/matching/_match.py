@@ -74,10 +74,10 @@ def match(
     ----------
     source, target : mesh-like
         Anything :func:`unbend.as_mesh` accepts, with two sides, open or closed; faces wound
-        unlike their neighbours are turned. A surface is reconstructed for a point cloud, and
-        outliers get no partner, -1. The vertex counts, units, and positions in space may differ.
-        Of several components the largest is matched; the vertices of the others take the partner
-        of the nearest vertex of the largest.
+        unlike their neighbours are turned, and so are all if they are oriented inward. A surface
+        is reconstructed for a point cloud, and outliers get no partner, -1. The vertex counts,
+        units, and positions in space may differ. Of several components the largest is matched; the
+        vertices of the others take the partner of the nearest vertex of the largest.
     partial : {"auto", "none", "source", "target", "both"}, default="auto"
         Which shape may lack what the other one has: that gets no partner, -1. It lies beyond a
         boundary, where a shape was torn, cut off or seen from one side; or it is a part of 8 to
@@ -121,7 +121,8 @@ def match(
     Warns
     -----
     UnbendWarning
-        Of what was done to a mesh, as when it has several components; of missed landmarks; of a
+        Of what was done to a mesh, as when it has several components or its faces are oriented
+        inward; of missed landmarks; of a
         map that is in disorder, so that part of it is wrong; and of shapes that are mirror images
         of each other.
 

@@ -190,11 +190,9 @@ def make_shape(
     eigenfunctions: FloatArray,
     partial: bool = False,
 ) -> Shape:
-    """Normalise to unit area and outward winding.
+    """Normalise to unit area.
 
-    A closed surface that is wound inside out is replaced by its mirror image, which is wound
-    outside out: a map that keeps the winding then also keeps the shape's handedness in space. The
-    eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if its
+    The eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if its
     boundary is long enough.
     """
     corners = vertices[faces]
@@ -202,9 +200,6 @@ def make_shape(
     total = np.linalg.norm(twice, axis=1).sum() / 2
     weights = areas / areas.sum()
     points = (vertices - weights @ vertices) / np.sqrt(total)
-    corners = points[faces]
-    if np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0:
-        points = points * np.array([-1.0, 1.0, 1.0])
     shape = Shape(
         vertices=points,
         faces=np.asarray(faces, dtype=np.int64),

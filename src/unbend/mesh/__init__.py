@@ -19,7 +19,7 @@ from unbend.mesh._topology import (
     other_sides,
     proper_faces,
 )
-from unbend.mesh._winding import orient_consistently
+from unbend.mesh._winding import face_inward, orient_consistently
 
 __all__ = [
     "FACES_AT_ONCE",
@@ -27,6 +27,7 @@ __all__ = [
     "Mesh",
     "count_non_manifold_vertices",
     "edge_ends",
+    "face_inward",
     "face_normals",
     "faces_around",
     "find_components",

@@ -12,6 +12,7 @@ from unbend.mesh._topology import find_edges, label_linked, measure_faces, other
 # A twist is a flaw of the mesh, not of the nature of the surface, if the seam along which faces
 # disagree is at most so long, in sqrt(area): less than a limb's girth.
 _SEAM = 0.1
+_FLAT = 1e-9  # volume, in cubes of the radius, that is rounding
 _SHIFT = 1e-6  # keeps a matrix definite whose least eigenvalue may be less
 _STEPS = 20  # of inverse iteration
 
@@ -45,6 +46,27 @@ def orient_consistently(vertices: FloatArray, faces: IntArray) -> IntArray | Non
     if len(seam) and _length(vertices, edges.ends[edges.of_side[seam]], faces) > _SEAM:
         return None
     return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
+
+
+def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
+    """Whether consistently oriented faces face inward, whatever would close their holes.
+
+    The volume that they enclose is negative then. What closes a hole has no more area than a disc
+    of the rim's length (isoperimetric inequality), which bounds the volume under it.
+    """
+    if not len(faces):
+        return False
+    tiny, used = np.finfo(float).tiny, np.unique(faces)
+    points = np.zeros(vertices.shape)  # of radius 1: no square overflows or vanishes
+    points[used] = vertices[used] / max(np.abs(vertices[used]).max(), tiny)
+    points[used] -= points[used].mean(axis=0)
+    points /= max(np.linalg.norm(points, axis=1).max(), tiny)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    edges = find_edges(faces, len(points))
+    ends = points[edges.ends[edges.n_faces == 1]]
+    rim = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+    return bool(volume < -(rim**2 / (12 * np.pi) + _FLAT))
 
 
 def _part_of_each(pairs: IntArray, disagree: BoolArray, m: int) -> tuple[IntArray, IntArray]:

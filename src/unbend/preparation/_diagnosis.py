@@ -12,6 +12,7 @@ from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     count_non_manifold_vertices,
+    face_inward,
     find_components,
     find_edges,
     group_rows,
@@ -45,6 +46,9 @@ class Diagnosis:
     one_sided : bool
         Whether no turning of faces mends that, as on a Möbius strip, but for a short seam at a
         twist smaller than a detail: :func:`unbend.match` refuses such a surface.
+    inside_out : bool
+        Whether most faces of a surface that is closed, or has small holes, are oriented inward:
+        :func:`unbend.match` turns them.
     degenerate_faces : int
         Faces that name a vertex twice, or whose height over their longest edge is at most 1e-8 of
         that edge, so that the cotangents of their angles mean nothing.
@@ -82,6 +86,7 @@ class Diagnosis:
     non_manifold_vertices: int
     inconsistent_edges: int
     one_sided: bool
+    inside_out: bool
     degenerate_faces: int
     unreferenced_vertices: int
     duplicate_vertices: int
@@ -141,6 +146,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     non_manifold_edges = int((edges.n_faces > 2).sum())
     non_manifold_vertices = count_non_manifold_vertices(proper, edges)
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
+    oriented = orient_consistently(vertices, proper) if inconsistent else proper
     euler = n_used - len(edges.ends) + len(proper)
     surface = (
         len(components.n_vertices) == 1
@@ -166,7 +172,8 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_edges=non_manifold_edges,
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
-        one_sided=inconsistent > 0 and orient_consistently(vertices, proper) is None,
+        one_sided=oriented is None,
+        inside_out=oriented is not None and face_inward(vertices, oriented),
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),
