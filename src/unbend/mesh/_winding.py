@@ -51,8 +51,9 @@ def orient_consistently(vertices: FloatArray, faces: IntArray) -> IntArray | Non
 def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
     """Whether consistently oriented faces face inward, whatever would close their holes.
 
-    The volume that they enclose is negative then. What closes a hole has no more area than a disc
-    of the rim's length (isoperimetric inequality), which bounds the volume under it.
+    The volume that they enclose is negative then. Each hole is closed by a fan around the middle of
+    its rim, of length L. Anything else that closes it lies within L / 4 of there and has no more
+    area than a disc of that rim (isoperimetric inequality), so that it adds at most L^3 / 48 pi.
     """
     if not len(faces):
         return False
@@ -61,12 +62,18 @@ def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
     points[used] = vertices[used] / max(np.abs(vertices[used]).max(), tiny)
     points[used] -= points[used].mean(axis=0)
     points /= max(np.linalg.norm(points, axis=1).max(), tiny)
-    a, b, c = points[faces].transpose(1, 0, 2)
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     edges = find_edges(faces, len(points))
-    ends = points[edges.ends[edges.n_faces == 1]]
-    rim = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
-    return bool(volume < -(rim**2 / (12 * np.pi) + _FLAT))
+    open_ = edges.n_faces[edges.of_side] == 1
+    rim = np.stack([faces.ravel()[open_], np.roll(faces, -1, axis=1).ravel()[open_]])
+    hole = label_linked(rim, len(points))
+    counts = np.maximum(np.bincount(hole[rim[0]]), 1)
+    a, b = points[rim]
+    middles = [np.bincount(hole[rim[0]], one) / counts for one in a.T]
+    lengths = np.bincount(hole[rim[0]], np.linalg.norm(b - a, axis=1))
+    fans = np.stack([b, a, np.transpose(middles)[hole[rim[0]]]])
+    corners = np.concatenate([points[faces].transpose(1, 0, 2), fans], axis=1)
+    volume = np.einsum("ij,ij->", corners[0], np.cross(corners[1], corners[2])) / 6
+    return bool(volume < -((lengths**3).sum() / (48 * np.pi) + _FLAT))
 
 
 def _part_of_each(pairs: IntArray, disagree: BoolArray, m: int) -> tuple[IntArray, IntArray]:
