@@ -20,6 +20,8 @@ from unbend.matching._search import (
 )
 from unbend.matching._shape import Shape
 
+K = constants.FUNCTIONS[1]
+
 
 @pytest.fixture(scope="module")
 def shape(blob: Mesh) -> Shape:
@@ -28,16 +30,16 @@ def shape(blob: Mesh) -> Shape:
 
 def test_a_generic_shape_is_found_to_be_itself_first(shape: Shape) -> None:
     maps = search(shape, shape)
-    assert maps.shape[1:] == (20, 20)
-    np.testing.assert_allclose(maps @ maps.transpose(0, 2, 1), [np.eye(20)] * len(maps), atol=1e-9)
-    np.testing.assert_allclose(maps[0], np.eye(20), atol=1e-6)
+    assert maps.shape[1:] == (K, K)
+    np.testing.assert_allclose(maps @ maps.transpose(0, 2, 1), [np.eye(K)] * len(maps), atol=1e-9)
+    np.testing.assert_allclose(maps[0], np.eye(K), atol=1e-6)
 
 
 def test_signs_of_eigenfunctions_are_found_out(shape: Shape) -> None:
     signs = np.where(np.random.default_rng(0).random(shape.k) < 0.5, -1.0, 1.0)
     reversed_ = replace(shape, basis=shape.basis * signs)
     found = search(shape, reversed_)[0]
-    np.testing.assert_allclose(found, np.diag(signs[:20]), atol=1e-6)
+    np.testing.assert_allclose(found, np.diag(signs[:K]), atol=1e-6)
 
 
 def test_the_order_of_vertices_does_not_matter(shape: Shape) -> None:
@@ -50,16 +52,16 @@ def test_the_order_of_vertices_does_not_matter(shape: Shape) -> None:
         shape.eigenvalues,
         shape.basis[order],
     )
-    np.testing.assert_allclose(search(shape, shuffled)[0], np.eye(20), atol=1e-6)
+    np.testing.assert_allclose(search(shape, shuffled)[0], np.eye(K), atol=1e-6)
 
 
 def test_a_symmetric_shape_is_itself_and_its_mirror_image() -> None:
     dog = make_quadruped("standing", n_vertices=1200)
     shape = prepare_shape(dog.mesh, 40)[1]
     maps = search(shape, shape)
-    mirror = shape.basis[:, :20].T @ (shape.areas[:, None] * shape.basis[dog.mirror, :20])
-    for expected in (np.eye(20), mirror):
-        apart = np.linalg.norm(maps - expected, axis=(1, 2)) / np.sqrt(20)
+    mirror = shape.basis[:, :K].T @ (shape.areas[:, None] * shape.basis[dog.mirror, :K])
+    for expected in (np.eye(K), mirror):
+        apart = np.linalg.norm(maps - expected, axis=(1, 2)) / np.sqrt(K)
         assert apart.min() < 0.1
 
 
@@ -105,7 +107,7 @@ def test_single_precision_does_not_choose_the_order_of_equal_maps() -> None:
     box = Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces)  # itself under three half turns
     shape = prepare_shape(box, 40)[1]
     maps = search(shape, shape)[:4]
-    np.testing.assert_allclose(abs(maps), [np.eye(20)] * 4, atol=1e-3)
+    np.testing.assert_allclose(abs(maps), [np.eye(K)] * 4, atol=1e-3)
     for seed in range(3):
         noise = 1e-7 * np.random.default_rng(seed).standard_normal(shape.basis.shape)
         again = search(shape, replace(shape, basis=shape.basis + noise))[:4]

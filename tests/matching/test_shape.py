@@ -83,7 +83,7 @@ def test_a_part_is_what_is_said_to_be_one_and_ends_along_a_rim_that_is_not_tiny(
     # A hole of one face, which is drawn together to a tenth of the shortest rim, or is not.
     closing = np.ones((n, 1))
     middle = ball.vertices[ball.faces[0]].mean(axis=0)
-    closing[ball.faces[0]] = constants.THIN / 10
+    closing[ball.faces[0]] = constants.PATCH / 10
     tight = middle + (ball.vertices - middle) * closing
     for points, partial in ((ball.vertices, True), (tight, False)):
         assert make_shape(points, ball.faces[1:], *pairs, partial=True).partial == partial

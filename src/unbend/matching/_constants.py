@@ -10,9 +10,9 @@ from __future__ import annotations
 
 # How the matcher sees a body.
 LIMB = 0.22  # Two points farther apart than this along the surface are on different limbs.
-# Radius of the patches that maps are scored by; rough maps are smoothed over twice it.
+# Radius of the patches that maps are scored by; rough maps are smoothed over twice it. No limb is
+# shorter, along a shorter boundary nothing was cut off, and what returns this near is consistent.
 PATCH = 0.08
-THIN = LIMB / 4  # No limb is shorter, and along a shorter boundary nothing was cut off.
 
 # How hypotheses are made.
 N_VERTICES = (400, 1000)  # Of the coarse and medium copies of a shape, on which they are tried.

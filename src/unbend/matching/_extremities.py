@@ -139,7 +139,7 @@ def _coordinates(extremities: Extremities) -> tuple[FloatArray, FloatArray, Floa
     limbs = common.min(
         axis=(1, 2), where=others[:, :, None] & others[:, None] & others, initial=np.inf
     )
-    limbs = np.maximum(limbs, constants.THIN)
+    limbs = np.maximum(limbs, constants.PATCH)
     depths = np.maximum(limbs - extremities.fields, 0)
     elsewhere = depths.sum(axis=1, keepdims=True) - depths
     beyond = np.maximum(extremities.fields - limbs - elsewhere, 0)

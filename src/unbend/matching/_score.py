@@ -283,7 +283,7 @@ def _not_returning(way: _Way) -> float:
     """Share of the area with partners that does not return to where it began."""
     shape, goal, there, back, _, goal_overlap = way
     off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
-    near = max(constants.THIN, constants.EDGES * max(shape.edge, goal.edge))
+    near = max(constants.PATCH, constants.EDGES * max(shape.edge, goal.edge))
     return _share(way, (off > near) | ~goal_overlap[there])
 
 

@@ -210,7 +210,7 @@ def make_shape(
     )
     return (
         replace(shape, partial=False)
-        if partial and shape.boundary_length <= constants.THIN
+        if partial and shape.boundary_length <= constants.PATCH
         else shape
     )
 
