@@ -52,8 +52,8 @@ def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
     """Whether consistently oriented faces face inward, whatever would close their holes.
 
     The volume that they enclose is negative then. Each hole is closed by a fan around the middle of
-    its rim, of length L. Anything else that closes it lies within L / 4 of there and has no more
-    area than a disc of that rim (isoperimetric inequality), so that it adds at most L^3 / 48 pi.
+    its rim, of length L. What else may close it lies within about L / 4 of there and has no
+    more area than a disc of that rim (isoperimetric inequality): it adds at most L^3 / 48 pi.
     """
     if not len(faces):
         return False
@@ -65,12 +65,12 @@ def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
     edges = find_edges(faces, len(points))
     open_ = edges.n_faces[edges.of_side] == 1
     rim = np.stack([faces.ravel()[open_], np.roll(faces, -1, axis=1).ravel()[open_]])
-    hole = label_linked(rim, len(points))
-    counts = np.maximum(np.bincount(hole[rim[0]]), 1)
+    hole = label_linked(rim, len(points))[rim[0]]
+    counts = np.maximum(np.bincount(hole), 1)
     a, b = points[rim]
-    middles = [np.bincount(hole[rim[0]], one) / counts for one in a.T]
-    lengths = np.bincount(hole[rim[0]], np.linalg.norm(b - a, axis=1))
-    fans = np.stack([b, a, np.transpose(middles)[hole[rim[0]]]])
+    middles = np.stack([np.bincount(hole, one) / counts for one in a.T], axis=1)
+    lengths = np.bincount(hole, np.linalg.norm(b - a, axis=1))
+    fans = np.stack([b, a, middles[hole]])
     corners = np.concatenate([points[faces].transpose(1, 0, 2), fans], axis=1)
     volume = np.einsum("ij,ij->", corners[0], np.cross(corners[1], corners[2])) / 6
     return bool(volume < -((lengths**3).sum() / (48 * np.pi) + _FLAT))
