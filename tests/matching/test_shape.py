@@ -61,7 +61,7 @@ def _sheet_and_eigenpairs(side: int) -> tuple[Mesh, np.ndarray, np.ndarray, np.n
     return sheet, areas, np.array([0, _SMALLEST_EIGENVALUE / 9, 3, 5]), basis
 
 
-def test_areas_and_faces_of_any_unit_and_type_are_taken_and_what_is_flat_is_not_turned() -> None:
+def test_areas_and_faces_of_any_unit_and_type_are_taken() -> None:
     sheet, areas, values, basis = _sheet_and_eigenpairs(4)
     found = make_shape(5 * sheet.vertices, sheet.faces.astype(np.int32), areas, values, basis)
     np.testing.assert_allclose(found.areas, areas / areas.sum())

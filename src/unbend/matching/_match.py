@@ -122,9 +122,8 @@ def match(
     -----
     UnbendWarning
         Of what was done to a mesh, as when it has several components or its faces are oriented
-        inward; of missed landmarks; of a
-        map that is in disorder, so that part of it is wrong; and of shapes that are mirror images
-        of each other.
+        inward; of missed landmarks; of a map that is in disorder, so that part of it is wrong;
+        and of shapes that are mirror images of each other.
 
     Notes
     -----
