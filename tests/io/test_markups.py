@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unbend import Mesh
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_markup_pairs, read_markups, write_markups
 
 CUBE = Mesh(
@@ -42,6 +42,15 @@ def test_a_point_moves_to_the_nearest_vertex_in_a_face(tmp_path: Path) -> None:
     assert read_markups(path, CUBE)[1].tolist() == [6, 0]
 
 
+def test_a_described_vertex_counts_until_the_point_is_moved(tmp_path: Path) -> None:
+    path = tmp_path / "a.mrk.json"
+    path.write_text(mrk(("loose", [1.2, 1, 1], "vertex 8"), ("nose", [3, 1, 1], "vertex 4")))
+    assert read_markups(path, CUBE)[1].tolist() == [8, 4]
+    path.write_text(mrk(("tail", [1, 1, 1], "vertex 0"), ("nose", [3, 2.98, 1], "vertex 4")))
+    with pytest.warns(UnbendWarning, match=r"a.mrk.json: 1 point not at .* where they lie"):
+        assert read_markups(path, CUBE)[1].tolist() == [0, 6]
+
+
 def test_ras_is_turned_to_lps(tmp_path: Path) -> None:
     path = tmp_path / "a.mrk.json"
     path.write_text(mrk(("nose", [-3, -1, 1]), axes="RAS"))
@@ -58,7 +67,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
         + ("" if axes is None else f"# CoordinateSystem = {axes}\n")
         + "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n"
         + f'1,{3 * sign},{1 * sign},1,0,0,0,1,1,1,0,"nose, left",,\n'
-        + "2,9,9,9,0,0,0,1,1,1,0,tail,vertex 5,\n"
+        + f"2,{3 * sign},{1 * sign},3,0,0,0,1,1,1,0,tail,vertex 5,\n"
     )
     labels, vertices = read_markups(path, CUBE)
     assert labels == ["nose, left", "tail"]
@@ -70,6 +79,7 @@ def test_fcsv(tmp_path: Path, axes: str | None, sign: int) -> None:
     [
         (mrk(("nose", [3, 3.2, 1])), "'nose' is 0.2 from mesh, more than 3 %"),
         (mrk(("nose", [3, 3, float("nan")])), "'nose' is inf from mesh"),
+        (mrk(("nose", [9, 9, 9], "vertex 5")), "'nose' is 10.4 from mesh"),
         (mrk(("nose", [0, 0, 0], "vertex 9")), "'nose' is vertex 9, but mesh has 9"),
         (mrk(("nose", [0, 0])), "not a landmark file"),
         (mrk(("nose", [0, 0, 0]), axes="IJK"), "not a landmark file"),

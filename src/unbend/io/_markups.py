@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from unbend._text import plural
 from unbend._types import IntArray, StrPath
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
@@ -23,7 +23,9 @@ from unbend.io.formats.contents import text_lines
 from unbend.mesh import used_vertices, vertex_ids
 
 MARKUP_SUFFIXES = (".json", ".fcsv")
-_FARTHEST = 0.03  # of the diagonal of the mesh's bounding box
+# Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
+# the vertex that it is described as unless it has been moved.
+_FARTHEST, _MOVED = 0.03, 1e-3
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
@@ -38,8 +40,9 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     Parameters
     ----------
     path : path
-        A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex; any other is
-        moved to the nearest vertex. Points in RAS are turned to LPS, in which Slicer writes meshes.
+        A .mrk.json or .fcsv file. A point described as ``vertex 123`` is that vertex if it lies
+        there; any other is moved to the nearest vertex. Points in RAS are turned to LPS, in which
+        Slicer writes meshes.
     mesh : mesh-like
         The mesh with the points on it.
 
@@ -54,6 +57,11 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         If the file cannot be read, or a point is farther from the mesh than 3 % of its size.
     InputError
         If the mesh has no vertices.
+
+    Warns
+    -----
+    UnbendWarning
+        Of points that lie elsewhere than the vertices they are described as.
     """
     path, mesh = Path(path), as_mesh(mesh)
     data = read_bytes(path, MARKUP_SUFFIXES)
@@ -62,8 +70,8 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     if not len(there):
         raise InputError(f"{mesh.name} has no vertices to be landmarks")
     tree = cKDTree(used[there])
-    farthest = _FARTHEST * np.linalg.norm(np.ptp(used[there], axis=0))
-    vertices = []
+    size = np.linalg.norm(np.ptp(used[there], axis=0))
+    vertices, n_moved = [], 0
     with prefixed(path.name):
         try:
             points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
@@ -73,18 +81,27 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
             raise FileError("holds no points")
         for label, description, position in points:
             distance, nearest = tree.query(position) if np.isfinite(position).all() else (np.inf, 0)
+            vertex = int(there[nearest])
             number = re.fullmatch(r"vertex (\d{1,18})", description)
             if number and int(number[1]) >= mesh.n_vertices:
                 raise FileError(
                     f"point {label!r} is {description}, but {mesh.name} has "
                     f"{plural(mesh.n_vertices, 'vertex')}"
                 )
-            if not number and distance > farthest:
+            if number and np.linalg.norm(mesh.vertices[int(number[1])] - position) <= _MOVED * size:
+                vertex = int(number[1])
+            elif distance > _FARTHEST * size:
                 raise FileError(
                     f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
                     "size: is it of another mesh, unit or axes (RAS or LPS)?"
                 )
-            vertices.append(int(number[1]) if number else int(there[nearest]))
+            vertices.append(vertex)
+            n_moved += number is not None and vertex != int(number[1])
+    if n_moved:
+        warn(
+            f"{path.name}: {plural(n_moved, 'point')} not at the vertices they are described as: "
+            "taken where they lie"
+        )
     return [label for label, _, _ in points], np.array(vertices, dtype=np.int64)
 
 

@@ -264,15 +264,21 @@ def upright(up: str) -> FloatArray:
 
 
 def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
-    """Turn a number per vertex into an array; InputError if they do not fit or none is finite."""
+    """Turn a number per vertex into an array, NaN where there is no face or no finite number.
+
+    InputError if they do not fit or nothing is left.
+    """
     array = numbers_of(values, "values")
     if array.shape != (mesh.n_vertices,):
         raise InputError(
             f"{mesh.name} has {mesh.n_vertices} vertices, but values have shape {array.shape}"
         )
-    if not np.isfinite(array).any():
-        raise InputError("none of the values is finite: there is nothing to draw")
-    return array
+    drawn = np.full(mesh.n_vertices, np.nan)
+    drawn[mesh.faces] = array[mesh.faces]
+    drawn[np.isinf(drawn)] = np.nan
+    if np.isnan(drawn).all():
+        raise InputError("none of the values on faces is finite: there is nothing to draw")
+    return drawn
 
 
 def fit_rigidly(

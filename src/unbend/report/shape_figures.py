@@ -104,7 +104,8 @@ def draw_values(
     mesh : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
     values : (n,) array_like of float
-        Drawn in the viridis colours from the least to the greatest; grey where not finite.
+        Drawn in the viridis colours from the least to the greatest on a face; grey where not
+        finite.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
     label : str, default=""
@@ -130,7 +131,6 @@ def draw_values(
     mesh = drawable(mesh)
     turned = Mesh(mesh.vertices @ upright(up).T, mesh.faces)
     array = check_values(values, mesh)
-    finite = array[np.isfinite(array)]
     height = fitting_height(3.7, [turned], FRONT_AND_BACK)
     row = [(turned.vertices, turned, array, view) for view in FRONT_AND_BACK]
     figure, ((first, _),) = draw_grid([row], ["", ""], 3.85, height, right=0.9)
@@ -140,7 +140,7 @@ def draw_values(
     place = first.get_position()
     figure.text(0.44, 0.35 * place.y0, as_written(mesh.name), ha="center", fontsize=10)
     scale = figure.add_axes((0.9, place.y0, 0.02, 0.9 * place.height))
-    colors = ScalarMappable(Normalize(float(finite.min()), float(finite.max())), "viridis")
+    colors = ScalarMappable(Normalize(float(np.nanmin(array)), float(np.nanmax(array))), "viridis")
     figure.colorbar(colors, scale).set_label(label, fontsize=9)
     save_figure(figure, path)
 

@@ -13,6 +13,7 @@ import pytest
 from browser import Browser, changed, drawn
 from unbend import Mesh, canonical_form, distance, lay_into_pose
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.errors import UnbendWarning
 from unbend.io import invert_map
 from unbend.matching import Hypothesis, Match
 from unbend.report import form_page, match_page, view
@@ -106,6 +107,10 @@ def test_landmarks_are_shown_on_both_shapes(browser, match_html, dogs, tmp_path)
     labels = "part('{}').view.landmarks.map(l => [l.label, l.vertex])"
     assert browser.run(labels.format("source")) == [["1", 10], ["2", 400]]
     assert browser.run(labels.format("target")) == [["1", rows[0][1]], ["2", rows[1][1]]]
+    back = invert_map(forward, target)
+    known = Match(forward, back, np.eye(2), 0.9, 0.1, 0.9, missed_landmarks=(1,))
+    match_page(source, target, known, tmp_path / "ignored.html", landmarks=rows)
+    assert "2: they contradict" in (tmp_path / "ignored.html").read_text("utf-8")
     # They follow the morph.
     browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')) })(part('morph'))")
     browser.settle()
@@ -324,6 +329,23 @@ def test_two_places_tell_their_distances(browser, form_html, dogs, screenshots) 
     assert float(far) == pytest.approx(exact, rel=0.05)
     apart = np.linalg.norm(form.points[first] - form.points[ids[1]])
     assert float(straight) == pytest.approx(apart, abs=1e-3)
+
+
+def test_a_place_that_has_no_distances_is_named(browser, dogs, tmp_path) -> None:
+    ball = make_sphere(1)
+    both = Mesh(
+        np.vstack([dogs[0].vertices, ball.vertices * 0.1 + 1.5]),
+        np.vstack([dogs[0].faces, ball.faces + dogs[0].n_vertices]),
+    )
+    with pytest.warns(UnbendWarning, match="component 0 of 2"):
+        form = canonical_form(both, component="largest")
+    form_page(both, form, tmp_path / "two.html")
+    browser.open(tmp_path / "two.html")
+    browser.run("part('shape-vertex').value = " + str(dogs[0].n_vertices + 3))
+    browser.run("part('shape-vertex').dispatchEvent(new Event('change'))")
+    told = f"vertex {dogs[0].n_vertices + 3} has no place in the form, and no distances"
+    assert browser.run("part('readout').textContent") == told
+    assert browser.run("part('form').view.marks") == []
 
 
 def test_shapes_are_coloured_by_functions_and_distances(browser, form_html, screenshots) -> None:

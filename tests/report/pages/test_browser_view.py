@@ -9,7 +9,7 @@ import pytest
 from browser import Browser, changed
 from unbend import Mesh
 from unbend.datasets import make_quadruped
-from unbend.io import read_landmarks, read_markups
+from unbend.io import read_landmarks, read_markups, write_markups
 from unbend.report import view
 from unbend.report.pages import _view_page
 from unbend.report.pages._shown import show
@@ -231,6 +231,7 @@ def test_saved_landmarks_are_loaded_again(page, dogs, tmp_path) -> None:
         ("1,900\n", "vertex 900 is not on b, which has the vertices 0 to 899"),
         ("1,2\n3\n", "row 1 is 3; a landmark is two vertex numbers"),
         ("", "it holds no landmarks"),
+        ("label,vertex\n1,2\n", "its columns are label,vertex; those of landmarks here are source"),
     ],
 )
 def test_files_that_do_not_fit_change_nothing(page, tmp_path, text, told) -> None:
@@ -248,6 +249,7 @@ def test_files_that_do_not_fit_change_nothing(page, tmp_path, text, told) -> Non
         ({"label": "nose", "position": [99, 0, 0]}, "point nose is far from a"),
         ({"label": "nose", "position": [0, 0, 0], "positionStatus": "undefined"}, "no position"),
         ({"label": "nose"}, "no .mrk.json file"),
+        ({"label": "a", "position": [9, 9, 9], "description": "vertex 9"}, "point a is far from a"),
         ({"description": "vertex 900", "position": [0, 0, 0]}, "vertex 900 is not on a"),
     ],
 )
@@ -275,6 +277,102 @@ def test_landmarks_of_one_shape_have_names(browser, dogs, tmp_path) -> None:
     names = browser.run("[...part('landmarks').querySelectorAll('input')].map(e => e.value)")
     assert names == ["nose tip", 'the "other"', "1"]
     assert table(browser) == [[5], [6], [placed]]
+
+
+@pytest.fixture
+def one(browser: Browser, dogs, tmp_path: Path) -> Browser:
+    """The page of one shape with three landmarks."""
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    view(dogs[0], landmarks={"nose": 5, "ear": 6, "tail": 7}, path=tmp_path / "one.html")
+    browser.open(tmp_path / "one.html")
+    return browser
+
+
+def test_what_has_been_replaced_is_selected_no_more(one, tmp_path) -> None:
+    one.click(*one.middle("#shape-0", 0.0, 0.1))
+    (tmp_path / "others.csv").write_text("label,vertex\nnose,15\near,16\n", "utf-8")
+    one.choose_file("#load", tmp_path / "others.csv")
+    one.wait_for("part('landmarks').rows.length === 2")
+    one.run("part('shape-0').focus()")
+    one.press("Delete")
+    assert "No landmark is selected" in one.run(STATUS)
+    assert table(one) == [[15], [16]]
+
+
+def test_a_typed_name_counts_and_leaves_the_buttons_where_they_are(one, tmp_path) -> None:
+    field = "part('landmarks').querySelector('input')"
+    one.run(f"{field}.select()")
+    for letter in "#one":
+        one.press(letter, text=letter)
+    one.press("s", **CTRL)
+    assert downloaded(one, tmp_path / "landmarks.csv").splitlines()[1] == '"#one",5'
+    assert one.run(f"document.activeElement === {field}")
+    one.press("2", text="2")
+    one.click(*one.middle("#landmarks tr:first-child button"))
+    assert table(one) == [[6], [7]]
+    one.choose_file("#load", tmp_path / "landmarks.csv")
+    one.wait_for("part('landmarks').rows.length === 3")
+    assert one.run(f"{field}.value") == "#one"
+
+
+def test_pairs_are_no_landmarks_of_one_shape(one, tmp_path) -> None:
+    (tmp_path / "pairs.csv").write_text("source,target\n3,50\n", "utf-8")
+    one.choose_file("#load", tmp_path / "pairs.csv")
+    one.wait_for(f"{STATUS}.includes('its columns are source,target')")
+    assert table(one) == [[5], [6], [7]]
+
+
+def test_a_vertex_has_a_whole_number(one) -> None:
+    one.run("part('vertex-0').value = 12.5")
+    one.run("part('vertex-0').dispatchEvent(new Event('change'))")
+    assert one.run("part('readout').textContent") == "that vertex is not shown"
+
+
+def test_a_point_that_was_moved_counts_where_it_lies(one, dogs, tmp_path) -> None:
+    write_markups(tmp_path / "a.mrk.json", dogs[0], [19, 20], ["nose", "ear"])
+    saved = json.loads((tmp_path / "a.mrk.json").read_text("utf-8"))
+    saved["markups"][0]["controlPoints"][0]["position"] = dogs[0].vertices[400].tolist()
+    (tmp_path / "a.mrk.json").write_text(json.dumps(saved), "utf-8")
+    one.choose_file("#load-0", tmp_path / "a.mrk.json")
+    one.wait_for(f"{STATUS}.includes('taken where they lie: 1')")
+    assert table(one) == [[400], [20]]
+
+
+def test_far_from_the_origin_shapes_and_values_keep_their_detail(browser, dogs, tmp_path) -> None:
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    height = dogs[0].vertices[:, 1]
+    there = Mesh(np.add(dogs[0].vertices, [5e5, 5.4e6, 100]), dogs[0].faces, name="far")
+    view(dogs[0], values=height, path=tmp_path / "near.html")
+    browser.open(tmp_path / "near.html")
+    near = browser.picture("#shape-0")
+    view(there, values=height + 1e7, landmarks=[12], path=tmp_path / "far.html")
+    browser.open(tmp_path / "far.html")
+    browser.run("part('landmarks').querySelector('button').click()")
+    assert changed(near, browser.picture("#shape-0")) < 0.01
+    browser.press("z", **CTRL)
+    browser.click(*browser.middle("#markups-0"))
+    (markup,) = json.loads(downloaded(browser, tmp_path / "far.mrk.json"))["markups"]
+    size = np.ptp(there.vertices, axis=0).max()
+    np.testing.assert_allclose(
+        markup["controlPoints"][0]["position"], there.vertices[12], rtol=0, atol=2e-6 * size
+    )
+    text = browser.run("document.querySelector('.scale').parentElement.textContent")
+    low, high = (float(one) for one in text.removeprefix("Values: ").removesuffix(".").split())
+    np.testing.assert_allclose([low - 1e7, high - 1e7], [height.min(), height.max()], atol=1e-3)
+
+
+def test_colours_are_those_of_the_legend(browser, dogs, tmp_path) -> None:
+    """Whatever values have vertices that are not drawn."""
+    loose = Mesh(np.vstack([dogs[0].vertices, [[9, 9, 9]] * 2]), dogs[0].faces, name="loose")
+    values = np.append(np.arange(900.0), [1e4, np.inf])
+    values[3] = -np.inf
+    page = view(loose, values=values, path=tmp_path / "values.html")
+    assert "values from 0 to 899" in page.html
+    browser.open(tmp_path / "values.html")
+    shares = browser.run("[...part('shape-0').view.meshes[0].columns.value]")
+    known = np.arange(900) != 3
+    np.testing.assert_allclose(np.array(shares)[known], values[:900][known] / 899, atol=1e-5)
+    assert browser.run("[...part('shape-0').view.meshes[0].columns.known]") == known.tolist()
 
 
 def test_thinned_shapes_have_the_numbers_of_the_files(

@@ -123,6 +123,7 @@ def match_page(
             errors = _errors_of_vertices(source, one, truth, found[-1].direct)
         packed.append(_pack_map(one, shown, forms, errors, first=i == 0))
     known = first if isinstance(first, Match) else None
+    ignored = list(known.missed_landmarks) if known is not None and pairs else []
     columns = [words.errors(found[0])] if found else []
     if known is not None and len(known.hypotheses) > 1:
         columns.append(words.hypotheses(known))
@@ -140,7 +141,7 @@ def match_page(
             '<div class="columns">',
             *columns,
             "</div>",
-            words.facts(shown, known, command),
+            words.facts(shown, known, command, ignored),
         ],
         {
             "source": shown[0].packed() | {"colors": shown[0].colors(shown[0].places)},
@@ -154,6 +155,7 @@ def match_page(
                 [int(part.stand_ins[i]) for part, i in zip(shown, pair, strict=True)]
                 for pair in pairs
             ],
+            "ignored": ignored,
             "worst": words.WORST,
             "cells": shown[0].cells(),
         },

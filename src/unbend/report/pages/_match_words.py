@@ -138,7 +138,9 @@ def hypotheses(match: Match) -> str:
     )
 
 
-def facts(shown: tuple[Shown, Shown], match: Match | None, command: str) -> str:
+def facts(
+    shown: tuple[Shown, Shown], match: Match | None, command: str, ignored: Sequence[int]
+) -> str:
     """Section on what was matched, what was done to it, and by which command."""
     rows = []
     for side, part in zip(("source", "target"), shown, strict=True):
@@ -147,6 +149,9 @@ def facts(shown: tuple[Shown, Shown], match: Match | None, command: str) -> str:
     rows.append(
         ("for display", "the target is rotated as a whole, and scaled to the source's size")
     )
+    if ignored:
+        which = ", ".join(str(i + 1) for i in ignored)
+        rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
     if match is not None:
         known = not math.isnan(match.confidence)
         rows += [

@@ -104,7 +104,7 @@ def view(
     return make_page(
         " and ".join(names),
         " ".join(lead),
-        [_pictures(names, up, scalars), _table(names)],
+        [_pictures(names, up, packed[0].get("limits")), _table(names)],
         {"shapes": packed, "landmarks": _landmarks(landmarks, meshes)},
         ("landmarks.js", "view.js"),
         path=path,
@@ -126,12 +126,20 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
     size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"
     facts = [size, *mesh.notes, *shown.facts]
     if scalars is not None:
-        low, high = np.nanmin(scalars), np.nanmax(scalars)
-        facts.append(f"values from {low:.5g} to {high:.5g}")
+        limits = float(np.nanmin(scalars)), float(np.nanmax(scalars))
+        facts.append("values from {} to {}".format(*_told_apart(*limits)))
         seen = scalars[shown.ids, None]
-        packed["values"] = pack_places(seen, float(high - low) / _STEPS or None)
+        packed["values"] = pack_places(seen, (limits[1] - limits[0]) / _STEPS or None)
         packed["known"] = pack_whole(np.isfinite(seen).astype(np.int64))
+        packed["limits"] = limits
     return packed, facts
+
+
+def _told_apart(low: float, high: float) -> tuple[str, str]:
+    """Write the ends of a range with five digits, and those more that both begin with."""
+    shared = np.log10(max(abs(low), abs(high)) / (high - low)) if high > low else 0.0
+    digits = min(5 + max(int(shared), 0), 17)
+    return f"{low:.{digits}g}", f"{high:.{digits}g}"
 
 
 def _landmarks(
@@ -146,9 +154,9 @@ def _landmarks(
     return [{"name": name, "at": at} for name, at in zip(names, rows, strict=True)]
 
 
-def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
+def _pictures(names: list[str], up: str, limits: tuple[float, float] | None) -> str:
     paints = {"2": "plain", "0": "by place"}
-    if scalars is not None:
+    if limits is not None:
         paints = {"1": "by value"} | paints
     views = [
         canvas(
@@ -163,9 +171,8 @@ def _pictures(names: list[str], up: str, scalars: FloatArray | None) -> str:
         for side, name in enumerate(names)
     ]
     legend = ""
-    if scalars is not None:
-        low, high = np.nanmin(scalars), np.nanmax(scalars)
-        legend = hint(f'Values: {low:.5g} <span class="scale"></span> {high:.5g}.')
+    if limits is not None:
+        legend = hint('Values: {} <span class="scale"></span> {}.'.format(*_told_apart(*limits)))
     paint = select("Colours", "paint", paints)
     return side_by_side(paint, up, views, several=len(names) > 1) + legend + hint(_HINT)
 

@@ -23,7 +23,7 @@ async function unpack(packed) {
   }
   if (packed.step === undefined) return numbers;
   const { low, step } = packed;
-  return Float32Array.from(numbers, (value, i) => low[i % columns] + step * value);
+  return Float64Array.from(numbers, (value, i) => low[i % columns] + step * value);
 }
 
 // Every packed array within a value, at any depth.

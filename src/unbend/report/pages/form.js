@@ -47,14 +47,16 @@ start(async (data) => {
   }
 
   function mark(pointed) {
-    const marked = [pinned, pointed].filter((vertex) => vertex >= 0);
+    const marked = [pinned, pointed].filter((vertex) => known[vertex]);
     let far = "";
-    if (marked.length === 2 && known[pinned] && known[pointed]) {
+    if (marked.length === 2) {
       far = `: biharmonic distance ${apart(embedding, columns, pinned, pointed).toFixed(4)}`;
       const straight = apart(form.places, 3, pinned, pointed) / data.unit;
       if (data.unit) far += `, straight in the form ${straight.toFixed(4)}`;
     }
-    readout.textContent = marked.length
+    readout.textContent = pointed >= 0 && !known[pointed]
+      ? `vertex ${number(pointed)} has no place in the form, and no distances`
+      : marked.length
       ? marked.map((vertex) => `vertex ${number(vertex)}`).join(" \u2194 ") + far
       : hint;
     for (const view of views) {
@@ -63,9 +65,9 @@ start(async (data) => {
   }
 
   function pin(vertex) {
-    pinned = vertex;
+    pinned = known[vertex] ? vertex : -1;
     box.value = vertex < 0 ? "" : number(vertex);
-    mark(-1);
+    mark(vertex === pinned ? -1 : vertex);
     if (paint.value === "distance") color();
   }
 

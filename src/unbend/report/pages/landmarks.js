@@ -3,6 +3,7 @@
 
 const SCHEMA = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#";
 const FARTHEST = 0.03; // from the mesh, of its size, where a loaded point may lie
+const MOVED = 1e-3; // from its vertex, of the mesh's size, where a loaded point has been moved
 
 // Each landmark is {name, at}, `at` its vertex on each shape, by the numbers of the files, -1 for none.
 class Landmarks {
@@ -14,6 +15,7 @@ class Landmarks {
   edit(change) {
     const before = JSON.stringify(this.list);
     change();
+    if (!this.list.includes(this.selected)) this.selected = null;
     if (JSON.stringify(this.list) === before) return;
     this.past.push(before);
     this.changed();
@@ -45,8 +47,7 @@ class Landmarks {
   }
 
   remove(one) {
-    this.edit(() => this.list.splice(this.list.indexOf(one), 1));
-    this.selected = null;
+    this.edit(() => { this.list = this.list.filter((other) => other !== one); });
   }
 
   // Landmarks on every shape, which alone are saved as a table.
@@ -56,7 +57,7 @@ class Landmarks {
 
   csv() {
     const pairs = this.shapes.length > 1;
-    const quoted = (name) => (/[",;\s]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name);
+    const quoted = (name) => (/[#",;\s]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name);
     const rows = this.complete().map(({ name, at }) => (pairs ? at.join() : `${quoted(name)},${at[0]}`));
     return `${[pairs ? "source,target" : "label,vertex", ...rows].join("\n")}\n`;
   }
@@ -64,7 +65,10 @@ class Landmarks {
   loadCsv(text) {
     const wanted = this.shapes.length, loaded = [];
     let lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
-    if (lines.length && !/\d/.test(lines[0])) lines = lines.slice(1);
+    if (lines.length && !/\d/.test(lines[0])) {
+      if (/^source\W+target$/i.test(lines[0].trim()) !== wanted > 1) throw Error(`its columns are ${lines[0].trim().slice(0, 40)}; those of landmarks here are ${wanted > 1 ? "source,target" : "label,vertex"}`);
+      lines = lines.slice(1);
+    }
     for (const [i, line] of lines.entries()) {
       const words = line.trim().match(wanted > 1 ? /^(\d+)[\s,;]+(\d+)$/ : /^(?:(.*)[\s,;]+)?(\d+)$/);
       if (!words) throw Error(`row ${i} is ${line.slice(0, 40)}; a landmark is ${wanted > 1 ? "two vertex numbers" : "a name and a vertex number"}`);
@@ -93,7 +97,8 @@ class Landmarks {
     return JSON.stringify({ "@schema": SCHEMA, markups }, null, 1);
   }
 
-  // Points of 3D Slicer on one shape, in place of those that are there; paired by their labels.
+  // Points of 3D Slicer on one shape, in place of those that are there; paired by their labels. A
+  // described vertex tells which of several at a place is meant. Returns how many points lie elsewhere.
   loadMarkups(text, side) {
     let points;
     try {
@@ -106,10 +111,17 @@ class Landmarks {
       throw Error("it is no .mrk.json file of 3D Slicer");
     }
     if (!points.length) throw Error("it holds no points");
+    const { places, seen, size } = this.shapes[side];
+    let moved = 0;
     const loaded = points.map(({ name, description, place }) => {
-      const number = description.match(/^vertex (\d+)$/);
-      const vertex = number ? +number[1] : this.nearest(name, place, side);
-      this.check(vertex, side);
+      const described = description.match(/^vertex (\d+)$/);
+      let vertex = described && +described[1];
+      if (described) this.check(vertex, side);
+      const apart = described ? Math.hypot(...row(places, seen(vertex)).map((x, k) => x - place[k])) : Infinity;
+      if (apart > MOVED * size) {
+        vertex = this.nearest(name, place, side);
+        if (described) moved++;
+      }
       return { name: name || this.freshName(), vertex };
     });
     this.edit(() => {
@@ -121,6 +133,7 @@ class Landmarks {
       }
       this.list = this.list.filter(({ at }) => at.some((vertex) => vertex >= 0));
     });
+    return moved;
   }
 
   nearest(name, place, side) {

@@ -17,7 +17,7 @@ start(async (data) => {
 
   views.forEach((view, i) => {
     view.landmarks = data.landmarks.map((pair, k) => (
-      { mesh: view.meshes[0], vertex: pair[i], tint: colorOf("--source"), label: `${k + 1}` }));
+      { mesh: view.meshes[0], vertex: pair[i], tint: colorOf("--source"), label: `${k + 1}${data.ignored.includes(k) ? " (ignored)" : ""}` }));
   });
 
   // The map that is shown: for each side, per shown vertex, the partner's number on the other and
@@ -115,7 +115,7 @@ function showForms(forms, sides) {
     });
     return view;
   });
-  const turned = new Float32Array(forms.source.places.length);
+  const turned = new Float64Array(forms.source.places.length);
   function turn({ rotation: r, translation: t }) {
     const from = forms.source.places;
     for (let i = 0; i < turned.length; i += 3) {
@@ -138,7 +138,7 @@ function listenToMorph(show) {
     const last = frames.length - 1, x = (slider ? +slider.value : 0) * last;
     const first = Math.max(0, Math.min(Math.floor(x) - 1, last - 3));
     const used = [0, 1, 2, 3].map((i) => first + i).filter((i) => i <= last);
-    const places = new Float32Array(frames[0].length);
+    const places = new Float64Array(frames[0].length);
     for (const i of used) {
       const from = frames[i];
       const weight = used.reduce((w, j) => (i === j ? w : w * (x - j) / (i - j)), 1);

@@ -34,6 +34,11 @@ function roomFor(...arrays) {
 // Row i of a table with three columns.
 const row = (table, i) => [table[3 * i], table[3 * i + 1], table[3 * i + 2]];
 
+// A number without digits that are less than a ten-thousandth of a range.
+function rounded(x, range) {
+  return +x.toFixed(Math.max(0, Math.min(20, 4 - Math.floor(Math.log10(range || Math.abs(x) || 1)))));
+}
+
 // A colour of the style sheet, as three numbers from 0 to 1.
 function colorOf(name) {
   const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -42,7 +47,7 @@ function colorOf(name) {
 
 // The number that a shown vertex has in its file, and the shown vertex of a number, or -1.
 function numbering(ids, shown) {
-  if (!ids) return { number: (i) => i, shown: (id) => (id >= 0 && id < shown ? id : -1) };
+  if (!ids) return { number: (i) => i, shown: (id) => (Number.isInteger(id) && id >= 0 && id < shown ? id : -1) };
   const places = new Map(Array.from(ids, (id, i) => [id, i]));
   return { number: (i) => ids[i], shown: (id) => (places.has(id) ? places.get(id) : -1) };
 }

@@ -160,9 +160,9 @@ class View {
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
     const focal = this.focal();
-    const share = ({ uniforms }) => {
+    const share = ({ uniforms }, origin) => { // places count from there: 32 bits hold few digits
       gl.uniformMatrix3fv(uniforms.turn, true, camera.matrix());
-      gl.uniform3fv(uniforms.centre, this.centre);
+      gl.uniform3fv(uniforms.centre, this.centre.map((x, k) => x - origin[k]));
       gl.uniform2fv(uniforms.focal, focal);
       gl.uniform2f(uniforms.pan, camera.x, camera.y);
       gl.uniform1f(uniforms.size, 1 / this.radius);
@@ -172,7 +172,7 @@ class View {
     for (const mesh of this.meshes) {
       const { uniforms } = faces;
       mesh.open(gl);
-      share(faces);
+      share(faces, mesh.origin);
       gl.uniform1f(uniforms.fat, 2 * this.fat / (this.canvas.clientHeight * focal[1]));
       gl.uniform1i(uniforms.paint, this.paint);
       gl.uniform1i(uniforms.grid, this.grid);
@@ -192,10 +192,10 @@ class View {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    share(disc);
+    share(disc, this.centre);
     for (const { mesh, vertex, tint } of [...this.landmarks, ...this.marks]) {
       const { uniforms } = disc;
-      gl.uniform3fv(uniforms.spot, row(mesh.positions, vertex));
+      gl.uniform3fv(uniforms.spot, row(mesh.positions, vertex).map((x, k) => x - this.centre[k]));
       gl.uniform3fv(uniforms.tint, tint);
       gl.uniform1f(uniforms.pixels, 17 * ratio);
       for (const [test, strength] of [[gl.LEQUAL, 1], [gl.GREATER, 0.35]]) {

@@ -50,7 +50,7 @@ function program(gl, vertex, fragment) {
 class Surface {
   constructor({ positions, faces, place, value, known, tint = [0.74, 0.77, 0.82] }) {
     const n = positions.length / 3;
-    Object.assign(this, { positions, faces, tint, n, copy: null });
+    Object.assign(this, { positions, faces, tint, n, origin: row(positions, 0), copy: null });
     this.columns = {
       positions, normals: normalsOf(positions, faces), place: place || new Float32Array(3 * n),
       value: value || new Float32Array(n), known: known || new Float32Array(n).fill(1),
@@ -69,8 +69,12 @@ class Surface {
     if (!copy || copy.gl.isContextLost()) return;
     for (const [one, column] of Object.entries(changed)) {
       copy.gl.bindBuffer(copy.gl.ARRAY_BUFFER, copy.buffers[one]);
-      copy.gl.bufferSubData(copy.gl.ARRAY_BUFFER, 0, column);
+      copy.gl.bufferSubData(copy.gl.ARRAY_BUFFER, 0, this.packed(one, column));
     }
+  }
+
+  packed(name, column) {
+    return Float32Array.from(column, name === "positions" ? (x, i) => x - this.origin[i % 3] : undefined);
   }
 
   open(gl) {
@@ -79,7 +83,7 @@ class Surface {
     gl.bindVertexArray(this.copy.array);
     Object.entries(this.columns).forEach(([name, column], i) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, this.copy.buffers[name] = gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, column, gl.DYNAMIC_DRAW);
+      gl.bufferData(gl.ARRAY_BUFFER, this.packed(name, column), gl.DYNAMIC_DRAW);
       gl.enableVertexAttribArray(i);
       gl.vertexAttribPointer(i, column.length / this.n, gl.FLOAT, false, 0, 0);
     });

@@ -14,14 +14,8 @@ start(async ({ shapes, landmarks: given }) => {
     const room = roomFor(shape.places);
     Object.assign(shape, numbering(shape.ids, shape.places.length / 3), { size: 2 * room.radius, cursor: -1 });
     shape.seen = (id) => (id < shape.n ? shape.standIns[id] : -1);
-    const view = new View(part(`shape-${side}`), camera, room), { places, faces, colors, values } = shape;
-    let value;
-    if (values) {
-      const known = Float32Array.from(shape.known), seen = values.filter((_, i) => known[i]);
-      const low = seen.reduce((a, b) => Math.min(a, b)), high = seen.reduce((a, b) => Math.max(a, b));
-      value = values.map((one) => (one - low) / (high - low || 1));
-      shape.known = known;
-    }
+    const view = new View(part(`shape-${side}`), camera, room), { places, faces, colors, values, limits } = shape;
+    const value = values?.map((one) => (one - limits[0]) / (limits[1] - limits[0] || 1));
     view.cells = shape.cells;
     view.add({ positions: places, faces, place: colors, value, known: shape.known });
     return view;
@@ -38,17 +32,28 @@ start(async ({ shapes, landmarks: given }) => {
   const landmarks = new Landmarks(shapes, given, show);
   const say = (text) => { part("status").textContent = text; };
 
-  // The landmarks on the shapes and in the table.
+  // The landmarks on the shapes and in the table, whose rows stay while only names change: what is
+  // pressed or has the focus is then still there.
+  let listed = [];
   function show() {
     views.forEach((view, side) => {
       view.change({ landmarks: landmarks.list.filter(({ at }) => at[side] >= 0).map((one) => ({
         mesh: view.meshes[0], vertex: shapes[side].seen(one.at[side]), label: one.name, one, tint: plain,
       })) });
     });
+    part("undo").disabled = !landmarks.past.length;
+    if (parent !== window) parent.postMessage({ landmarks: landmarks.list }, "*"); // to unbend app
+    const rows = landmarks.list.flatMap((one) => [one, ...one.at]);
+    if (rows.length === listed.length && rows.every((one, i) => one === listed[i])) return;
+    listed = rows;
     part("landmarks").replaceChildren(...landmarks.list.map((one) => {
       const line = document.createElement("tr"), add = (what) => line.insertCell().append(what);
       const name = Object.assign(document.createElement("input"), { value: one.name, ariaLabel: "Name" });
-      name.addEventListener("change", () => landmarks.edit(() => { one.name = name.value.trim() || one.name; }));
+      name.addEventListener("change", () => {
+        landmarks.edit(() => { one.name = name.value.trim() || one.name; });
+        name.value = one.name;
+        button.ariaLabel = `Delete landmark ${one.name}`;
+      });
       add(name);
       for (const vertex of one.at) add(vertex < 0 ? "\u2013" : `${vertex}`);
       const button = Object.assign(document.createElement("button"), {
@@ -58,8 +63,6 @@ start(async ({ shapes, landmarks: given }) => {
       add(button);
       return line;
     }));
-    part("undo").disabled = !landmarks.past.length;
-    if (parent !== window) parent.postMessage({ landmarks: landmarks.list }, "*"); // to unbend app
   }
 
   // What is under the pointer or the cursor.
@@ -68,15 +71,15 @@ start(async ({ shapes, landmarks: given }) => {
       const marked = other === side && vertex >= 0 ? vertex : shapes[other].cursor;
       view.change({ marks: marked < 0 ? [] : [{ mesh: view.meshes[0], vertex: marked, tint }] });
     });
-    const { name, number, places, values, known } = shapes[side];
+    const { name, number, places, size, values, known, limits } = shapes[side];
     if (vertex < 0) vertex = shapes[side].cursor;
     part(`vertex-${side}`).value = vertex < 0 ? "" : number(vertex);
     if (vertex < 0) {
       readout.textContent = "";
       return;
     }
-    const place = row(places, vertex).map((x) => +x.toPrecision(5)).join(", ");
-    const value = values ? `, value ${known[vertex] ? +values[vertex].toPrecision(5) : "unknown"}` : "";
+    const place = row(places, vertex).map((x) => rounded(x, size)).join(", ");
+    const value = values ? `, value ${known[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown"}` : "";
     readout.textContent = `${name}: vertex ${number(vertex)} at (${place})${value}`;
   }
 
@@ -107,9 +110,8 @@ start(async ({ shapes, landmarks: given }) => {
   async function load(file, side) {
     try {
       const text = await file.text();
-      if (/\.json$/i.test(file.name)) landmarks.loadMarkups(text, side);
-      else landmarks.loadCsv(text);
-      say(`Loaded ${file.name}.`);
+      const moved = /\.json$/i.test(file.name) ? landmarks.loadMarkups(text, side) : landmarks.loadCsv(text);
+      say(`Loaded ${file.name}.${moved ? ` Not at the vertices they are described by, but taken where they lie: ${moved}.` : ""}`);
     } catch (error) {
       say(`${file.name} was not loaded: ${error.message}.`);
     }
@@ -136,7 +138,11 @@ start(async ({ shapes, landmarks: given }) => {
     if (!(event.ctrlKey || event.metaKey) || !["s", "z"].includes(key)) return;
     if (key === "z" && event.target.matches("input")) return; // which undo what is typed
     event.preventDefault();
-    if (key === "s") saveCsv();
+    if (key === "s") {
+      event.target.blur(); // what has been typed counts
+      event.target.focus();
+      saveCsv();
+    }
     else undo();
   });
 
@@ -246,7 +252,8 @@ start(async ({ shapes, landmarks: given }) => {
   addEventListener("message", ({ source, data }) => {
     if (parent === window || source !== parent || !Array.isArray(data?.landmarks)) return;
     for (const { at } of data.landmarks) at.forEach((vertex, side) => vertex < 0 || landmarks.check(vertex, side));
-    landmarks.edit(() => { landmarks.list = data.landmarks; });
+    landmarks.list = data.landmarks;
+    show();
   });
   show();
 });
