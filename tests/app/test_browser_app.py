@@ -197,6 +197,37 @@ def test_two_tabs_show_one_session(page, app, dogs):
     page.wait_for("document.querySelectorAll('#results button').length === 1")
 
 
+def test_what_stands_in_for_a_removed_shape_is_another_one(page, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    page.run("document.querySelector('[aria-label=\"Take walking.ply as the second\"]').click()")
+    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
+    page.wait_for(GOOD.format(1))
+    page.choose_file("#choose", dogs[0])
+    page.wait_for(GOOD.format(2))
+    chosen = "[...document.querySelectorAll('#first, #second')].map(e => e.selectedOptions[0].text)"
+    assert page.run(chosen) == ["standing.ply", "walking.ply"]
+
+
+def test_landmarks_of_another_tab_are_not_matched_with(page, app, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Place landmarks")
+    page.wait_for("state.results.length === 1 && frame?.greeted")
+    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
+    path = f"results/{app.get('state')['results'][0]['id']}/landmarks"
+    page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
+    page.wait_for("state.results[0].placed?.[0]?.at[0] === 87")
+    app.send("PUT", path, theirs)
+    page.wait_for("state.results[0].placed[0].at[0] === 328")
+    press(page, "Match with these")
+    page.wait_for("state.jobs.length === 1")
+    (job,) = app.session._jobs.values()
+    assert job["job"]["landmarks"] == [[87, 139]]
+    press(page, "Cancel")
+    page.wait_for("!state.jobs.length")
+
+
 def test_it_fits_a_telephone_and_the_dark(page, dogs, screenshots):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))

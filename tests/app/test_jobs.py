@@ -1,13 +1,15 @@
 """The jobs of the app, run in this process: what they find, and the files that they write."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from unbend import Mesh, read_match, read_mesh, write_mesh
+from unbend import Mesh, read_match, read_mesh, write_match, write_mesh
 from unbend.app._jobs import run
+from unbend.app._work import Work
 from unbend.collection import Collection
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError
@@ -101,6 +103,22 @@ def test_a_table_and_landmarks_are_carried(shapes, matched, tmp_path) -> None:
     carried = done(tmp_path / "more", "transfer", shapes, **given)
     labels, _ = read_markups(file_of(carried, ".mrk.json"), shapes[1][0])
     assert labels == ["nose", "tail"]
+
+
+def test_a_label_has_one_colour_on_both_shapes(shapes, matched, tmp_path, monkeypatch) -> None:
+    table, drawn = tmp_path / "own.csv", []
+    table.write_text("\n".join(f"v{i}" for i in range(600)), encoding="utf-8")
+    monkeypatch.setattr(Work, "draw", lambda self, caption, mesh, colors: drawn.append(colors))
+    full = read_match(matched["map_file"])
+    write_match(
+        tmp_path / "map.npz", replace(full, target_to_source=np.maximum(full.target_to_source, 9))
+    )
+    given = uses(matched) | {"map_file": str(tmp_path / "map.npz")}
+    found = done(tmp_path, "transfer", shapes, **given, values=[str(table), "own.csv"])
+    carried = read_values(file_of(found, ".csv"), n_vertices=600)
+    assert "v0" not in carried
+    rows = [int(one[1:]) for one in carried]
+    np.testing.assert_array_equal(drawn[1], drawn[0][rows])
 
 
 def test_the_first_shape_is_fitted_and_morphed(shapes, matched, tmp_path) -> None:

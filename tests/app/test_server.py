@@ -253,6 +253,28 @@ def test_each_shape_is_drawn_once_more_however_often_the_axis_changes(app, ply) 
         app.send("DELETE", f"shapes/{i}")
 
 
+def test_shapes_of_one_name_get_two(app, ply) -> None:
+    names = [app.send("PUT", "files?as=shape&name=dog.ply", ply)["id"] for _ in range(3)]
+    state = app.wait(lambda state: not state["jobs"])
+    shown = {one["id"]: one["name"] for one in state["shapes"]}
+    assert [shown[i] for i in names] == ["dog.ply", "dog (2).ply", "dog (3).ply"]
+    for i in names:
+        app.send("DELETE", f"shapes/{i}")
+
+
+def test_a_file_that_changed_since_it_was_opened_is_not_used(app, ply, tmp_path: Path) -> None:
+    path = tmp_path / "mine.ply"
+    path.write_bytes(ply)
+    i = app.session.add(path, "mine.ply")
+    app.wait(lambda state: not state["jobs"])
+    path.write_bytes(ply + b"\n")
+    app.send("POST", "jobs", {"do": "form", "shapes": [i]})
+    (trouble,) = app.wait(lambda state: state["troubles"])["troubles"]
+    assert trouble["text"].endswith("mine.ply has changed since it was opened; open it again")
+    app.send("DELETE", f"troubles/{trouble['id']}")
+    app.send("DELETE", f"shapes/{i}")
+
+
 def test_a_failed_job_is_a_sentence(app, tmp_path: Path) -> None:
     mesh = make_quadruped("standing", n_vertices=600).mesh
     write_mesh(tmp_path / "a.ply", Mesh(mesh.vertices, mesh.faces))

@@ -120,7 +120,13 @@ class Session:
             if values:
                 self._values[i] = str(path), label
                 return i
-            self._shapes[i] = {"path": str(path), "name": label, "state": "reading"}
+            taken, name, parts = {one["name"] for one in self._shapes.values()}, label, Path(label)
+            for n in itertools.count(2):
+                if name not in taken:
+                    break
+                name = f"{parts.stem} ({n}){parts.suffix}"
+            self._shapes[i] = {"path": str(path), "name": name, "state": "reading"}
+            self._shapes[i]["stamp"] = _stamp(path)
             self._submit({"do": "look", "shapes": [i]})
         return i
 
@@ -226,9 +232,17 @@ class Session:
                 entry |= {"running": True, "stage": "starting"}
                 folder = self.folder / f"result-{i}"
                 shapes = [self.file(one, "file") for one in job["shapes"]]
+                changed = [
+                    one["name"]
+                    for one in map(self._shapes.get, job["shapes"])
+                    if one and one["stamp"] != _stamp(Path(one["path"]))
+                ]
                 self._note()
-            given = job | {"shapes": shapes, "folder": str(folder)}
-            found = self._worker.run(given, functools.partial(self._step, entry))
+            if changed:
+                found = {"error": f"{changed[0]} has changed since it was opened; open it again"}
+            else:
+                given = job | {"shapes": shapes, "folder": str(folder)}
+                found = self._worker.run(given, functools.partial(self._step, entry))
             with self._change():
                 there = self._jobs.pop(i, None) is not None
                 if there and "error" in found:
@@ -293,6 +307,15 @@ def remove_dead(is_alive: Any) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
         except OSError:
             continue
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Size of a file and when it was written; None if it is gone."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_size, about.st_mtime_ns
 
 
 def _told(i: int, result: dict[str, Any]) -> dict[str, Any]:

@@ -129,11 +129,13 @@ def transfer(work: Work, values: Sequence[str] | None = None, column: str | None
     suffixes += [".obj", ".glb"] if kind == "uv" else [".ply"] * (array.dtype.kind != "U")
     for suffix in [*suffixes, *([".glb"] if drawable else [])]:
         io.write_values(work.new_file(stem + suffix, "the values"), carried, target, kind=kind)
-    for mesh, own in zip(work.meshes, (array, carried), strict=True):
-        if drawable:
-            colors = own[:, :3] if kind == "color" else io.value_colors(own, kind=kind)
-            work.draw(mesh.name, mesh, colors)
-    facts = {"carried": f"{len(carried):,} values, as {kind}"}
+    if drawable:
+        both = np.concatenate([array, carried])  # one scale of colours
+        colors = both[:, :3] if kind == "color" else io.value_colors(both, kind=kind)
+        for mesh, own in zip(work.meshes, np.split(colors, [len(array)]), strict=True):
+            work.draw(mesh.name, mesh, own)
+    reached = int((found.target_to_source >= 0).sum())
+    facts = {"carried": f"to {reached:,} of {len(carried):,} vertices, as {kind}"}
     named = f", name={column!r}" if column else ""
     command += ["--property", column] if column else []
     python = work.python(

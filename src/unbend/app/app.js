@@ -80,7 +80,7 @@ async function upload(files, as = "shape") {
 // What is chosen: shapes by their numbers, the first good ones by default.
 function chosen() {
   const good = state.shapes.filter((one) => one.state === "good").map(({ id }) => id);
-  const first = good.includes(kept.first) ? kept.first : good[0];
+  const first = good.includes(kept.first) ? kept.first : good.find((id) => id !== kept.second) ?? good[0];
   const second = good.includes(kept.second) ? kept.second : good.find((id) => id !== first) ?? first;
   return { good, first, second };
 }
@@ -182,7 +182,7 @@ function panel(result) {
   }
   if (result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result, again));
   blocks.push(make("h3", {}, "Save"), make("ul", { class: "files" },
-    result.page && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
+    result.page && result.do !== "landmarks" && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
     ...result.files.map(({ name, about }, n) => make("li", {},
       make("a", { href: `results/${id}/files/${n}`, download: name }, name), ` ${about}`))));
   for (const [head, code] of [["The same from the command line", result.command], ["The same in Python", result.python]]) {
@@ -222,20 +222,21 @@ function uses(result, again) {
 function showPlaced(result) {
   const row = part("placed");
   if (result.do !== "landmarks" || !row) return;
-  const two = result.shapes.length > 1, landmarks = complete(result);
+  const two = result.shapes.length > 1, landmarks = complete();
   const text = landmarks.length ? `${landmarks.length} placed.` : two ? "Click the same place on both shapes." : "Click a place on the shape.";
   if (row.dataset.text === text) return;
   row.dataset.text = text;
-  const act = (job) => () => submit({ ...job, shapes: result.shapes, landmarks: complete(state.results.find(({ id }) => id === result.id)) });
+  const act = (job) => () => submit({ ...job, shapes: result.shapes, landmarks: complete() });
   row.replaceChildren(make("span", {}, text), two
     ? button("Match with these", act({ do: "match", mirror: part("mirror").checked }), { class: "main", disabled: !landmarks.length })
     : button("Measure distances from there", act({ do: "distance" }), { class: "main", disabled: !landmarks.length }));
 }
 
-// The vertices of the landmarks that are on every shape of a result.
-const complete = (result) => (result?.placed || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+// The vertices of the landmarks that are on every shape of the page in the frame.
+const complete = () => (frame?.placed || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
 
-// The page in the frame tells which landmarks are on it; after a reload, it is told them again.
+// That page tells which landmarks are on it, and they alone count: another tab may place others on
+// its own. After a reload it is told what was placed last.
 addEventListener("message", ({ source, data }) => {
   const result = state.results.find(({ id }) => id === shown);
   if (!frame || source !== frame.contentWindow || result?.do !== "landmarks" || !Array.isArray(data?.landmarks)) return;
@@ -243,7 +244,7 @@ addEventListener("message", ({ source, data }) => {
     frame.greeted = true;
     if (result.placed) return source.postMessage({ landmarks: result.placed }, "*");
   }
-  result.placed = data.landmarks;
+  frame.placed = data.landmarks;
   showPlaced(result);
   ask("PUT", `results/${result.id}/landmarks`, JSON.stringify(data.landmarks)).catch(() => {});
 });
