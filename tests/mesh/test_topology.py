@@ -106,14 +106,6 @@ def test_of_components_of_as_many_vertices_that_of_more_faces_comes_first():
     assert found.n_faces.tolist() == [4, 2]
 
 
-def test_rows_that_share_groups_share_labels():
-    labels = topology.group_rows(np.array([[3, 0], [4, 5], [0, 1]]), 7)
-    together = [{0, 2, 3 + 3, 3 + 0, 3 + 1}, {1, 3 + 4, 3 + 5}, {3 + 2}, {3 + 6}]
-    assert len(labels) == 10
-    assert len(set(labels)) == 4
-    assert all(len({labels[i] for i in group}) == 1 for group in together)
-
-
 @pytest.mark.parametrize("at_once", [1, 7, 2**14])
 @pytest.mark.parametrize("scale", [1e-100, 1.0, 1e100])
 def test_areas_in_any_unit(blob: Mesh, monkeypatch, at_once, scale):

@@ -68,21 +68,6 @@ def other_sides(edges: Edges) -> IntArray:
     return np.where(edges.n_faces[edges.of_side] == 2, other, -1)
 
 
-def group_rows(rows: IntArray, n_groups: int) -> IntArray:
-    """Label rows so that rows that share a group, directly or through others, share a label.
-
-    A row of ``rows`` (m, k) holds the groups that it belongs to, 0 to ``n_groups - 1``. The labels
-    (m + n_groups,) are those of the rows, then of the groups; a group without rows has its own.
-    """
-    m, k = rows.shape
-    # Rows and groups are the nodes of a bipartite graph whose CSR arrays need no sorting.
-    indptr = np.concatenate([np.arange(m + 1) * k, np.full(n_groups, m * k)])
-    size = m + n_groups
-    data = np.ones(m * k, dtype=np.int8)
-    graph = csr_matrix((data, rows.ravel() + m, indptr), shape=(size, size))
-    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
-
-
 def label_linked(links: Any, n: int) -> IntArray:
     """Label n nodes, (n,), so that nodes joined by links (2, m) or chains of them share a label."""
     graph = coo_matrix((np.ones(len(links[0]), np.int8), tuple(links)), shape=(n, n))
@@ -154,8 +139,8 @@ def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
     side = edges.of_side.reshape(-1, 3)
     # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
     both = np.stack([side, side[:, [2, 0, 1]]], axis=-1)
-    pairs = 2 * both + (edges.ends[both, 1] == faces[..., None])
-    fan = group_rows(pairs.reshape(-1, 2), 2 * len(edges.ends))[: faces.size]
+    pairs = (2 * both + (edges.ends[both, 1] == faces[..., None])).reshape(-1, 2)
+    fan = label_linked(pairs.T, 2 * len(edges.ends))[pairs[:, 0]]
     corner_of_fan = np.unique(fan, return_index=True)[1]
     fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
     return int((fans_at_vertex > 1).sum())

@@ -15,7 +15,7 @@ from unbend.mesh import (
     face_inward,
     find_components,
     find_edges,
-    group_rows,
+    label_linked,
     measure_faces,
     orient_consistently,
     proper_faces,
@@ -142,7 +142,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
     degenerate, area = measure_faces(vertices, faces)
     n_used = int(components.n_vertices.sum())
     boundary = edges.ends[edges.n_faces == 1]
-    loops = len(np.unique(group_rows(boundary, mesh.n_vertices)[: len(boundary)]))
+    loops = len(np.unique(label_linked(boundary.T, mesh.n_vertices)[boundary[:, 0]]))
     non_manifold_edges = int((edges.n_faces > 2).sum())
     non_manifold_vertices = count_non_manifold_vertices(proper, edges)
     inconsistent = int(((edges.n_faces == 2) & (edges.n_upward != 1)).sum())
