@@ -24,7 +24,6 @@ from unbend.matching._plan import (
     PLAN,
     Sides,
     Step,
-    always,
     best,
     candidates,
     differences,
@@ -278,7 +277,7 @@ def test_of_two_that_lead_to_the_same_place_the_better_one_on_finer_copies_stays
         begun = [
             replace(one, energy=cost) for one, cost in zip((spread, right), costs, strict=True)
         ]
-        plan = [Step(COARSE, functools.partial(_given, [one]), always, 1) for one in begun]
+        plan = [Step(COARSE, functools.partial(_given, [one]), 1) for one in begun]
         monkeypatch.setattr(_plan, "PLAN", plan)
         (one,) = candidates(bodies)
         assert one.cost == pytest.approx(goal)

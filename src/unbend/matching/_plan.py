@@ -4,10 +4,10 @@ A stage is a function of the two shapes and the candidates so far, best first an
 its line in :data:`PLAN`, that returns new candidates at that level. It may read the proxies of the
 other level. To add a source of hypotheses, write such a function and give it a line::
 
-    Step(COARSE, from_tattoos, always, BEAM)
+    Step(COARSE, from_tattoos, BEAM)
 
-The third column is asked whether the stage runs for two shapes. Coarse lines come first, and the
-first of them must propose something. docs/how-matching-works.md has the same table.
+With ``for_parts=True`` it runs only if either shape may be partial. Coarse lines come first, and
+the first of them must propose something. docs/how-matching-works.md has the same table.
 """
 
 from __future__ import annotations
@@ -98,12 +98,12 @@ Stage = Callable[[Sides, list[Candidate]], list[Candidate]]
 
 
 class Step(NamedTuple):
-    """A line of the plan: a stage, the level at which it proposes, when, and how many it keeps."""
+    """A line of the plan: a stage, the level at which it proposes, and how many it keeps."""
 
     level: int
     stage: Stage
-    when: Callable[[Sides], bool]
     keep: int
+    for_parts: bool = False  # left out where neither shape may be partial
 
 
 def make_sides(source: Shape, target: Shape) -> Sides:
@@ -129,7 +129,7 @@ def candidates(sides: Sides, on_step: Progress | None = None) -> list[Candidate]
     found: list[Candidate] = []
     ranks, level = found, COARSE
     for i, step in enumerate(PLAN):
-        if step.when(sides):
+        if sides.partial or not step.for_parts:
             if step.level != level:
                 # Duplicates go along: the better of two on this level may be the worse on the next.
                 found, level = lifted(sides, ranked(found)), step.level
@@ -194,16 +194,6 @@ def registered(
     shapes = sides.at(level)
     found = register(*shapes, starts, data_weights, constants.STEPS, resize=resize)
     return run_all(functools.partial(scored, *shapes, one, sides.turned) for one in found)
-
-
-def always(sides: Sides) -> bool:
-    """Run for all shapes."""
-    return True
-
-
-def part(sides: Sides) -> bool:
-    """Whether either shape may be partial."""
-    return sides.partial
 
 
 def from_spectra(sides: Sides, found: list[Candidate]) -> list[Candidate]:
@@ -285,8 +275,8 @@ def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
 
 
 PLAN = [
-    Step(COARSE, from_spectra, always, BEAM),
-    Step(COARSE, from_extremities, always, 2 * BEAM),
-    Step(COARSE, from_motions, part, 2 * BEAM),
-    Step(MEDIUM, relaxed, part, BEAM),
+    Step(COARSE, from_spectra, BEAM),
+    Step(COARSE, from_extremities, 2 * BEAM),
+    Step(COARSE, from_motions, 2 * BEAM, for_parts=True),
+    Step(MEDIUM, relaxed, BEAM, for_parts=True),
 ]
