@@ -74,6 +74,11 @@ def unit_of(points: npt.NDArray[Any]) -> float:
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
 
 
+def unit_vectors(vectors: FloatArray) -> FloatArray:
+    """Scale vectors (n, 3) to length one; zero stays zero."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
+
+
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
     """Index (n,) of the first row equal to each row of (n, k).
 

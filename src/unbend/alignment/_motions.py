@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from unbend._arrays import snap
+from unbend._arrays import snap, unit_vectors
 from unbend._compiled import compiled
 from unbend._types import BoolArray, FloatArray, IntArray
 
@@ -108,8 +108,7 @@ def _motions_to_try(
 def _frames(normals: FloatArray) -> FloatArray:
     """Rotations (n, 3, 3) that bring normals to the third axis."""
     other = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(other, normals)
-    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
+    first = unit_vectors(np.cross(other, normals))
     return np.stack([first, np.cross(normals, first), normals], axis=1)
 
 

@@ -16,7 +16,15 @@ from scipy.spatial import cKDTree
 from unbend._arrays import first_equal_row, sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.errors import MeshError
-from unbend.mesh import Mesh, find_components, find_edges, label_linked, proper_faces, vertex_areas
+from unbend.mesh import (
+    Mesh,
+    face_normals,
+    find_components,
+    find_edges,
+    label_linked,
+    proper_faces,
+    vertex_areas,
+)
 from unbend.spectral import laplacian
 
 # Pieces with a smaller share of the area are removed, unless they make up half of it.
@@ -74,8 +82,7 @@ def whole_surface(mesh: Mesh) -> Whole:
 
 def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Area of each face, (m,)."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    return np.asarray(np.linalg.norm(face_normals(vertices, faces), axis=1) / 2)
 
 
 def _at_unit_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

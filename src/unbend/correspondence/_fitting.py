@@ -16,7 +16,7 @@ from unbend.alignment import procrustes
 from unbend.correspondence._projection import Projection, Target, make_target, project
 from unbend.deformation import ElasticSurface, scatter
 from unbend.linalg.factorization import Factorization
-from unbend.mesh import Mesh, edge_ends, find_components, vertex_areas, vertex_normals
+from unbend.mesh import Mesh, edge_ends, face_normals, find_components, vertex_areas, vertex_normals
 
 # Stiffness and pull balance over a length. The match is followed while it shrinks from _RIGID to
 # _FIRM, in sqrt(area); then closest points, down to _SOFT edges; in so many steps each.
@@ -120,10 +120,9 @@ class Fit:
     def _flipped(self, found: Projection) -> BoolArray:
         """Vertices of flipped faces: if nothing pulls them, their stiffness flips them back."""
         faces = self.surface.faces
-        a, b, c = self.ahead[faces].transpose(1, 0, 2)
         facing = found.normals[faces].sum(axis=1)
         flipped = np.zeros(len(self.ahead), dtype=bool)
-        flipped[faces[(np.cross(b - a, c - a) * facing).sum(axis=1) < 0]] = True
+        flipped[faces[(face_normals(self.ahead, faces) * facing).sum(axis=1) < 0]] = True
         return flipped
 
     def _target_pull(self, length: float) -> tuple[FloatArray, FloatArray]:

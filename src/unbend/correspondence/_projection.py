@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from unbend._arrays import unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
 from unbend.deformation import closest_faces, walk
 from unbend.mesh import faces_around, find_edges, vertex_normals
@@ -87,8 +88,7 @@ def project(
         corners = target.faces[faces]
         partners = corners[every, weights.argmax(axis=1)]
     places = np.einsum("ij,ijk->ik", weights, target.vertices[corners])
-    facing = np.einsum("ij,ijk->ik", weights, target.normals[corners])
-    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
+    facing = unit_vectors(np.einsum("ij,ijk->ik", weights, target.normals[corners]))
     offsets = points - places
     beyond = offsets - (offsets * facing).sum(axis=1, keepdims=True) * facing
     on_boundary = ((weights == 0) & target.boundary_sides[faces]).any(axis=1)

@@ -10,12 +10,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from unbend._arrays import first_largest, snap
+from unbend._arrays import first_largest, snap, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import OrientedSurface, farthest_points
 from unbend.deformation import ElasticSurface, cached
 from unbend.matching import _constants as constants
-from unbend.mesh import find_edges, vertex_normals
+from unbend.mesh import face_normals, find_edges, vertex_normals
 from unbend.mesh.decimation import decimate
 
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
@@ -65,14 +65,12 @@ class Shape(ElasticSurface):
     def conormals_in(self, places: FloatArray) -> FloatArray:
         """Compute the outward unit conormals (n, 3) at the boundary in a pose, 0 elsewhere."""
         start, end, face = self.boundary_edges.T
-        corners = places[self.faces[face]]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = unit_vectors(face_normals(places, self.faces[face]))
         off = np.cross(places[end] - places[start], normals)
         found = np.zeros_like(places)
         np.add.at(found, start, off)
         np.add.at(found, end, off)
-        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
+        return unit_vectors(found)
 
     @cached
     def boundary_edges(self) -> IntArray:
@@ -159,12 +157,11 @@ class Shape(ElasticSurface):
 
     def as_oriented(self, count: int) -> OrientedSurface:
         """Vertices, smooth normals, and so many samples."""
-        normals = self.averaged(self.areas[:, None] * self.normals, constants.PATCH)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        total = self.averaged(self.areas[:, None] * self.normals, constants.PATCH)
         samples = self.samples[:count]
         nearest = cKDTree(self.vertices[samples]).query(self.vertices)[1]
         areas = np.asarray(np.bincount(nearest, self.areas, len(samples)), dtype=np.float64)
-        return OrientedSurface(self.vertices, normals, samples, areas, self.on_boundary)
+        return OrientedSurface(self.vertices, unit_vectors(total), samples, areas, self.on_boundary)
 
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
@@ -195,9 +192,7 @@ def make_shape(
     The eigenpairs are those at unit area, the constant's first. What may be ``partial`` is if its
     boundary is long enough.
     """
-    corners = vertices[faces]
-    twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.linalg.norm(twice, axis=1).sum() / 2
+    total = np.linalg.norm(face_normals(vertices, faces), axis=1).sum() / 2
     weights = areas / areas.sum()
     points = (vertices - weights @ vertices) / np.sqrt(total)
     shape = Shape(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import array_of, sum_rows
+from unbend._arrays import array_of, sum_rows, unit_vectors
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -197,6 +197,4 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Average the faces' normals, by area, at each vertex: (n, 3) of unit length, or 0."""
     at_corners = np.repeat(face_normals(vertices, faces), 3, axis=0)
-    total = sum_rows(faces.ravel(), at_corners, len(vertices))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(total / np.maximum(length, np.finfo(float).tiny))
+    return unit_vectors(sum_rows(faces.ravel(), at_corners, len(vertices)))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from unbend._arrays import unit_of
+from unbend._arrays import unit_of, unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import MeshError
 from unbend.mesh import Mesh, find_components, find_edges, label_linked, orient_consistently
@@ -27,7 +27,7 @@ from unbend.preparation._tetrahedra import (
     make_tetrahedra,
     split,
 )
-from unbend.preparation._winding_field import MARGIN, Grid, unit_vectors, winding_number
+from unbend.preparation._winding_field import MARGIN, Grid, winding_number
 
 _LEAST_POINTS = 500
 _MOST_POINTS = 12_000  # that become vertices, about

@@ -18,9 +18,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay
 
+from unbend._arrays import unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.mesh import find_edges, label_linked, minimum_cut
-from unbend.preparation._winding_field import unit_vectors
 
 LONGEST = 3.0  # edge of a face of the surface, in spacings of the points
 _FLAT = 1e-9  # volume of a tetrahedron without a ball, in cubes of its longest edge

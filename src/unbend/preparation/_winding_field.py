@@ -15,6 +15,7 @@ import numpy.typing as npt
 import scipy.fft as fft
 from scipy.ndimage import map_coordinates
 
+from unbend._arrays import unit_vectors
 from unbend._types import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -22,11 +23,6 @@ ComplexArray = npt.NDArray[np.complex128]
 MARGIN = 0.15  # of the grid around the points, in sizes
 _SMOOTHING = (3.0, 0.7)  # standard deviation of the Gaussian in cells, at first and in the end
 _STEPS = 20
-
-
-def unit_vectors(vectors: FloatArray) -> FloatArray:
-    """Scale vectors (n, 3) to length one; zero stays zero."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
 class Grid:
