@@ -6,7 +6,7 @@ import pytest
 import dense
 from unbend import Mesh, diagnose, distance, farthest_point_sampling, laplacian, spectrum
 from unbend.datasets import make_sphere
-from unbend.distances import _gram, gram_metric, make_metric, truncated_metric
+from unbend.distances import _gram, gram_metric, make_metric
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.linalg.factorization import Factorization
 from unbend.linalg.pseudoinverse import green_and_diagonal
@@ -200,19 +200,16 @@ def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
         distance(Mesh(blob.vertices, blob.faces, name="blob"), 0, distance="biharmonic")
 
 
-def test_only_a_spectral_distance_can_be_truncated(blob):
-    with pytest.raises(InputError, match="the geodesic distance has no expansion"):
-        truncated_metric("geodesic", spectrum(blob, 5), TIME)
-
-
 def test_unknown_kinds_and_times_without_end_are_refused(blob):
     with pytest.raises(
         InputError, match="no distance 'euclidean'; choose one of biharmonic, commute"
     ):
-        make_metric("euclidean", make_surface(blob))
+        distance(blob, 0, distance="euclidean")
     for time in (np.inf, np.nan, 0, -1, "long"):
         with pytest.raises(InputError, match="time must be positive, not"):
-            make_metric("diffusion", make_surface(blob), time=time)
+            distance(blob, 0, distance="diffusion", time=time)
+        with pytest.raises(InputError, match="time must be positive, not"):
+            distance(blob, 0, distance="diffusion", time=time, n_eigenpairs=9)
 
 
 @pytest.mark.parametrize("time", [0.1, 0.02, 0.004])

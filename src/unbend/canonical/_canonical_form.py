@@ -13,7 +13,7 @@ from unbend._display import Brief, table
 from unbend._types import FloatArray, Progress
 from unbend.canonical._methods import Options, Scaled, Steps, exact, sampled
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
-from unbend.distances import SPECTRAL, Metric, check_kind, diffusion_time, length_power
+from unbend.distances import GEODESIC, Metric, diffusion_time, length_power
 from unbend.errors import InputError, SolverError, warn
 from unbend.io import MeshLike
 from unbend.spectral import Surface, make_surface
@@ -155,8 +155,7 @@ def canonical_form(
     >>> form.points.shape, form.method
     ((162, 3), 'exact')
     """
-    check_kind(distance)
-    if distance not in SPECTRAL:
+    if distance in GEODESIC:
         raise InputError(
             f"the {distance} distance has no exact form; use sampled_canonical_form, or on the "
             "command line --method sampled"

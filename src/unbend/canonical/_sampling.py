@@ -10,7 +10,7 @@ import numpy as np
 from unbend._arrays import check_whole, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
-from unbend.distances import check_kind, diffusion_time, make_metric, refuse_of_geodesics
+from unbend.distances import diffusion_time, make_metric, refuse_of_geodesics
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
@@ -69,7 +69,6 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
-    check_kind(distance)
     diffused = diffusion_time(distance, time)
     if start is not None:  # else an eigenfunction chooses it
         refuse_of_geodesics(distance, laplacian=laplacian != "auto")

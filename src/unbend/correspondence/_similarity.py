@@ -11,7 +11,7 @@ from unbend._arrays import check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind
-from unbend.distances import SPECTRAL, check_kind
+from unbend.distances import SPECTRAL
 from unbend.errors import InputError
 from unbend.io import as_mesh, checked_map
 from unbend.matching import Match
@@ -136,7 +136,6 @@ def _points(
     weighting: Literal["uniform", "area"],
 ) -> FloatArray:
     if isinstance(shape, Mesh):
-        check_kind(distance)
         make = canonical_form if distance in SPECTRAL else sampled_canonical_form
         shape = make(shape, n_components=d, distance=distance, weighting=weighting)
     if shape.points.shape[1] < d:

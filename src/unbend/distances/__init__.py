@@ -6,7 +6,6 @@ from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, trunc
 from unbend.distances._metric import (
     GEODESIC,
     Metric,
-    check_kind,
     diffusion_time,
     length_power,
     refuse_of_geodesics,
@@ -16,7 +15,6 @@ __all__ = [
     "GEODESIC",
     "SPECTRAL",
     "Metric",
-    "check_kind",
     "diffusion_time",
     "distance",
     "geodesic_solver",

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from unbend._arrays import is_number
 from unbend._types import FloatArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
 from unbend.distances._geodesic import geodesic_metric
@@ -14,7 +13,6 @@ from unbend.distances._gram import gram_metric, truncated_metric
 from unbend.distances._metric import (
     GEODESIC,
     Metric,
-    check_kind,
     diffusion_time,
     length_power,
     refuse_of_geodesics,
@@ -31,9 +29,6 @@ def make_metric(
 
     `sources` says that distances from sources will be asked for: one factorisation then serves all.
     """
-    check_kind(kind)
-    if not is_number(time) or not 0 < time < np.inf:
-        raise InputError(f"the diffusion time must be positive, not {time!r}")
     if kind in GEODESIC:
         return geodesic_metric(surface, exact=kind == "geodesic-exact")
     return gram_metric(kind, surface, time, sources=sources)
@@ -102,7 +97,6 @@ def distance(
     >>> distance(make_sphere(2), 0).shape
     (1, 162)
     """
-    check_kind(distance)
     diffused = diffusion_time(distance, time)
     refuse_of_geodesics(
         distance, n_eigenpairs=n_eigenpairs is not None, laplacian=laplacian != "auto"

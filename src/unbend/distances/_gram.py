@@ -40,8 +40,6 @@ _MOST_EIGENPAIRS = 2000
 
 def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) -> FloatArray:
     """h(lambda) of a kernel, 0 for the constant eigenfunction."""
-    if kind not in SPECTRAL:
-        raise InputError(f"the {kind} distance has no expansion in eigenfunctions to truncate")
     weights = np.zeros_like(eigenvalues)
     values = eigenvalues[1:]
     if kind == "diffusion":

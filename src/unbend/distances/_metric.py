@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
+from unbend._arrays import is_number
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DIFFUSION_TIME, DistanceKind
 from unbend.errors import InputError
@@ -30,13 +32,6 @@ def length_power(kind: str) -> int:
     return {"commute-time": 0, "diffusion": -1}.get(kind, 1)
 
 
-def check_kind(kind: str) -> None:
-    """Refuse a name that is no distance."""
-    names = get_args(DistanceKind)
-    if kind not in names:
-        raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
-
-
 def refuse_of_geodesics(kind: str, **options: bool) -> None:
     """Refuse options, by whether they were given, that only spectral distances can use."""
     for name, given in options.items():
@@ -45,7 +40,17 @@ def refuse_of_geodesics(kind: str, **options: bool) -> None:
 
 
 def diffusion_time(kind: str, time: float | None) -> float:
-    """Take the default for a diffusion time that was not given; refuse one that is not used."""
+    """Take the default for a diffusion time that was not given.
+
+    Refuses a name that is no distance, and a time that is not used or not positive.
+    """
+    names = get_args(DistanceKind)
+    if kind not in names:
+        raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
     if kind != "diffusion" and time is not None:
         raise InputError(f"time is for diffusion distances, not {kind} ones; leave it out")
-    return DIFFUSION_TIME if time is None else time
+    if time is None:
+        return DIFFUSION_TIME
+    if not is_number(time) or not 0 < time < math.inf:
+        raise InputError(f"the diffusion time must be positive, not {time!r}")
+    return time
