@@ -110,14 +110,10 @@ class ElasticSurface:
         """Factorise the stiffness plus pulls (n,) on the vertices."""
         return factorize(self.stiffness + sp.diags(pulls), many=True)
 
-    def averaging(self, length: float) -> Factorization:
-        """Factorise the system that :meth:`averaged` solves, once for each length."""
-        return self.system(1.0, length**2)
-
     def averaged(self, values: FloatArray, length: float = TURNING) -> FloatArray:
         """Average values (n, ...), each multiplied by its vertex's area, over about a length."""
         flat = values.reshape(len(values), -1)
-        return self.averaging(length).solve(flat).reshape(values.shape)
+        return self.system(1.0, length**2).solve(flat).reshape(values.shape)
 
     def covariances(self, places: FloatArray, rest: FloatArray | None = None) -> FloatArray:
         """Weighted covariances (n, ..., 3, 3) of the edges at rest and in poses (n, ..., 3)."""

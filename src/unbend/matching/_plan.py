@@ -270,7 +270,7 @@ def _make_levels(shape: Shape) -> Levels:
 def precompute(shape: Shape, data_weights: tuple[float, ...]) -> None:
     """Compute what several threads would otherwise compute several times."""
     _ = shape.normals, shape.position_coefficients, shape.fans
-    _ = [shape.averaging(length) for length in (TURNING, shape.detail)]
+    _ = [shape.system(1.0, length**2) for length in (TURNING, shape.detail)]
     _ = [shape.system(2 * data_weight) for data_weight in data_weights]  # both directions pull
 
 
