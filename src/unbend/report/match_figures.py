@@ -98,10 +98,6 @@ def match_colors(
     source, target = as_mesh(source), as_mesh(target)
     colors = pattern_colors(used_vertices(source))
     carried = carry(colors, match, "scalar", source, target)
-    if len(carried) != target.n_vertices:
-        raise InputError(
-            f"the map has {len(carried)} rows, but {target.name} has {target.n_vertices} vertices"
-        )
     carried[np.isnan(carried)] = _NO_PARTNER
     colors[as_point_map(match) < 0] = _NO_PARTNER
     ours, theirs = (np.rint(255 * np.clip(one, 0, 1)) for one in (colors, carried))
