@@ -66,10 +66,12 @@ def test_what_lands_on_a_rim_does_not_pull() -> None:
     ours, theirs = (prepare_shape(make_sheet(side), 20, partial=True).shape for side in (9, 12))
     apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
     maps = apart.argmin(axis=1), apart.argmin(axis=0)
-    moving = [
-        _Moving(one, other, [Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)])
-        for one, other, n in ((ours, theirs, 81), (theirs, ours, 144))
-    ]
+    mine, other = (
+        [Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)]
+        for one, n in ((ours, 81), (theirs, 144))
+    )
+    weight = constants.NORMAL_WEIGHTS[0]
+    moving = _Moving(ours, theirs, mine, weight), _Moving(theirs, ours, other, weight)
     _closest(*moving, *(one[:, None] for one in maps))
     for one, goal, way in zip(moving, (theirs, ours), maps, strict=True):
         np.testing.assert_array_equal(one.overlap[:, 0], ~goal.on_boundary[way])
@@ -95,12 +97,10 @@ def test_how_far_something_is_beyond_a_rim(size: float) -> None:
     ours, theirs = (prepare_shape(make_sheet(side), 10, partial=True).shape for side in (13, 6))
     wide, still = 1.5 * ours.vertices, np.tile(np.eye(3), (169, 1, 1))
     ours = replace(ours, vertices=size * wide)
-    moving = _Moving(ours, theirs, [Pose(wide, still, np.ones(169, dtype=bool), 1 / size)])
-    other = _Moving(
-        theirs,
-        ours,
-        [Pose(size * theirs.vertices, still[:36], np.ones(36, dtype=bool), size)],
-    )
+    pose = Pose(wide, still, np.ones(169, dtype=bool), 1 / size)
+    goal = Pose(size * theirs.vertices, still[:36], np.ones(36, dtype=bool), size)
+    moving = _Moving(ours, theirs, [pose], constants.NORMAL_WEIGHTS[0])
+    other = _Moving(theirs, ours, [goal], constants.NORMAL_WEIGHTS[0])
     nearest = np.linalg.norm(wide[:, None] - theirs.vertices, axis=2).argmin(axis=1)
     half = theirs.vertices[:, 0].max()
     over = np.abs(wide) - half  # along either axis, negative inside

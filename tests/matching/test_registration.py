@@ -127,7 +127,7 @@ def test_a_shape_that_only_has_to_move_arrives_in_one_step(standing: Shape) -> N
     turns = np.tile(np.eye(3), (700, 1, 1))
     goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
     still = Pose(standing.vertices, turns, every[:, 0] >= 0)
-    moving = _Moving(standing, goal, [still])
+    moving = _Moving(standing, goal, [still], constants.NORMAL_WEIGHTS[0])
     moving.step(300.0, every, every, every >= 0)
     np.testing.assert_allclose(moving.places[:, 0], goal.vertices, atol=1e-8)
     np.testing.assert_allclose(moving.rotations[:, 0], turns, atol=1e-6)
@@ -138,12 +138,13 @@ def test_a_shape_that_only_has_to_move_arrives_in_one_step(standing: Shape) -> N
     # If the goal's own vertices do not pull, it goes half the way.
     empty = np.zeros((0, 1), dtype=np.int64)
     silent = replace(goal, areas=goal.areas[empty[:, 0]])
-    half = _Moving(standing, silent, [still])
+    half = _Moving(standing, silent, [still], constants.NORMAL_WEIGHTS[0])
     half.step(300.0, every, empty, empty >= 0)
     between = (standing.vertices + goal.vertices) / 2
     np.testing.assert_allclose(half.places[:, 0], between, atol=1e-8)
     # Without partners nothing pulls, and it stays where it is.
-    alone = _Moving(standing, goal, [still._replace(overlap=every[:, 0] < 0)])
+    lost = still._replace(overlap=every[:, 0] < 0)
+    alone = _Moving(standing, goal, [lost], constants.NORMAL_WEIGHTS[0])
     alone.step(300.0, every, every, every < 0)
     np.testing.assert_allclose(alone.places[:, 0], standing.vertices, atol=1e-8)
 
@@ -284,7 +285,7 @@ def test_how_much_longer_things_are_is_the_median_of_what_has_partners(
     turns = np.tile(_turn(1), (700, 1, 1))
     grown = standing.vertices * np.where(lower, 1.5, 2)[:, None] @ _turn(1).T
     poses = [Pose(grown, turns, overlap) for overlap in (~lower, lower, lower | ~lower)]
-    moving = _Moving(standing, standing, poses)  # side by side
+    moving = _Moving(standing, standing, poses, constants.NORMAL_WEIGHTS[0])  # side by side
     moving.covariances = standing.averaged(standing.covariances(moving.places))
     assert moving.stretch() == pytest.approx([2, 1.5, median], rel=0.03)
 

@@ -218,11 +218,7 @@ class _Moving:
     """
 
     def __init__(
-        self,
-        shape: Shape,
-        goal: Shape,
-        poses: Sequence[Pose],
-        normal_weight: float = constants.NORMAL_WEIGHTS[0],
+        self, shape: Shape, goal: Shape, poses: Sequence[Pose], normal_weight: float
     ) -> None:
         self.shape, self.goal, self.normal_weight = shape, goal, normal_weight
         self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
