@@ -8,18 +8,9 @@ import pytest
 from paper.collection import Collection
 from paper.drawing import upright
 from paper.figure1 import KINDS, figure1, some_classes, turned
-from paper.loading import load_tosca
 from paper.result import Result
 from paper.run import Run
-from tests.paper.folders import write_animals
 from unbend.errors import InputError
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("animals")
-    animals = load_tosca(write_animals(folder))
-    return Run(animals, None, True, 1, folder / "store", lambda step: None)
 
 
 @pytest.fixture(scope="module")

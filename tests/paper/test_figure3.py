@@ -4,16 +4,6 @@ import numpy as np
 import pytest
 
 from paper.figure3 import descend, figure3
-from paper.loading import load_tosca
-from paper.run import Run
-from tests.paper.folders import write_animals
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("animals")
-    animals = load_tosca(write_animals(folder))
-    return Run(animals, None, True, 1, folder / "store", lambda step: None)
 
 
 def test_every_start_goes_down_and_one_ends_right(run):

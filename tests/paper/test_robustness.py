@@ -8,22 +8,13 @@ import pytest
 
 from paper import robustness as module
 from paper.collection import Collection
-from paper.loading import load_tosca
 from paper.result import Result
 from paper.robustness import KINDS, compare, robustness
 from paper.robustness_page import text
 from paper.run import Run
-from tests.paper.folders import write_animals
 from testshapes.damage import unchanged
 from unbend.datasets import make_quadruped
 from unbend.errors import InputError
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("animals")
-    animals = load_tosca(write_animals(folder))
-    return Run(animals, None, True, 1, folder / "store", lambda step: None)
 
 
 @pytest.fixture(scope="module")
