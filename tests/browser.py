@@ -17,6 +17,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Half the resolution is drawn in software in half the time, and is no sight for people.
@@ -36,6 +37,15 @@ def find_browser() -> str | None:
     if sys.platform == "win32":
         return None  # pipes do not pass to it as they do elsewhere
     return os.environ.get("UNBEND_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def start_browser(folder: Path, address: str = "") -> Browser:
+    """Start a browser that keeps its files in a folder; without any, skip what needs it."""
+    program = find_browser()
+    if program is None and not os.environ.get("UNBEND_BROWSER_NEEDED"):
+        pytest.skip("no Chromium here: make test-browser installs it")
+    assert program, "no Chromium was found"
+    return Browser(program, folder / "profile", address=address)
 
 
 class Browser:

@@ -61,6 +61,16 @@ def real_data() -> Path:
     return Path(folder)
 
 
+@pytest.fixture(scope="module")
+def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of pictures of pages: what UNBEND_SCREENSHOTS names, or one for the tests."""
+    folder = os.environ.get("UNBEND_SCREENSHOTS")
+    if not folder:
+        return tmp_path_factory.mktemp("screenshots")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return Path(folder)
+
+
 @pytest.fixture(scope="session")
 def blob() -> Mesh:
     """A closed surface of 642 vertices without symmetry: a sphere with three limbs."""

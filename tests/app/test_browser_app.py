@@ -8,30 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from browser import Browser, find_browser
+from browser import Browser, start_browser
 from unbend import read_match, write_mesh
 from unbend.datasets import make_quadruped
 
-PROGRAM = find_browser()
 GOOD = "state.shapes.length === {} && state.shapes.every(({{state}}) => state !== 'reading')"
 
 
 @pytest.fixture(scope="module")
-def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = os.environ.get("UNBEND_SCREENSHOTS")
-    if not folder:
-        return tmp_path_factory.mktemp("screenshots")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return Path(folder)
-
-
-@pytest.fixture(scope="module")
 def chromium(app, tmp_path_factory: pytest.TempPathFactory):
-    if PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"):
-        pytest.skip("no Chromium here: make test-browser installs it")
-    assert PROGRAM, "no Chromium was found"
-    profile = tmp_path_factory.mktemp("browser") / "profile"
-    browser = Browser(PROGRAM, profile, address=app.origin)
+    browser = start_browser(tmp_path_factory.mktemp("browser"), app.origin)
     yield browser
     browser.close()
 

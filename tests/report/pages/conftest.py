@@ -1,30 +1,13 @@
-"""A real browser, without a network, and where its screenshots are kept."""
-
-import os
-from pathlib import Path
+"""A real browser, without a network."""
 
 import pytest
 
-from browser import Browser, find_browser
-
-PROGRAM = find_browser()
-
-
-@pytest.fixture(scope="module")
-def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = os.environ.get("UNBEND_SCREENSHOTS")
-    if not folder:
-        return tmp_path_factory.mktemp("screenshots")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return Path(folder)
+from browser import Browser, start_browser
 
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory):
-    if PROGRAM is None and not os.environ.get("UNBEND_BROWSER_NEEDED"):
-        pytest.skip("no Chromium here: make test-browser installs it")
-    assert PROGRAM, "no Chromium was found"
-    browser = Browser(PROGRAM, tmp_path_factory.mktemp("browser") / "profile")
+    browser = start_browser(tmp_path_factory.mktemp("browser"))
     yield browser
     browser.close()
 
