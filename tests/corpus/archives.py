@@ -14,7 +14,7 @@ import numpy as np
 from unbend import Match, write_match
 
 from .case import Answer, Case, Refused, Seen
-from .good import Command, beside
+from .good import Command, beside, npy
 
 _N = 42  # vertices of good.off
 Arrays = dict[str, Any]
@@ -88,13 +88,8 @@ def _packed(arrays: Arrays, how: int = zipfile.ZIP_DEFLATED) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", how) as archive:
         for name, array in arrays.items():
-            archive.writestr(f"{name}.npy", array if isinstance(array, bytes) else _npy(array))
-    return file.getvalue()
-
-
-def _npy(array: Any) -> bytes:
-    file = io.BytesIO()
-    np.save(file, np.asarray(array), allow_pickle=True)
+            data = array if isinstance(array, bytes) else npy(array, pickled=True)
+            archive.writestr(f"{name}.npy", data)
     return file.getvalue()
 
 
@@ -176,7 +171,7 @@ def _twice() -> bytes:
         warnings.simplefilter("ignore")
         for arrays in (_match(), _match()):
             for name, array in arrays.items():
-                archive.writestr(f"{name}.npy", _npy(array))
+                archive.writestr(f"{name}.npy", npy(array))
     return file.getvalue()
 
 
@@ -193,12 +188,8 @@ def _bomb(megabytes: int) -> Arrays:
 def _hidden_bomb() -> bytes:
     """Pack 60 MB with bzip2, and say in the directory and the header that it is 208 bytes."""
     arrays = _bomb(60)
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_BZIP2) as archive:
-        for name, array in arrays.items():
-            archive.writestr(f"{name}.npy", array if isinstance(array, bytes) else _npy(array))
     size = struct.pack("<I", len(arrays["functional_map"]))
-    return file.getvalue().replace(size, struct.pack("<I", 208))
+    return _packed(arrays, zipfile.ZIP_BZIP2).replace(size, struct.pack("<I", 208))
 
 
 def _claimed() -> bytes:

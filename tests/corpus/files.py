@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from unbend import write_mesh
 
 from .case import Answer, Case, Refused, Seen
-from .good import beside, reading, square_text, stone
+from .good import beside, npy, reading, square_text, stone
 
 _PLY = (
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
@@ -270,7 +269,7 @@ def _points() -> Iterator[_Row]:
     yield "XYZ, words", ".xyz", "x y z\n1 2 3\n", "point 0 holds 'x'"
     yield "XYZ, decimal commas", ".xyz", "0,5 1 2\n" * 4, "point 0 .*write decimal points"
     yield "XYZ, infinity", ".xyz", "0 0 0\n1 0 0\n0 inf 0\n0 0 1\n", "vertex 2 .*not a finite"
-    good = _npy(np.eye(3))
+    good = npy(np.eye(3))
     yield "NumPy, empty", ".npy", "", "is empty"
     yield "NumPy, wrong magic", ".npy", b"\x93NUMPX" + good[6:], "not a NumPy array file"
     yield "NumPy, ten bytes", ".npy", b"\x93NUMPY\x02\x00\xff\xff", "not a NumPy array file"
@@ -283,21 +282,15 @@ def _points() -> Iterator[_Row]:
     yield "NumPy, items of no bytes", ".npy", _header("<U0", "(4000000000, 3)") + b"abc", "bad.npy"
     yield "NumPy, rows without end", ".npy", _header("<f8", f"(0, {2**70})") + b"abc", "bad.npy"
     yield "NumPy, a hundred axes", ".npy", _header("<f8", f"({'1,' * 100})") + bytes(8), "bad.npy"
-    yield "NumPy, complex numbers", ".npy", _npy(np.ones((4, 3), dtype=complex)), "not numbers"
-    yield "NumPy, a structure", ".npy", _npy(np.zeros(4, dtype="f8,f8,f8")), "not numbers"
-    yield "NumPy, two columns", ".npy", _npy(np.ones((4, 2))), r"not \(n, 3\) numbers"
-    yield "NumPy, NaN", ".npy", _npy(np.eye(3) * np.nan), "not a finite"
-    yield "NumPy, numbers beyond double", ".npy", _npy(np.full((4, 3), "1e4000", "g")), "finite"
+    yield "NumPy, complex numbers", ".npy", npy(np.ones((4, 3), dtype=complex)), "not numbers"
+    yield "NumPy, a structure", ".npy", npy(np.zeros(4, dtype="f8,f8,f8")), "not numbers"
+    yield "NumPy, two columns", ".npy", npy(np.ones((4, 2))), r"not \(n, 3\) numbers"
+    yield "NumPy, NaN", ".npy", npy(np.eye(3) * np.nan), "not a finite"
+    yield "NumPy, numbers beyond double", ".npy", npy(np.full((4, 3), "1e4000", "g")), "finite"
 
 
 # What a pickle of os.system("touch hacked") begins with; it is never looked at.
 _PICKLE = b"cposix\nsystem\n(S'touch hacked'\ntR."
-
-
-def _npy(array: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    np.save(file, array)
-    return file.getvalue()
 
 
 def _header(dtype: str, shape: str) -> bytes:

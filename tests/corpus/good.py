@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import functools
+import io
 import tempfile
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend import Mesh, write_map, write_mesh
 from unbend.datasets import make_sphere
@@ -26,6 +28,13 @@ def stone() -> Mesh:
 def square_text() -> str:
     """Give an OFF file of two triangles, for what is damaged line by line."""
     return "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0.0 1 0.5\n3 0 1 2\n3 0 2 3\n"
+
+
+def npy(array: npt.ArrayLike, *, pickled: bool = False) -> bytes:
+    """Give what NumPy would write of an array."""
+    file = io.BytesIO()
+    np.save(file, array, allow_pickle=pickled)
+    return file.getvalue()
 
 
 def beside(folder: Path) -> None:

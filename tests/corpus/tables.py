@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from .case import Case, Refused
-from .good import Command, beside
+from .good import Command, beside, npy
 
 _N = 42  # vertices of good.off
 
@@ -103,15 +102,15 @@ def _maps() -> Iterator[_Row]:
 
 
 def _lists_of_vertices() -> Iterator[_Row]:
-    yield "map as .npy, two axes", ".npy", _npy(np.zeros((_N, 1), int)), "list of vertex numbers"
-    yield "map as .npy, no axis", ".npy", _npy(np.array(3)), "list of vertex numbers"
-    yield "map as .npy, no rows", ".npy", _npy(np.zeros(0, int)), "holds no rows"
-    yield "map as .npy, words", ".npy", _npy(np.array(_MAP)), "list of vertex numbers"
-    yield "map as .npy, fractions", ".npy", _npy(np.arange(_N) + 0.5), "row 0 is 0.5"
-    yield "map as .npy, cut off", ".npy", _npy(np.arange(_N))[:-1], "truncated"
-    yield "map as .npy, 2^63", ".npy", _npy(np.full(_N, 2**63, np.uint64)), "row 0 is 9223372036"
+    yield "map as .npy, two axes", ".npy", npy(np.zeros((_N, 1), int)), "list of vertex numbers"
+    yield "map as .npy, no axis", ".npy", npy(np.array(3)), "list of vertex numbers"
+    yield "map as .npy, no rows", ".npy", npy(np.zeros(0, int)), "holds no rows"
+    yield "map as .npy, words", ".npy", npy(np.array(_MAP)), "list of vertex numbers"
+    yield "map as .npy, fractions", ".npy", npy(np.arange(_N) + 0.5), "row 0 is 0.5"
+    yield "map as .npy, cut off", ".npy", npy(np.arange(_N))[:-1], "truncated"
+    yield "map as .npy, 2^63", ".npy", npy(np.full(_N, 2**63, np.uint64)), "row 0 is 9223372036"
     objects = np.array([{}], dtype=object)
-    yield "map as .npy, pickled", ".npy", _npy(objects, pickled=True), "not numbers or text"
+    yield "map as .npy, pickled", ".npy", npy(objects, pickled=True), "not numbers or text"
 
 
 def _truths() -> Iterator[_Row]:
@@ -140,12 +139,12 @@ def _values() -> Iterator[_Row]:
         "not a table in CSV",
     )
     yield "values, noise", ".csv", bytes(range(256)) * 9, "binary data"
-    yield "values as .npy, no axis", ".npy", _npy(np.array(1.0)), "holds no rows"
-    yield "values as .npy, fewer rows", ".npy", _npy(np.zeros(7)), "7 rows"
-    yield "values as .npy, cut off", ".npy", _npy(np.zeros(_N))[:-1], "truncated"
-    yield "values as .npy, a structure", ".npy", _npy(np.zeros(_N, "i4,i4")), "not numbers"
+    yield "values as .npy, no axis", ".npy", npy(np.array(1.0)), "holds no rows"
+    yield "values as .npy, fewer rows", ".npy", npy(np.zeros(7)), "7 rows"
+    yield "values as .npy, cut off", ".npy", npy(np.zeros(_N))[:-1], "truncated"
+    yield "values as .npy, a structure", ".npy", npy(np.zeros(_N, "i4,i4")), "not numbers"
     objects = np.array([{}] * _N, dtype=object)
-    yield "values as .npy, pickled", ".npy", _npy(objects, pickled=True), "not numbers or text"
+    yield "values as .npy, pickled", ".npy", npy(objects, pickled=True), "not numbers or text"
 
     yield (
         "values, a vertex twice",
@@ -206,9 +205,3 @@ def _labels() -> Iterator[_Row]:
     yield "labels, noise", ".csv", bytes(range(256)), "bad.csv"
     long = f"path,label\nstone0.off,{'a' * 10**6}\n"
     yield "labels, a cell of a million letters", ".csv", long, "bad.csv"
-
-
-def _npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
-    file = io.BytesIO()
-    np.save(file, array, allow_pickle=pickled)
-    return file.getvalue()
