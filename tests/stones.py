@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from unbend import write_mesh
+from unbend import write_map, write_mesh
 from unbend.collection import Collection
 from unbend.datasets import make_sphere
 
@@ -23,6 +23,17 @@ def write_stones(folder: Path, count: int) -> list[Path]:
         points = np.stack([x * (1 + 0.1 * i), y * (1 + 0.05 * i * z), z + 0.03 * i * x**2], axis=1)
         write_mesh(path, (points, BALL.faces))
     return paths
+
+
+def write_pair(folder: Path) -> Collection:
+    """Write two stones, a and b, a map and values for them, and a collection of both."""
+    for path, name in zip(write_stones(folder, 2), "ab", strict=True):
+        path.rename(folder / f"{name}.ply")
+    store = Collection(folder / "store")
+    store.add(folder, workers=0)
+    write_map(folder / "map.txt", np.arange(162))
+    (folder / "values.csv").write_text("".join(f"{i / 4}\n" for i in range(162)))
+    return store
 
 
 def rows_of(collection: Collection) -> list[dict[str, Any]]:

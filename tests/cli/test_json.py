@@ -8,15 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import typer.main
 from typer.testing import CliRunner
 
-from stones import write_stones
+from stones import write_pair
 from unbend.cli import app, demo
 from unbend.collection import Collection
-from unbend.io import read_mesh, write_map, write_mesh
+from unbend.io import read_mesh, write_mesh
 
 # A type, several of them, a list whose entries are all alike, or an object with exactly these keys.
 NUMBER = (int, float)
@@ -176,12 +175,7 @@ def fits(value: Any, schema: Any) -> bool:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("json")
-    for path, name in zip(write_stones(folder, 2), "ab", strict=True):
-        path.rename(folder / f"{name}.ply")
-    Collection(folder / "store").add(folder, workers=0)
-    write_map(folder / "map.txt", np.arange(162))
-    (folder / "values.csv").write_text("".join(f"{i / 4}\n" for i in range(162)))
-    store = Collection(folder / "store")
+    store = write_pair(folder)
     store.register(folder / "a.ply", folder / "registered", workers=0)
     (folder / "labels.csv").write_text("path,label\na.ply,stone\nb.ply,stone\n")
     return folder

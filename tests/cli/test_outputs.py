@@ -8,15 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import numpy as np
 import pytest
 import typer.main
 from typer.testing import CliRunner
 
-from stones import write_stones
-from unbend import write_map
+from stones import write_pair
 from unbend.cli import app
-from unbend.collection import Collection
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -118,11 +115,7 @@ def words_of(given: str | list[str]) -> str:
 def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two shapes, a store of them, and what else is read."""
     folder = tmp_path_factory.mktemp("outputs")
-    for path, name in zip(write_stones(folder, 2), "ab", strict=True):
-        path.rename(folder / f"{name}.ply")
-    Collection(folder / "store").add(folder, workers=0)
-    write_map(folder / "map.txt", np.arange(162))
-    (folder / "values.csv").write_text("".join(f"{i / 4}\n" for i in range(162)))
+    write_pair(folder)
     return folder
 
 
