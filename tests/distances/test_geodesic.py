@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from unbend import Mesh, distance
-from unbend.datasets import make_biped, make_sphere
+from unbend.datasets import make_biped, make_quadruped, make_sphere
 from unbend.distances import geodesic_solver
 from unbend.distances._geodesic import geodesic_metric
 from unbend.errors import (
@@ -215,6 +215,20 @@ def test_sizes_beyond_double_precision_are_refused(size, exact):
         geodesic_solver(Mesh(sphere.vertices * size, sphere.faces), exact=exact)(0)
 
 
+def test_heat_is_right_within_a_few_edges_too():
+    """There the method alone is 5 to 15 % short."""
+    mesh = make_quadruped("walking", n_vertices=1500).mesh
+    heat, exact = (geodesic_solver(mesh, exact=kind) for kind in (False, True))
+    near = []
+    for source in range(0, 1500, 50):
+        found, true = heat(source), exact(source)
+        straight = np.linalg.norm(mesh.vertices - mesh.vertices[source], axis=1)
+        assert (found >= straight).all()
+        around = np.argsort(true)[1:20]
+        near.append(found[around].sum() / true[around].sum())
+    assert abs(np.mean(near) - 1) < 0.02
+
+
 def test_heat_that_is_not_finite_is_an_error(monkeypatch):
     import potpourri3d
 
@@ -253,7 +267,8 @@ def test_heat_is_measured_from_the_source_and_never_negative(monkeypatch):
     heat[[4, 7]] = 0.5, 0.25
     monkeypatch.setattr(potpourri3d, "MeshHeatMethodDistanceSolver", given(heat))
     found = geodesic_solver(sphere, exact=False)(4)
-    assert found[[4, 7]].tolist() == [0, 0]
+    assert found[4] == 0
+    assert found[7] == np.linalg.norm(sphere.vertices[4] - sphere.vertices[7])
     np.testing.assert_array_equal(np.delete(found, [4, 7]), 40)
 
 

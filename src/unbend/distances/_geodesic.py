@@ -25,8 +25,8 @@ from unbend.spectral import Surface, delaunay_triangles
 _FromVertex = Callable[[int], FloatArray]
 
 # Shares of the largest distance by which distances may miss what must hold of them, more being
-# warned of: those of the heat method fall short of the straight line by 5 % at most on ordinary
-# meshes, which so many vertices show; exact ones change by no more than its length along an edge.
+# warned of: the heat method falls short of the straight line by 5 % at most on ordinary meshes,
+# which so many vertices show; exact distances change by no more than its length along an edge.
 _SHORT, _SHOWING, _STEEP = 0.1, 500, 1e-6
 
 
@@ -96,9 +96,9 @@ def _heat(mesh: Mesh) -> _FromVertex:
         distances = np.maximum(distances, 0.0)
         if not np.isfinite(distances.sum()):
             raise SolverError(f"{mesh.name}: the heat method gave distances that are not finite")
-        straight = np.linalg.norm(mesh.vertices[some] - mesh.vertices[source], axis=1)
+        straight = np.linalg.norm(mesh.vertices - mesh.vertices[source], axis=1)
         largest = max(straight.max(), distances.max(), np.finfo(float).tiny)
-        short = float((straight - distances[some]).max() / largest)
+        short = float((straight - distances)[some].max() / largest)
         if short > _SHORT and not warned:
             warned = True
             warn(
@@ -106,7 +106,7 @@ def _heat(mesh: Mesh) -> _FromVertex:
                 f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
                 "method; use geodesic-exact, which needs a mesh, or remesh it"
             )
-        return distances
+        return np.maximum(distances, straight)  # within a few edges the method falls short
 
     return one
 
