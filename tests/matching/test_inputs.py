@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from unbend import Mesh
+from unbend import Mesh, match
 from unbend.datasets import make_sphere
 from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import _inputs
 from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
+from unbend.mesh import vertex_areas
 from unbend.spectral import use_cache
 
 
@@ -61,6 +62,41 @@ def test_every_vertex_in_use_has_one_that_stands_for_it() -> None:
     apart = np.linalg.norm(np.diff(found.shape.vertices, axis=0), axis=1)
     before = np.linalg.norm(np.diff(large.vertices, axis=0), axis=1)
     np.testing.assert_allclose(apart / before, apart[0] / before[0])
+
+
+def test_vertices_far_from_what_is_matched_are_no_landmarks_and_errors_there_are_large() -> None:
+    small, large = make_sphere(0), make_sphere(2)
+    stone = large.vertices * [1, 0.8, 0.6] + 0.2 * large.vertices[:, [1, 2, 0]] ** 2
+    mesh = Mesh(
+        np.concatenate([stone, small.vertices * 0.1 + [9, 0, 0]]),
+        np.concatenate([large.faces, small.faces + 162]),
+        name="both",
+    )
+    told = r"largest component is matched"
+    with pytest.warns(UnbendWarning, match=told):
+        found = match(mesh, (stone, large.faces))
+    away = np.linalg.norm(mesh.vertices[162:] - stone[found.source_to_target[162:]], axis=1)
+    assert found.expected_error is not None
+    assert (found.expected_error[162:] > away / np.sqrt(vertex_areas(mesh)[:162].sum())).all()
+    with (
+        pytest.warns(UnbendWarning, match=told),
+        pytest.raises(InputError, match="both: vertex 165 is far from the largest component"),
+    ):
+        match(mesh, (stone, large.faces), landmarks=[(0, 0), (165, 3)])
+
+
+def test_of_two_open_shapes_it_is_told_if_their_faces_seem_to_face_different_ways() -> None:
+    ball = make_sphere(3)
+    kept, corners = np.unique(
+        ball.faces[(ball.vertices[ball.faces, 0] > 0.3).all(axis=1)], return_inverse=True
+    )
+    cap = Mesh(ball.vertices[kept], corners.reshape(-1, 3), name="cap")
+    inward = Mesh(cap.vertices, cap.faces[:, ::-1], name="inward")
+    for pair in ((cap, inward), (inward, cap)):
+        with pytest.warns(UnbendWarning, match="inward: its faces seem to be oriented inward"):
+            prepare_shapes(pair, 10, [False, False])
+    for pair in ((cap, cap), (inward, inward)):
+        prepare_shapes(pair, 10, [False, False])
 
 
 def test_what_cannot_be_matched_is_refused(moebius_strip: Mesh) -> None:

@@ -6,7 +6,7 @@ import pytest
 from sheets import make_sheet, make_twisted_ball
 from unbend import Mesh
 from unbend.datasets import make_sphere
-from unbend.mesh import _winding, face_inward, find_edges, orient_consistently
+from unbend.mesh import _winding, find_edges, orient_consistently, outwardness
 
 
 def test_faces_are_wound_alike_and_the_fewer_turned():
@@ -99,7 +99,7 @@ def test_faces_of_a_surface_with_an_inside_face_in_or_out(scale):
     holes = ball.faces[(abs(x[ball.faces]) < 0.9).any(axis=1)]
     shell = ball.faces[(x[ball.faces] > 0.5).any(axis=1)]  # a bent sheet
     for faces in (ball.faces, most, holes):
-        assert face_inward(far, faces[:, ::-1])
-        assert not face_inward(far, faces)
+        assert outwardness(far, faces[:, ::-1]) < -1
+        assert outwardness(far, faces) > 1
     for faces in (shell, shell[:, ::-1], shell[:0]):
-        assert not face_inward(far, faces)
+        assert abs(outwardness(far, faces)) < 1

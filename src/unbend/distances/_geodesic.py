@@ -106,7 +106,9 @@ def _heat(mesh: Mesh) -> _FromVertex:
                 f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
                 "method; use geodesic-exact, which needs a mesh, or remesh it"
             )
-        return np.maximum(distances, straight)  # within a few edges the method falls short
+        return np.asarray(
+            np.maximum(distances, straight)
+        )  # within a few edges the method falls short
 
     return one
 

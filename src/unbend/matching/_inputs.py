@@ -15,14 +15,16 @@ from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError, warn
 from unbend.io import MeshLike, as_mesh
+from unbend.matching import _constants as constants
 from unbend.matching._shape import Shape, make_shape
-from unbend.mesh import Mesh, face_inward, find_components, orient_consistently, vertex_ids
+from unbend.mesh import Mesh, find_components, orient_consistently, outwardness, vertex_ids
 from unbend.preparation import restrict, surface_of_points
 from unbend.spectral import Surface, eigenpairs, make_surface
 
 # Vertices of all meshes, above which the spectrum of one keeps every core busy and those of several
 # at once would take more memory than time.
 _SIDE_BY_SIDE = 200_000
+_LIKELY = 0.05  # how surely faces face a way when another shape's that face the other are told
 
 
 class Input(NamedTuple):
@@ -40,6 +42,9 @@ class Input(NamedTuple):
         The vertex of `shape` that stands for each vertex of the mesh: itself, or on smaller
         components and in a point cloud the nearest one; -1 at vertices that no face uses, and at
         outliers.
+    away : (n,) ndarray of float64
+        How far each vertex of the mesh is from the one that stands for it, in square roots of the
+        area.
     own_faces : (m,) ndarray of int64, or None
         The face of the mesh that each face of `shape` is; None for a point cloud.
     own_corners : (m, 3) ndarray of int64
@@ -50,6 +55,7 @@ class Input(NamedTuple):
     shape: Shape
     kept: IntArray
     representatives: IntArray
+    away: FloatArray
     own_faces: IntArray | None
     own_corners: IntArray
 
@@ -61,6 +67,12 @@ class Input(NamedTuple):
         if (found < 0).any():
             raise InputError(
                 f"{name}: vertex {ids[found < 0][0]} is not on its surface; name another"
+            )
+        far = self.away[ids] > constants.LIMB
+        if far.any():
+            raise InputError(
+                f"{name}: vertex {ids[far][0]} is far from the largest component, which is "
+                "matched; name another"
             )
         return found
 
@@ -77,8 +89,10 @@ class _Checked(NamedTuple):
 
     surface: Surface
     faces: IntArray  # of the surface, oriented consistently, outward if it has an inside
+    outward: float  # how surely
     kept: IntArray
     representatives: IntArray
+    away: FloatArray
     own_faces: IntArray | None
     own_corners: IntArray
 
@@ -93,6 +107,13 @@ def prepare_shapes(
 ) -> list[Input]:
     """Check meshes one after the other; then, if they are not large, prepare them side by side."""
     checked = [_check(as_mesh(mesh)) for mesh in meshes]
+    inward, outward = sorted((checked[0], checked[-1]), key=lambda one: one.outward)
+    if inward.outward < -_LIKELY and outward.outward > _LIKELY:
+        one, other = inward.surface.mesh.name, outward.surface.mesh.name
+        warn(
+            f"{one}: its faces seem to be oriented inward, as far as its holes show, and those of "
+            f"{other} outward; if so, the map exchanges left and right: turn the faces of one"
+        )
     tasks = [
         functools.partial(_prepare, one, n_eigenpairs, part)
         for one, part in zip(checked, partial, strict=True)
@@ -115,14 +136,19 @@ def _check(mesh: Mesh) -> _Checked:
             f"{mesh.name}: the surface has only one side, like a Möbius strip, so left and right "
             "cannot be told apart on it; repair the mesh"
         )
-    if face_inward(surface.mesh.vertices, faces):
+    outward = outwardness(surface.mesh.vertices, faces)
+    if outward < -1:
         warn(
             f"{mesh.name}: its faces are oriented inward; they are turned. If its coordinates are "
             "mirrored instead, as by exchanging two axes, the map exchanges left and right"
         )
-        faces = faces[:, ::-1]
-    corners = mesh.faces[own_faces]
-    return _Checked(surface, faces, kept, _stand_ins(mesh, kept), own_faces, corners)
+        faces, outward = faces[:, ::-1], -outward
+    found = np.full(mesh.n_vertices, -1)
+    found[kept] = np.arange(len(kept))
+    others = np.setdiff1d(mesh.faces, kept)
+    found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
+    away = _away(mesh, surface, kept, found)
+    return _Checked(surface, faces, outward, kept, found, away, own_faces, mesh.faces[own_faces])
 
 
 def _check_points(cloud: Mesh) -> _Checked:
@@ -131,9 +157,17 @@ def _check_points(cloud: Mesh) -> _Checked:
     if n_outliers := int((found.vertex_of_point < 0).sum()):
         verb = "point is" if n_outliers == 1 else "points are"
         warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
-    return _Checked(
-        make_surface(found.mesh), faces, point, found.vertex_of_point, None, point[faces]
-    )
+    surface = make_surface(found.mesh)
+    away = _away(cloud, surface, point, found.vertex_of_point)
+    return _Checked(surface, faces, np.inf, point, found.vertex_of_point, away, None, point[faces])
+
+
+def _away(mesh: Mesh, surface: Surface, kept: IntArray, representatives: IntArray) -> FloatArray:
+    """How far vertices (n,) are from those that stand for them, in square roots of the area."""
+    away, used = np.zeros(mesh.n_vertices), representatives >= 0
+    off = mesh.vertices[used] - mesh.vertices[kept[representatives[used]]]
+    away[used] = np.linalg.norm(off, axis=1) / np.sqrt(surface.area)
+    return away
 
 
 def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
@@ -147,7 +181,7 @@ def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
         pairs.eigenfunctions,
         partial,
     )
-    return Input(surface, shape, *checked[2:])
+    return Input(surface, shape, *checked[3:])
 
 
 def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:
@@ -175,11 +209,3 @@ def _largest(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray]:
         f"{'goes' if n_others == 1 else 'go'} along with what is nearest to it"
     )
     return restrict(mesh, components.of_vertex == 0)
-
-
-def _stand_ins(mesh: Mesh, kept: IntArray) -> IntArray:
-    found = np.full(mesh.n_vertices, -1)
-    found[kept] = np.arange(len(kept))
-    others = np.setdiff1d(mesh.faces, kept)
-    found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
-    return found

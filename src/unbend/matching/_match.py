@@ -344,7 +344,7 @@ def _result(
             for one, mean in zip(ranks, means.tolist(), strict=True)
         ),
         missed_landmarks=tuple(np.flatnonzero(chosen.missed).tolist()),
-        expected_error=expand_rows(errors, ours, np.nan),
+        expected_error=expand_rows(errors, ours, np.nan) + ours.away,
     )
 
 

@@ -18,7 +18,7 @@ from unbend.mesh._topology import (
     other_sides,
     proper_faces,
 )
-from unbend.mesh._winding import face_inward, orient_consistently
+from unbend.mesh._winding import orient_consistently, outwardness
 
 __all__ = [
     "FACES_AT_ONCE",
@@ -26,7 +26,6 @@ __all__ = [
     "Mesh",
     "count_non_manifold_vertices",
     "edge_ends",
-    "face_inward",
     "face_normals",
     "faces_around",
     "find_components",
@@ -39,6 +38,7 @@ __all__ = [
     "minimum_cut",
     "orient_consistently",
     "other_sides",
+    "outwardness",
     "proper_faces",
     "used_vertices",
     "vertex_areas",

@@ -48,15 +48,16 @@ def orient_consistently(vertices: FloatArray, faces: IntArray) -> IntArray | Non
     return np.asarray(np.where(turn[:, None], faces[:, ::-1], faces))
 
 
-def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
-    """Whether consistently oriented faces face inward, whatever would close their holes.
+def outwardness(vertices: FloatArray, faces: IntArray) -> float:
+    """How surely consistently oriented faces face outward: 1 and more, whatever closes their holes.
 
-    The volume that they enclose is negative then. Each hole is closed by a fan around the middle of
-    its rim, of length L. What else may close it lies within about L / 4 of there and has no
-    more area than a disc of that rim (isoperimetric inequality): it adds at most L^3 / 48 pi.
+    From -1 on they face inward for sure. It is the volume that they enclose, over how far it may be
+    off: each hole is closed by a fan around the middle of its rim, of length L. What else may close
+    it lies within about L / 4 of there and has no more area than a disc of that rim (isoperimetric
+    inequality): it adds at most L^3 / 48 pi.
     """
     if not len(faces):
-        return False
+        return 0.0
     tiny, used = np.finfo(float).tiny, np.unique(faces)
     points = np.zeros(vertices.shape)  # of radius 1: no square overflows or vanishes
     points[used] = vertices[used] / max(np.abs(vertices[used]).max(), tiny)
@@ -73,7 +74,7 @@ def face_inward(vertices: FloatArray, faces: IntArray) -> bool:
     fans = np.stack([b, a, middles[hole]])
     corners = np.concatenate([points[faces].transpose(1, 0, 2), fans], axis=1)
     volume = np.einsum("ij,ij->", corners[0], np.cross(corners[1], corners[2])) / 6
-    return bool(volume < -((lengths**3).sum() / (48 * np.pi) + _FLAT))
+    return float(volume / ((lengths**3).sum() / (48 * np.pi) + _FLAT))
 
 
 def _part_of_each(pairs: IntArray, disagree: BoolArray, m: int) -> tuple[IntArray, IntArray]:

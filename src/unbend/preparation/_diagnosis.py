@@ -12,12 +12,12 @@ from unbend.errors import MeshError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import (
     count_non_manifold_vertices,
-    face_inward,
     find_components,
     find_edges,
     label_linked,
     measure_faces,
     orient_consistently,
+    outwardness,
     proper_faces,
 )
 from unbend.preparation._prepare import prepare
@@ -173,7 +173,7 @@ def diagnose(mesh: MeshLike) -> Diagnosis:
         non_manifold_vertices=non_manifold_vertices,
         inconsistent_edges=inconsistent,
         one_sided=oriented is None,
-        inside_out=oriented is not None and face_inward(vertices, oriented),
+        inside_out=oriented is not None and outwardness(vertices, oriented) < -1,
         degenerate_faces=n_degenerate,
         unreferenced_vertices=0 if mesh.is_point_cloud else mesh.n_vertices - n_used,
         duplicate_vertices=count_repeats(vertices),
