@@ -37,6 +37,13 @@ def test_labels_without_a_header_keep_their_first(tmp_path: Path) -> None:
     assert read_values(tmp_path / "a.csv", n_vertices=1).tolist() == ["tail"]
 
 
+def test_a_word_before_numbers_is_no_label(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("label\n7\n8\n")
+    assert read_values(tmp_path / "a.csv", n_vertices=2).tolist() == [7, 8]
+    with pytest.raises(FileError, match="holds 2 rows, but there are 3 vertices"):
+        read_values(tmp_path / "a.csv", n_vertices=3)
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -245,11 +245,13 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
             rows = [[word.strip() for word in row] for row in cells]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
-        # Column names cannot be told from words, except by the number of rows.
+        # Column names cannot be told from words, except by the number of rows or by numbers below.
         header = rows[0] if rows else []
         if len(header) > 1 and header[0].lower() == "vertex":
             rows = _in_order(rows[1:])
-        elif not are_numbers(header) and len(rows) != n_vertices:
+        elif not are_numbers(header) and (
+            len(rows) != n_vertices or (len(rows) > 1 and all(map(are_numbers, rows[1:])))
+        ):
             rows = rows[1:]
     if not rows:
         return np.empty(0)
