@@ -122,11 +122,13 @@ def test_rows_with_vertex_numbers_may_be_in_any_order(tmp_path_factory, order, w
         ("0,a\n0,b\n", "row 1 holds vertex '0' again"),
         ("1,a\n2,b\n", "no row of vertex 0: all are needed, counted from 0"),
         ("0,a\n1\n", "row 1 holds vertex '1' without a value"),
+        ("0,a\n2,b\n3,c\n4,d\n", "no row of vertex 1"),
         ("x,a\n", "no row of vertex 0"),
         ("", "holds no rows"),
     ],
 )
 def test_vertex_numbers_must_be_all_of_them(tmp_path: Path, rows: str, problem: str) -> None:
     (tmp_path / "a.csv").write_text(f"vertex,part\n{rows}")
-    with pytest.raises(FileError, match=problem):
-        read_values(tmp_path / "a.csv")
+    for n in (None, 5):
+        with pytest.raises(FileError, match=problem):
+            read_values(tmp_path / "a.csv", n_vertices=n)

@@ -84,6 +84,32 @@ def test_numbers_run_together_are_no_labels(tmp_path: Path, row: str) -> None:
         read_values(tmp_path / "a.txt")
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("height\n0,523\n0,1\n", "names 1 column, but row 0 holds '0,523'; write decimal"),
+        ("vertex,height\n1,0,5\n0,0,25\n", "names 2 columns, but row 0 holds '1,0,5'"),
+        ("12,5\n0,05\n", "row 1 holds '0,05', whose commas may be decimal ones"),
+        ("1,2\n-0,5\n", "row 1 holds '-0,5', whose commas may be decimal ones"),
+    ],
+)
+def test_decimal_commas_are_no_columns(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(FileError, match=problem):
+        read_values(tmp_path / "a.csv", n_vertices=2)
+
+
+def test_columns_of_whole_numbers_are_no_decimals(tmp_path: Path) -> None:
+    for text, rows in (
+        ("x,y\n0,05\n1,2\n", [[0, 5], [1, 2]]),
+        ("0,50\n-1,20\n", [[0, 50], [-1, 20]]),
+        ("0,-05\n1,2\n", [[0, -5], [1, 2]]),
+        ("0,05,1\n1,2,3\n", [[0, 5, 1], [1, 2, 3]]),
+    ):
+        (tmp_path / "a.csv").write_text(text)
+        assert read_values(tmp_path / "a.csv", n_vertices=2).tolist() == rows
+
+
 LABELS = ["#ff0000", "upper arm, left", 'a "hand"', "", "two\nlines", "x;y", "plain"]
 
 

@@ -245,14 +245,16 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
             rows = [[word.strip() for word in row] for row in cells]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
-        # Column names cannot be told from words, except by the number of rows or by numbers below.
-        header = rows[0] if rows else []
+        # A column's name cannot be told from words, except by the number of rows or by numbers.
+        header, rest = (rows[0], rows[1:]) if rows else ([], [])
+        numbers = bool(rest) and all(map(are_numbers, rest))
+        if not are_numbers(header) and (len(header) > 1 or len(rows) != n_vertices or numbers):
+            rows = rest
+        else:
+            header = []
+        _refuse_decimal_commas(header, rows)
         if len(header) > 1 and header[0].lower() == "vertex":
-            rows = _in_order(rows[1:])
-        elif not are_numbers(header) and (
-            len(rows) != n_vertices or (len(rows) > 1 and all(map(are_numbers, rows[1:])))
-        ):
-            rows = rows[1:]
+            rows = _in_order(rows)
     if not rows:
         return np.empty(0)
     for i, row in enumerate(rows):
@@ -293,6 +295,25 @@ def _in_order(rows: list[list[str]]) -> list[list[str]]:
         if vertex not in found:
             raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
     return [found[vertex] for vertex in numbers]
+
+
+def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
+    """Refuse columns that are the two sides of decimal commas, as far as that can be known."""
+    if header and rows and len(rows[0]) != len(header):
+        raise FileError(
+            f"the first line names {plural(len(header), 'column')}, but row 0 holds "
+            f"{','.join(rows[0])[:40]!r}; write decimal points, and a name for each column"
+        )
+    pairs = (",".join(row[i : i + 2]) for row in rows for i in range(0, len(row), 2))
+    if header or not all(re.fullmatch(r"[+-]?\d+,\d+", pair) for pair in pairs):
+        return
+    for i, row in enumerate(rows):
+        # No number begins with -0, or with 0 before other digits.
+        if re.search(r"^-0,|,0\d", ",".join(row)):
+            raise FileError(
+                f"row {i} holds {','.join(row)[:40]!r}, whose commas may be decimal ones; "
+                "write decimal points"
+            )
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:
