@@ -118,6 +118,18 @@ def test_scalars_and_labels_written_to_ply_are_values_again(folder: Path) -> Non
     assert read_values("out.csv").tolist() == [f"p{i}" for i in SAME]
 
 
+@pytest.mark.parametrize("suffix", [".npy", ".csv", ".txt", ".ply"])
+def test_labels_that_a_program_stored_as_floats_stay_labels(folder: Path, suffix: str) -> None:
+    torn = np.where(SAME < 9, -1, SAME)
+    write_match("map.npz", Match(torn, torn, np.eye(3), 1.0, 0.0, 1.0))
+    write_values(f"parts{suffix}", np.where(SAME < 100, 3.0, 7.0), SOURCE)
+    for given in (f"parts{suffix}", f"out{suffix}"):  # what was carried can be carried again
+        line = ["transfer", "a.ply", "b.ply", "--map", "map.npz", "--values", given]
+        assert "(label)" in right(*line, "-o", f"out{suffix}").stdout
+        carried = [np.nan] * 9 + [3] * 91 + [7] * 500
+        np.testing.assert_array_equal(read_values(f"out{suffix}"), carried)
+
+
 def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
     write_markups("a.mrk.json", SOURCE, [3, 500, 77], ["nose", "tail", "paw"])
     given = ["transfer", "a.ply", "b.ply", "--values", "a.mrk.json", "-o", "b.mrk.json"]

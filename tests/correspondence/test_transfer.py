@@ -113,7 +113,10 @@ def test_labels_go_by_majority() -> None:
     laid = _match([1, 0, 2], [1, 0, 2], np.zeros(3, dtype=np.int64), shares)
     carried = transfer(["A", "B", "A"], laid, source=source, target=target)
     assert carried.tolist() == ["A", "A", "A"]  # though B has the largest single share
-    numbers = transfer([0.0, 1, 0], laid, source=source, target=target)
+    assert transfer([0.0, 1, 0], laid, source=source, target=target).tolist() == [0, 0, 0]
+    gap = [np.nan, 1, np.nan]  # what has no label votes too
+    assert np.isnan(transfer(gap, laid, source=source, target=target)).all()
+    numbers = transfer([0.0, 1, 0], laid, kind="scalar", source=source, target=target)
     np.testing.assert_allclose(numbers, [0.4, 0, 0], atol=1e-12)
     pairs = [[5, 7], [7, 5], [5, 7]]
     rows = transfer(pairs, laid, kind="label", source=source, target=target)
@@ -252,7 +255,11 @@ def test_weights_that_do_not_sum_to_one_are_refused() -> None:
         ([[1, 2]], "scalar"),
         ([[1]], "label"),
         ([1], "label"),
-        ([1.0], "scalar"),
+        ([1.5], "scalar"),
+        ([1.0, np.nan], "label"),
+        ([np.nan, np.nan], "scalar"),
+        ([np.inf, 1], "scalar"),
+        ([[1.0, 2]], "scalar"),
     ],
 )
 def test_columns_of_whole_numbers_are_colours_or_numbers(values, kind) -> None:

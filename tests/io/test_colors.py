@@ -33,7 +33,7 @@ def test_limits_are_the_ends() -> None:
     np.testing.assert_array_equal(colors, value_colors([0.0, 0.0, 2.0, 2.0]))
 
 
-@pytest.mark.parametrize("labels", [["leg", "arm", "", "leg"], [7, 2, -1, 7]])
+@pytest.mark.parametrize("labels", [["leg", "arm", "", "leg"], [7, 2, -1, 7], [7, 2, np.nan, 7]])
 def test_each_label_has_a_colour(labels: list) -> None:
     leg, arm, none, again = value_colors(labels, kind="label").tolist()
     assert leg == again

@@ -45,9 +45,9 @@ def transfer(
         ``"scalar"``: averaged; numbers or vectors. ``"label"``: never
         averaged. ``"weights"``: skinning weights, non-negative, each row brought to sum to one.
         ``"color"``: averaged and rounded to whole numbers from 0 to 255. ``"uv"``: averaged;
-        texture coordinates, two columns. ``"auto"``: scalar for floats; color for whole numbers
-        from 0 to 255 in three or four columns; scalar for other columns of whole numbers; label for
-        everything else.
+        texture coordinates, two columns. ``"auto"``: scalar for fractions and columns of floats;
+        color for whole numbers from 0 to 255 in three or four columns; scalar for other columns of
+        whole numbers; label for everything else, also whole numbers that are stored as floats.
     source, target : mesh-like, optional
         Anything :func:`unbend.as_mesh` accepts. Averaging within faces needs both; a map given as
         an array needs `target`.
@@ -56,7 +56,7 @@ def transfer(
     -------
     (n_target, ...) ndarray
         float64 for scalars and weights, NaN where there is no preimage; for labels the type of
-        `values` and ``""`` there, or int64 and -1; for colours uint8 and mid-grey.
+        `values` and ``""`` or NaN there, or int64 and -1; for colours uint8 and mid-grey.
 
     Raises
     ------
@@ -212,7 +212,9 @@ def value_kind(array: npt.NDArray[Any], kind: str = "auto") -> ValueKind:
     if kind != "auto":
         return cast(ValueKind, kind)
     if array.dtype.kind == "f":
-        return "scalar"
+        known = array[~np.isnan(array)]
+        whole = len(known) > 0 and (np.isfinite(known) & (known == np.rint(known))).all()
+        return "label" if whole and array[:1].size == 1 else "scalar"
     if array.dtype.kind in "iu" and array.ndim == 2 and array.shape[1] > 1:
         is_color = array.shape[1] in (3, 4) and array.min() >= 0 and array.max() <= 255
         return "color" if is_color else "scalar"
@@ -259,7 +261,8 @@ def _vote(
     array: npt.NDArray[Any], corners: IntArray, shares: FloatArray, lost: npt.NDArray[np.bool_]
 ) -> npt.NDArray[Any]:
     """Give each target vertex the label with the largest share: a row of `array`, whole."""
-    _, labels = np.unique(array, axis=0, return_inverse=True)
+    # Without an axis, all NaN are one label.
+    _, labels = np.unique(array, axis=0 if array.ndim > 1 else None, return_inverse=True)
     labels = labels.reshape(-1)[corners]
     votes = np.stack([(shares * (labels == one[:, None])).sum(axis=1) for one in labels.T], axis=1)
     winners = np.take_along_axis(corners, first_largest(votes.T)[:, None], axis=1)[:, 0]

@@ -35,7 +35,7 @@ def value_colors(
 
     Numbers (n,) go from dark blue to yellow, from the least to the greatest or between `limits`.
     Each label has a colour, in its turn of seven; of weights (n, k) each vertex has that of its
-    largest. Grey stands for numbers that are not finite, and for the labels -1 and "". Raises
+    largest. Grey stands for numbers that are not finite, and for the labels -1, NaN and "". Raises
     InputError for another `kind`, and for several numbers of each vertex.
     """
     if kind not in ("scalar", "label", "weights"):
@@ -53,7 +53,7 @@ def value_colors(
             f"{array.shape[1]} numbers for each vertex have no colour: write one column, or .ply"
         )
     if kind == "label":
-        unknown = array == ("" if array.dtype.kind == "U" else -1)
+        unknown = array == "" if array.dtype.kind == "U" else (array == -1) | np.isnan(array)
         known = np.unique(array[~unknown]) if known is None else known
         of_labels: npt.NDArray[np.uint8] = _LABELS[np.searchsorted(known, array) % len(_LABELS)]
         of_labels[unknown] = _GREY
