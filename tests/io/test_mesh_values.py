@@ -121,7 +121,7 @@ def test_rows_with_vertex_numbers_may_be_in_any_order(tmp_path_factory, order, w
     [
         ("0,a\n0,b\n", "row 1 holds vertex '0' again"),
         ("1,a\n2,b\n", "no row of vertex 0: all are needed, counted from 0"),
-        ("0,a\n1\n", "row 1 holds vertex '1' without a value"),
+        ("0,a\n1\n", "row 1 has 1 entries, but row 0 has 2"),
         ("0,a\n2,b\n3,c\n4,d\n", "no row of vertex 1"),
         ("x,a\n", "no row of vertex 0"),
         ("", "holds no rows"),
@@ -132,3 +132,35 @@ def test_vertex_numbers_must_be_all_of_them(tmp_path: Path, rows: str, problem: 
     for n in (None, 5):
         with pytest.raises(FileError, match=problem):
             read_values(tmp_path / "a.csv", n_vertices=n)
+
+
+@pytest.mark.parametrize("name", ["Vertex", "index", "ID", "Point ID", "", "Unnamed: 0"])
+@given(st.permutations(range(5)))
+def test_columns_of_vertex_numbers_have_other_names_too(tmp_path_factory, name, order) -> None:
+    path = tmp_path_factory.mktemp("v") / "a.csv"
+    path.write_text(f"{name},height\n" + "".join(f"{i},{i / 2}\n" for i in order))
+    assert read_values(path, n_vertices=5).tolist() == [0, 0.5, 1, 1.5, 2]
+    path.write_text(f"height,{name}\n" + "".join(f"{i / 2},{i}.0\n" for i in order))
+    assert read_values(path, n_vertices=5).tolist() == [0, 0.5, 1, 1.5, 2]
+    path.write_text(f"{name}\n" + "".join(f"{i}\n" for i in order))
+    assert read_values(path, n_vertices=5).tolist() == order
+    path.write_text(f"height,{name}\n0,1\n1\n")
+    with pytest.raises(FileError, match="row 1 has 1 entries"):
+        read_values(path, n_vertices=2)
+    path.write_text(f"x,{name}\n" + "".join(f"0.5,{i // 2}\n" for i in order))
+    assert read_values(path, n_vertices=5).tolist() == [[0.5, i // 2] for i in order]
+
+
+def test_a_column_that_may_number_vertices_must_say_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for header in ("nr,height\n", ""):
+        path.write_text(f"{header}0,7\n1,9\n")
+        assert read_values(path, n_vertices=2).tolist() == [[0, 7], [1, 9]]
+        path.write_text(f"{header}1,7\n0,9\n")
+        with pytest.raises(FileError, match="first column holds each number from 0 to 1 once"):
+            read_values(path, n_vertices=2)
+    path.write_text('"","height"\n"1",7\n"2",9\n')  # as R numbers rows
+    with pytest.raises(FileError, match="column '' numbers vertices from 1"):
+        read_values(path, n_vertices=2)
+    write_values(path, [[1, 0], [0, 1]], np.zeros((2, 3)))  # weights
+    assert read_values(path, n_vertices=2).tolist() == [[1, 0], [0, 1]]

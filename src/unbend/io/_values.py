@@ -26,6 +26,8 @@ from unbend.io.formats.npy import read_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _MOST_LETTERS = 1000
+# Names of columns of vertex numbers, without blanks; pandas and R give theirs none.
+_NUMBERS = ("vertex", "vertexid", "vertexindex", "pointid", "index", "id", "", "unnamed:0")
 _NORMAL = ("nx", "ny", "nz")
 # Columns of mesh files that are one value: colours, and texture coordinates by three programs.
 _TOGETHER = (
@@ -45,9 +47,10 @@ def read_values(
     ----------
     path : path
         A .npy array; or a .csv file (a first line of column names is skipped) or .txt file with
-        one line for each vertex, of numbers, or of one word each. If the first column of a .csv
-        file is named ``vertex``, it holds vertex numbers, counted from 0, in any order. A mesh
-        file (.ply, .obj or what trimesh and meshio read) gives the values that it holds.
+        one line for each vertex, of numbers, or of one word each. If a column of a .csv file is
+        named ``vertex``, ``index``, ``id`` or ``Point ID``, and holds all vertex numbers, counted
+        from 0, rows may be in any order. A mesh file (.ply, .obj or what trimesh and meshio read)
+        gives the values that it holds.
     n_vertices : int, optional
         Rows that there must be.
     name : str, optional
@@ -237,6 +240,7 @@ def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
     lines = text_lines(data, suffix[1:])
     lines = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    header: list[str] = []
     if suffix == ".txt":
         rows = [re.sub(r"\s#.*", "", line).split() for line in lines]
     else:
@@ -246,15 +250,10 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         except csv.Error as error:
             raise FileError(f"not a table in CSV: {error}") from None
         # A column's name cannot be told from words, except by the number of rows or by numbers.
-        header, rest = (rows[0], rows[1:]) if rows else ([], [])
+        first, rest = (rows[0], rows[1:]) if rows else ([], [])
         numbers = bool(rest) and all(map(are_numbers, rest))
-        if not are_numbers(header) and (len(header) > 1 or len(rows) != n_vertices or numbers):
-            rows = rest
-        else:
-            header = []
-        _refuse_decimal_commas(header, rows)
-        if len(header) > 1 and header[0].lower() == "vertex":
-            rows = _in_order(rows)
+        if not are_numbers(first) and (len(first) > 1 or len(rows) != n_vertices or numbers):
+            header, rows = first, rest
     if not rows:
         return np.empty(0)
     for i, row in enumerate(rows):
@@ -263,6 +262,9 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
         # An array of words gives each as much room as the longest.
         if max(map(len, row)) > _MOST_LETTERS:
             raise FileError(f"row {i} holds a word of more than {_MOST_LETTERS} letters")
+    if suffix == ".csv":
+        _refuse_decimal_commas(header, rows)
+        rows = rows if len(rows[0]) == 1 else _by_vertex(header, rows)
     table = np.array(rows)
     numeric = [are_numbers(row) for row in rows]
     if all(numeric):
@@ -286,15 +288,36 @@ def _in_order(rows: list[list[str]]) -> list[list[str]]:
     """Sort rows by their first word, the number of a vertex, and remove it."""
     found: dict[str, list[str]] = {}
     for i, (vertex, *words) in enumerate(rows):
-        if vertex in found or not words:
-            problem = "again" if words else "without a value"
-            raise FileError(f"row {i} holds vertex {vertex[:20]!r} {problem}")
+        if vertex in found:
+            raise FileError(f"row {i} holds vertex {vertex[:20]!r} again")
         found[vertex] = words
     numbers = [str(i) for i in range(len(rows))]
     for vertex in numbers:
         if vertex not in found:
             raise FileError(f"holds no row of vertex {vertex}: all are needed, counted from 0")
     return [found[vertex] for vertex in numbers]
+
+
+def _by_vertex(header: list[str], rows: list[list[str]]) -> list[list[str]]:
+    """Sort rows by a column that is named like vertex numbers and holds all, and remove it."""
+    names = [re.sub(r"[\s_-]", "", name.lower()) for name in header]
+    if names and names[0] == "vertex":
+        return _in_order(rows)
+    for i in (names.index(name) for name in _NUMBERS if name in names):
+        numbers = [float(row[i]) for row in rows if are_numbers([row[i]])]
+        if sorted(numbers) == list(range(len(rows))):
+            return [rows[at][:i] + rows[at][i + 1 :] for at in np.argsort(numbers)]
+        if sorted(numbers) == list(range(1, len(rows) + 1)):
+            raise FileError(f"column {header[i]!r} numbers vertices from 1; count them from 0")
+    first = [row[0] for row in rows]
+    every = [str(i) for i in range(len(rows))]
+    numbered = header and header[0].endswith("_0")  # one of several of a name
+    if first != every and not numbered and set(first) == set(every):
+        raise FileError(
+            f"its first column holds each number from 0 to {len(rows) - 1} once: name it vertex if "
+            "these are vertex numbers, else put another first"
+        )
+    return rows
 
 
 def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
