@@ -152,6 +152,26 @@ def test_truth_values_are_numbers(tmp_path: Path, suffix: str) -> None:
     assert read_values(path).tolist() == [1, 0, 1]
 
 
+@pytest.mark.parametrize("missing", ["NA", "N/A", "nan", "NaN", '""'])
+def test_missing_numbers_are_no_words(tmp_path: Path, missing: str) -> None:
+    path = tmp_path / "a.csv"
+    for header in ("height\n", ""):
+        path.write_text(f"{header}{missing}\n1\n2\n")
+        np.testing.assert_array_equal(read_values(path, n_vertices=3), [np.nan, 1, 2])
+    path.write_text(f"id,x,y\n1,{missing},7\n0,2,{missing}\n")
+    np.testing.assert_array_equal(read_values(path, n_vertices=2), [[2, np.nan], [np.nan, 7]])
+    path.write_text(f"part\nhead\n{missing}\n7\n")
+    assert read_values(path, n_vertices=3).tolist() == ["head", missing.strip('"'), "7"]
+
+
+def test_a_column_without_any_number_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text('NA\n""\nNA\n')
+    assert read_values(tmp_path / "a.csv", n_vertices=3).tolist() == ["NA", "", "NA"]
+    (tmp_path / "a.csv").write_text("1,\n2,\n")
+    with pytest.raises(FileError, match="row 0 holds '1 ', not numbers"):
+        read_values(tmp_path / "a.csv", n_vertices=2)
+
+
 def test_words_have_an_end(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"part\n{'a' * 1000}\n")
     assert read_values(tmp_path / "a.csv").tolist() == ["a" * 1000]

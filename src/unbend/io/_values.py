@@ -49,8 +49,8 @@ def read_values(
         A .npy array; or a .csv file (a first line of column names is skipped) or .txt file with
         one line for each vertex, of numbers, or of one word each. If a column of a .csv file is
         named ``vertex``, ``index``, ``id`` or ``Point ID``, and holds all vertex numbers, counted
-        from 0, rows may be in any order. A mesh file (.ply, .obj or what trimesh and meshio read)
-        gives the values that it holds.
+        from 0, rows may be in any order. Empty cells and NA among numbers are NaN. A mesh file
+        (.ply, .obj or what trimesh and meshio read) gives the values that it holds.
     n_vertices : int, optional
         Rows that there must be.
     name : str, optional
@@ -251,8 +251,10 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
             raise FileError(f"not a table in CSV: {error}") from None
         # A column's name cannot be told from words, except by the number of rows or by numbers.
         first, rest = (rows[0], rows[1:]) if rows else ([], [])
-        numbers = bool(rest) and all(map(are_numbers, rest))
-        if not are_numbers(first) and (len(first) > 1 or len(rows) != n_vertices or numbers):
+        if not are_numbers(word for word in first if word.lower() not in ("na", "n/a")) and (
+            len(rows) != n_vertices
+            or (not are_numbers(_filled(first)) and (len(first) > 1 or _are_numeric(rest)))
+        ):
             header, rows = first, rest
     if not rows:
         return np.empty(0)
@@ -265,8 +267,10 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
     if suffix == ".csv":
         _refuse_decimal_commas(header, rows)
         rows = rows if len(rows[0]) == 1 else _by_vertex(header, rows)
-    table = np.array(rows)
     numeric = [are_numbers(row) for row in rows]
+    if not all(numeric) and _are_numeric(rows):
+        rows, numeric = [_filled(row) for row in rows], [True]
+    table = np.array(rows)
     if all(numeric):
         whole = all(word.lstrip("+-").isdecimal() for row in rows for word in row)
         try:
@@ -282,6 +286,17 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _filled(row: list[str]) -> list[str]:
+    """Write nan for missing numbers, as pandas, R and spreadsheets leave them."""
+    return ["nan" if word.lower() in ("", "na", "n/a") else word for word in row]
+
+
+def _are_numeric(rows: list[list[str]]) -> bool:
+    """Whether each column has numbers, and else only cells where one is missing."""
+    some = all(any(are_numbers([word]) for word in column) for column in zip(*rows, strict=False))
+    return bool(rows) and some and all(are_numbers(_filled(row)) for row in rows)
 
 
 def _in_order(rows: list[list[str]]) -> list[list[str]]:
