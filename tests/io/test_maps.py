@@ -153,7 +153,16 @@ def test_vertices_that_are_nobodys_image_ask_their_neighbours(blob: Mesh) -> Non
         invert_map([1], cloud)
 
 
-@pytest.mark.parametrize("text", ["3,4\n5,6\n", "a,b\n3,4\n5,6\n", "3;4\r\n\n5 6\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "3,4\n5,6\n",
+        "a,b\n3,4\n5,6\n",
+        "3;4\r\n\n5 6\n",
+        "source,target\n3,4\n5,6\n",
+        "Target vertex,source vertex\n4,3\n6,5\n",
+    ],
+)
 def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
     (tmp_path / "hints.csv").write_text(text)
     np.testing.assert_array_equal(read_landmarks(tmp_path / "hints.csv"), [[3, 4], [5, 6]])
@@ -164,6 +173,7 @@ def test_landmarks_of_other_programs(tmp_path: Path, text: str) -> None:
     [
         ("", "hints.csv is empty"),
         ("a,b\n", "holds no landmarks"),
+        ("label,vertex\n1,500\n", "holds vertices of one mesh; landmarks are pairs"),
         ("1,2\n3\n", "row 1 holds '3'; a landmark is two vertex numbers"),
         ("1,-2\n", "row 0 holds '1 -2'"),
         ("12,4o\n7,3\n", "row 0 holds '12 4o'"),  # a slip, no names of columns

@@ -86,7 +86,8 @@ HELP = {
     "partial": "Which shape may lack what the other has: torn, cut, seen from one side, or without "
     "a part; auto: either; none: every point gets a partner.",
     "landmarks": "Landmarks: a .csv file, on each line a source vertex and a target vertex, "
-    "counted from 0; or, given twice, a .mrk.json or .fcsv file of 3D Slicer for each shape.",
+    "counted from 0, or the other way round below the names target,source; or, given twice, a "
+    ".mrk.json or .fcsv file of 3D Slicer for each shape.",
     "save_match": "Keep the match that was made, as unbend match -o does.",
     "min_confidence": "If the match's confidence is below X, write no file and exit with code 3.",
     "workers": "Local processes; by default as many as there are processors and memory for. 0: "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -138,8 +139,9 @@ def read_landmarks(
     """Read landmarks (l, 2): on each line a source vertex and the corresponding target vertex.
 
     The file is .csv or .txt, its numbers counted from 0 and separated by a comma or blanks. A .csv
-    file may begin with column names. Raises FileError if it cannot be read or has other lines, or
-    numbers not below `n_source` and `n_target`.
+    file may begin with column names; if these are ``target,source``, the target comes first.
+    Raises FileError if it cannot be read or has other lines, or numbers not below `n_source` and
+    `n_target`.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
@@ -148,7 +150,13 @@ def read_landmarks(
         rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
         is_csv = path.suffix.lower() == ".csv"
         if rows and is_csv and not any(are_numbers([word]) for word in rows[0]):
-            rows = rows[1:]
+            header, rows = lines[0].lower(), rows[1:]
+            if re.findall(r"\w+", header) == ["label", "vertex"]:
+                raise FileError(
+                    "holds vertices of one mesh; landmarks are pairs of vertices, source,target"
+                )
+            if 0 <= header.find("target") < header.find("source"):
+                rows = [row[::-1] for row in rows]
         if not rows:
             raise FileError("holds no landmarks")
         for index, row in enumerate(rows):
