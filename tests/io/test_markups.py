@@ -128,6 +128,19 @@ def test_points_pair_by_label_or_else_by_order(tmp_path: Path) -> None:
         pair(tmp_path, ["a", "b"], ["c", "d", "e"])
 
 
+def test_labels_pair_in_any_case(tmp_path: Path) -> None:
+    assert pair(tmp_path, ["nose", "tail "], ["Tail", "Nose"]) == [[0, 1], [1, 0]]
+    with pytest.raises(InputError, match="one point 'Nose'"):
+        pair(tmp_path, ["Nose", "nose", "tail"], ["nose", "tail", "ear"])
+
+
+def test_labels_that_have_nothing_in_common_are_told(tmp_path: Path) -> None:
+    with pytest.warns(UnbendWarning, match=r"no label in common.* paired by order"):
+        assert pair(tmp_path, ["nose", "tail"], ["Nase", "Schwanz"]) == [[0, 0], [1, 1]]
+    assert pair(tmp_path, ["nose", "tail"], ["F-1", "F-2"]) == [[0, 0], [1, 1]]
+    assert pair(tmp_path, ["nose", "tail"], ["", ""]) == [[0, 0], [1, 1]]
+
+
 def test_landmarks_that_cannot_be_written_are_named(tmp_path: Path) -> None:
     out = tmp_path / "a.mrk.json"
     for vertices, labels, problem in (

@@ -108,7 +108,8 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
 def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLike) -> IntArray:
     """Read landmarks (l, 2) from a file for each of two meshes.
 
-    Points are paired by label if both files have the same labels; otherwise by order.
+    Points are paired by label, in any case, if both files have the same labels; otherwise by order,
+    with a warning if they are named and have no name in common.
 
     Raises FileError if a file cannot be read; InputError if their points do not pair.
     """
@@ -117,16 +118,24 @@ def read_markup_pairs(paths: Sequence[StrPath], source: MeshLike, target: MeshLi
     (labels, first), (others, second) = (
         read_markups(path, mesh) for path, mesh in zip(paths, (source, target), strict=True)
     )
-    if set(labels) & set(others) and len(set(labels)) == len(labels):
-        for label in (*labels, *others):
-            if label not in others or label not in labels or others.count(label) > 1:
+    keys, its = labels, others
+    if set(labels) != set(others):
+        keys, its = ([label.strip().casefold() for label in one] for one in (labels, others))
+    in_common = bool(set(keys) & set(its))
+    if in_common and len(set(labels)) == len(labels):
+        for key, label in zip((*keys, *its), (*labels, *others), strict=True):
+            if keys.count(key) != 1 or its.count(key) != 1:
                 raise InputError(f"{paths[0]} and {paths[1]} do not both have one point {label!r}")
-        second = second[[others.index(label) for label in labels]]
+        second = second[[its.index(key) for key in keys]]
     if len(first) != len(second):
         raise InputError(
             f"{paths[0]} has {plural(len(first), 'point')}, {paths[1]} {len(second)}: they must be "
             "pairs"
         )
+    # Slicer itself calls points F-1 or the like.
+    named = (any(not re.fullmatch(r"(.*-)?\d+|", key) for key in one) for one in (keys, its))
+    if not in_common and all(named):
+        warn(f"{paths[0]} and {paths[1]} have no label in common: points are paired by order")
     return np.column_stack([first, second])
 
 
