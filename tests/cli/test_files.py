@@ -106,6 +106,17 @@ def test_transfer_colours_the_lines_of_an_obj(folder: Path) -> None:
     assert "two.ply: holds color, heat, cold; name one of them with --property" in done.stderr
 
 
+def test_texture_coordinates_are_carried_by_their_name(folder: Path) -> None:
+    uvs = SOURCE.vertices[:, :2]
+    write_mesh("uv.ply", SOURCE, uvs=uvs, scalars={"heat": SAME})
+    given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values", "uv.ply"]
+    right(*given, "--property", "uv", "-o", "out.obj")
+    lines = [line.split() for line in Path("out.obj").read_text().splitlines()]
+    assert [[float(word) for word in line[1:]] for line in lines if line[0] == "vt"] == uvs.tolist()
+    write_mesh("uv.ply", SOURCE, scalars={"uv": SAME, "heat": SAME})
+    assert "(label)" in right(*given, "--property", "uv", "-o", "out.ply").stdout
+
+
 def test_scalars_and_labels_written_to_ply_are_values_again(folder: Path) -> None:
     write_values("labels.ply", SAME % 5, SOURCE, kind="label")
     given = ["transfer", "a.ply", "b.ply", "--map", "map.npy", "--values"]

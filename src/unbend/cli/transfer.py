@@ -37,7 +37,8 @@ def transfer(
       out: .npy, .csv or .txt: a row per target vertex; .ply, .vtp: the target with the values;
           .obj, .glb: the target with colours or texture coordinates. Numbers and labels are
           coloured, for Blender and MeshLab. Landmarks: .mrk.json.
-      kind: auto: scalar for fractions, label for whole numbers, text.
+      kind: auto: scalar for fractions, label for whole numbers and text; for several columns color
+          from 0 to 255, uv for that property, else scalar.
       property_name: Which values of a mesh file: a property of its vertices, color or uv.
       expected_error: Write too how far off each target vertex's source may be, in square roots of
           the target's area (.npy, .csv, .txt, .ply, .vtp): `Match.expected_error`, carried.
@@ -66,6 +67,8 @@ def transfer(
             labels, array = io.read_markups(values, a)
         else:
             array = io.read_values(values, n_vertices=a.n_vertices, name=property_name)
+            if kind == "auto" and property_name == "uv" and array.ndim == 2:
+                kind = "uv"
             chosen = unbend.correspondence.value_kind(array, kind)
             io.check_storable(out, array, chosen)
         found = read_or_match(shapes, matching, progress)
