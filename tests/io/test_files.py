@@ -83,6 +83,8 @@ def test_outputs_that_cannot_work_are_refused(
         check_writable(tmp_path / "a", [".off"])
     with pytest.raises(FileError, match=r"no suffix; use \.npy or \.off$"):
         read_bytes(tmp_path / "mesh", (".npy", ".off", ".npy"))
+    with pytest.raises(FileError, match="it is a folder; give a file's name"):
+        check_writable(tmp_path, (".ply",))
     with pytest.raises(FileError, match="it is a folder"):
         check_writable(tmp_path, [])
     with pytest.raises(FileError, match="there is no folder"):

@@ -25,6 +25,8 @@ def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
     Suffixes are in lower case, with their dot; empty: any. The folder must exist and be writable.
     """
     path = Path(path)
+    if os.path.isdir(path):
+        raise FileError(f"cannot write {path}: it is a folder; give a file's name")
     check_suffix(path, suffixes, "write")
     folder = path.parent
     try:
@@ -33,8 +35,6 @@ def check_writable(path: StrPath, suffixes: Collection[str]) -> Path:
         pass
     except OSError as error:  # its name is too long, or we may not look
         raise FileError(f"cannot write {path}: {error.strerror or error}") from error
-    if os.path.isdir(path):
-        raise FileError(f"cannot write {path}: it is a folder; give a file's name")
     if os.path.exists(path) and not os.path.isfile(path):
         raise FileError(f"cannot write {path}: it is not a regular file")
     if not os.path.isdir(folder):
