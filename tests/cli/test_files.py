@@ -134,11 +134,11 @@ def test_labels_that_a_program_stored_as_floats_stay_labels(folder: Path, suffix
     torn = np.where(SAME < 9, -1, SAME)
     write_match("map.npz", Match(torn, torn, np.eye(3), 1.0, 0.0, 1.0))
     write_values(f"parts{suffix}", np.where(SAME < 100, 3.0, 7.0), SOURCE)
-    for given in (f"parts{suffix}", f"out{suffix}"):  # what was carried can be carried again
-        line = ["transfer", "a.ply", "b.ply", "--map", "map.npz", "--values", given]
-        assert "(label)" in right(*line, "-o", f"out{suffix}").stdout
+    for given, out in (("parts", "out"), ("out", "again")):  # what was carried is carried again
+        line = ["transfer", "a.ply", "b.ply", "--map", "map.npz", "--values", given + suffix]
+        assert "(label)" in right(*line, "-o", out + suffix).stdout
         carried = [np.nan] * 9 + [3] * 91 + [7] * 500
-        np.testing.assert_array_equal(read_values(f"out{suffix}"), carried)
+        np.testing.assert_array_equal(read_values(out + suffix), carried)
 
 
 def test_landmarks_are_carried_and_lead_a_match(folder: Path) -> None:
@@ -172,3 +172,34 @@ def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
         assert done.exit_code == 2
         assert "map.npz: belongs to another mesh than other.ply" in done.stderr
         assert not Path("out.ply").exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "canonical a.ply -o a.ply",
+        "canonical one -o one/a.ply",
+        "register a.ply b.ply --map map.npy -o a.ply",
+        "register a.ply b.ply --map map.npy -o link.ply",
+        "register a.ply one -o one/a.ply",
+        "transfer a.ply b.ply --map map.npy --values map.npy -o b.ply",
+        "transfer a.ply b.ply --map map.npy --values map.npy -o ./map.npy",
+        "transfer a.ply b.ply --values map.npy --save-match map.npy -o out.npy",
+        "transfer a.ply b.ply --values map.npy --expected-error b.ply -o out.npy",
+        "morph a.ply b.ply --map map.npy -o b.ply",
+        "morph a-1.ply b.ply --map map.npy --steps 2 -o a.ply",
+        "match a.ply b.ply --colored out.ply a.ply",
+        "match a.ply b.ply --landmarks hints.csv -o hints.csv",
+    ],
+)
+def test_no_command_writes_over_what_it_reads(folder: Path, line: str) -> None:
+    (folder / "one").mkdir()
+    write_mesh("one/a.ply", SOURCE)
+    write_mesh("a-1.ply", SOURCE)
+    Path("link.ply").symlink_to("b.ply")
+    Path("hints.csv").write_text("1,1\n")
+    before = {path: path.read_bytes() for path in folder.rglob("*.*")}
+    done = CliRunner().invoke(app, line.split())
+    assert done.exit_code == 2
+    assert "is one of the inputs; give another" in done.stderr
+    assert {path: path.read_bytes() for path in folder.rglob("*.*")} == before

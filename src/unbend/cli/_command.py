@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
-from unbend.cli._options import HELP
+from unbend.cli._options import HELP, keep_what_is_given
 from unbend.cli._output import begin
 
 
@@ -61,8 +61,9 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
         option.help = " ".join(about[name].split())
         hints[name] = Annotated[kind, option]
 
-    def run(*, as_json: bool, quiet: bool, **given: Any) -> None:
+    def run(*, ctx: typer.Context, as_json: bool, quiet: bool, **given: Any) -> None:
         begin(as_json, quiet)
+        keep_what_is_given(ctx)
         for name, group in groups.items():
             given[name] = group(**{each.name: given.pop(each.name) for each in fields(group)})
         function(**given)
@@ -70,7 +71,8 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
     run.__name__, run.__annotations__ = function.__name__, hints
     run.__doc__ = f"{text}    \b\n    Examples:\n{examples}"
     kind = inspect.Parameter.KEYWORD_ONLY
-    parameters = [
+    parameters = [inspect.Parameter("ctx", kind, annotation=typer.Context)]
+    parameters += [
         inspect.Parameter(name, kind, default=default, annotation=hints[name])
         for name, default in defaults.items()
     ]

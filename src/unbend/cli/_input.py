@@ -12,7 +12,7 @@ import typer
 import unbend
 from unbend._text import plural
 from unbend.choices import DistanceKind
-from unbend.cli._options import MatchOptions
+from unbend.cli._options import MatchOptions, keep_inputs
 from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
 from unbend.errors import FileError, InputError
 
@@ -72,15 +72,13 @@ def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]
 
 def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) -> list[str]:
     """Make the folder; name a file in it after each mesh, and never one of the meshes."""
-    meshes = {os.path.realpath(path) for path in paths}
     found: dict[str, str] = {}
     for path in paths:
         file = os.path.join(folder, Path(path).stem + suffix(path))
         if file in found:
             raise InputError(f"{found[file]} and {path} would both be written to {file}")
-        if os.path.realpath(file) in meshes:
-            raise InputError(f"{file} is one of the meshes; give another folder to write to")
         found[file] = path
+    keep_inputs(found, paths)
     unbend.collection.make_folder(folder)
     return list(found)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -16,12 +16,28 @@ from unbend.errors import InputError
 
 def claim(ctx: typer.Context, given: Any) -> Any:
     """Refuse one file for two results, of which the second would take the place of the first."""
-    claimed = ctx.meta.setdefault("unbend.claimed", [])
+    claimed = ctx.meta.setdefault("unbend.claimed", {})
     for path in [given] if isinstance(given, str) else given or ():
         if (place := os.path.realpath(path)) in claimed:
             raise InputError(f"two results cannot be written to one file: {path}")
-        claimed.append(place)
+        claimed[place] = path
     return given
+
+
+def keep_inputs(written: Iterable[str], read: Iterable[str]) -> None:
+    """Refuse to write over a file that is read."""
+    inputs = [path for path in read if os.path.isfile(path)]
+    for path in filter(os.path.isfile, written):
+        if any(os.path.samefile(path, one) for one in inputs):
+            raise InputError(f"{path} is one of the inputs; give another place to write to")
+
+
+def keep_what_is_given(ctx: typer.Context) -> None:
+    """Refuse to write over a file that an argument or option names; those to write are claimed."""
+    given = [ctx.params[one.name] for one in ctx.command.params if one.name and not one.callback]
+    words = [[one] if isinstance(one, str) else one for one in given]
+    read = [path for one in words if isinstance(one, list | tuple) for path in one]
+    keep_inputs(ctx.meta.get("unbend.claimed", {}).values(), read)
 
 
 def _writable(*suffixes: str) -> Callable[[typer.Context, str | None], Any]:

@@ -83,6 +83,7 @@ def canonical(
         return ".npy" if n_components != 3 else own if own in _MESH_SUFFIXES else ".ply"
 
     files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
+    options.keep_inputs(files, paths)
     for file in files:
         suffix = unbend.io.check_writable(file, (*_MESH_SUFFIXES, ".npy", ".csv")).suffix.lower()
         if suffix in _MESH_SUFFIXES and n_components != 3:

@@ -45,6 +45,7 @@ def morph(
     files, digits = [out], len(str(steps))
     if steps > 1:
         files = [str(path.with_stem(f"{path.stem}-{i + 1:0{digits}}")) for i in range(steps)]
+    options.keep_inputs(files, (source, target))
     with progress_on_stderr() as progress:
         shapes = read_shapes((source, target), component)
         match = read_or_match(shapes, matching, progress)

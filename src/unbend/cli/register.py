@@ -65,6 +65,7 @@ def register(
         ]
         tell_registered(done, {"template": template, "scans": of_all}, template, out)
         return
+    options.keep_inputs([out], paths)
     unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
     with progress_on_stderr() as progress:
         shapes = read_shapes((template, paths[0]), component)
