@@ -102,6 +102,13 @@ def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
     assert "800 of 1,300 vertices" in done.stdout
     assert "500 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
+    # The other shape has no second component, and is matched as it is.
+    done = right(*arguments, "--component", "1")
+    assert "500 of 1,300 vertices of two.ply to b.ply" in done.stdout
+    for paths in (arguments[:3], ["match", folder / "b.ply", folder / "b.ply"]):
+        done = CliRunner().invoke(app, [*map(str, paths), "--component", "2"])
+        assert done.exit_code == 2
+        assert "there is no component 2" in done.stderr
 
 
 def test_match_of_a_part_with_hints_and_alternatives(folder: Path, tmp_path: Path) -> None:

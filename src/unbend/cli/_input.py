@@ -21,7 +21,17 @@ if TYPE_CHECKING:
 
 
 def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbend.Mesh]:
-    return [unbend.preparation.only_component(unbend.read_mesh(path), component) for path in paths]
+    """Read meshes; choose a component of those that have several, if any has."""
+    shapes = [unbend.read_mesh(path) for path in paths]
+    if component is None:
+        return shapes
+    counts = [
+        len(unbend.mesh.find_components(one.faces, one.n_vertices).n_vertices) for one in shapes
+    ]
+    return [
+        unbend.preparation.only_component(one, component) if n > 1 or max(counts) < 2 else one
+        for one, n in zip(shapes, counts, strict=True)
+    ]
 
 
 def make_form(
