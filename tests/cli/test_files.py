@@ -174,6 +174,21 @@ def test_a_map_of_other_meshes_is_refused(folder: Path) -> None:
         assert not Path("out.ply").exists()
 
 
+def test_a_map_that_leaves_vertices_of_the_target_out_is_told(folder: Path) -> None:
+    part = Mesh(SOURCE.vertices[:400])
+    write_mesh("part.ply", part)
+    np.save("values.npy", SAME[:400])
+    given = ["transfer", "part.ply", "b.ply", "--values", "values.npy", "-o", "out.npy", "--map"]
+    write_map("part.csv", SAME[:400])
+    told = "200 of 600 vertices of b.ply are the image of none, and take the value of the nearest"
+    assert told in right(*given, "part.csv").stderr
+    torn = np.where(SAME < 400, SAME, -1)
+    write_match("part.npz", Match(SAME[:400], torn, np.eye(3), 1.0, 0.0, 1.0))
+    assert told not in right(*given, "part.npz").stderr
+    given = ["transfer", "a.ply", "b.ply", "--values", "map.npy", "-o", "out.npy"]
+    assert "image of none" not in right(*given, "--map", "map.npy").stderr
+
+
 @pytest.mark.parametrize(
     "line",
     [

@@ -91,6 +91,14 @@ def transfer(
             is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
             like = lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
             io.write_values(out, carried, b, kind=chosen, like=like)
+            filled = int((back >= 0).sum()) - len(np.unique(forward[forward >= 0]))
+            if filled > 0 and not isinstance(found, unbend.Match):
+                say(
+                    "note",
+                    f"{filled:,} of {len(back):,} vertices of {b.name} are the image of none, and "
+                    "take the value of the nearest that is one; a .npz map leaves out those beyond "
+                    "the overlap",
+                )
         if expected_error is not None:
             errors = unbend.transfer(errors, found, kind="scalar", source=a, target=b)
             io.write_values(expected_error, errors, b)
