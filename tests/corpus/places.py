@@ -269,6 +269,15 @@ def _outputs() -> Iterator[Case]:
             Refused(sentence),
         )
     yield Case(
+        "output, one of the inputs",
+        _made("bad.ply", make=_write_stone),
+        (
+            canonical.format("bad.ply").replace("good.off", "bad.ply"),
+            "morph good.off bad.ply --map map.txt -o bad.ply",
+        ),
+        Refused("is one of the inputs"),
+    )
+    yield Case(
         "output, in a folder closed to us",
         _made("bad.closed", make=_closed_folder),
         (canonical.format("bad.closed/out.ply"),),

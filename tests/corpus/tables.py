@@ -129,6 +129,11 @@ def _values() -> Iterator[_Row]:
     yield "values, rows of several lengths", ".csv", _lines(*numbers[:-1], "1,2"), "row 41 has 2 en"
     yield "values, words among numbers", ".csv", _lines(*["1,x"] * _N), "row 0 holds '1 x'"
     yield "values, decimal commas", ".txt", _lines(*["0,5"] * _N), "row 0 holds '0,5'"
+    columns = _lines("height", *["0,523"] * _N)
+    yield "values, decimal commas in .csv", ".csv", columns, "row 0 holds '0,523'"
+    yield "values, a row missing below a name", ".csv", _lines("part", *_MAP[1:]), "41 rows"
+    order = _lines("nr,height", *(f"{i},0.5" for i in reversed(range(_N))))
+    yield "values, vertex numbers of no name", ".csv", order, "name it vertex"
     yield "values, semicolons", ".csv", _lines(*["0.5;7"] * _N), "row 0 holds '0.5;7'"
     yield "values, whole numbers of 30 digits", ".csv", _lines(*["9" * 30] * _N), "row 0 holds '999"
     yield "values, a word of a million letters", ".txt", _lines(*["a"] * 41, "b" * 10**6), "row 41"
@@ -169,6 +174,7 @@ def _landmarks() -> Iterator[_Row]:
     yield "landmarks, a header only", ".csv", "source,target\n", "holds no landmarks"
     yield "landmarks, one column", ".csv", "1\n2\n", "row 0 holds '1'"
     yield "landmarks, three columns", ".csv", "1,2,3\n", "row 0 holds '1 2 3'"
+    yield "landmarks, of one mesh", ".csv", "label,vertex\n1,5\n", "landmarks are pairs"
     yield "landmarks, words", ".csv", "1,2\nnose,tail\n", "row 1 holds 'nose tail'"
     yield "landmarks, a fraction", ".txt", "1.5 2\n", "row 0 holds '1.5 2'"
     yield "landmarks, negative", ".csv", "1,2\n-1,3\n", "row 1 holds '-1 3'"
