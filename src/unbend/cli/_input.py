@@ -12,7 +12,7 @@ import typer
 import unbend
 from unbend._text import plural
 from unbend.choices import DistanceKind
-from unbend.cli._options import MatchOptions, keep_inputs
+from unbend.cli._options import MatchOptions
 from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
 from unbend.errors import FileError, InputError
 
@@ -81,14 +81,13 @@ def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]
 
 
 def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) -> list[str]:
-    """Make the folder; name a file in it after each mesh, and never one of the meshes."""
+    """Make the folder; name a file in it after each mesh."""
     found: dict[str, str] = {}
     for path in paths:
         file = os.path.join(folder, Path(path).stem + suffix(path))
         if file in found:
             raise InputError(f"{found[file]} and {path} would both be written to {file}")
         found[file] = path
-    keep_inputs(found, paths)
     unbend.collection.make_folder(folder)
     return list(found)
 
