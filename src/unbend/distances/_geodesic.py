@@ -102,13 +102,12 @@ def _heat(mesh: Mesh) -> _FromVertex:
         if short > _SHORT and not warned:
             warned = True
             warn(
-                f"{mesh.name}: geodesic distances are shorter than the straight line, by up to "
-                f"{short:.0%} of the largest: its faces are too long or too uneven for the heat "
-                "method; use geodesic-exact, which needs a mesh, or remesh it"
+                f"{mesh.name}: the heat method falls short of the straight line, by up to "
+                f"{short:.0%} of the largest distance: its faces are too long or too uneven; use "
+                "geodesic-exact, which needs a mesh, or remesh it"
             )
-        return np.asarray(
-            np.maximum(distances, straight)
-        )  # within a few edges the method falls short
+        # Within a few edges the method falls short.
+        return np.asarray(np.maximum(distances, straight))
 
     return one
 
