@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unbend import Mesh
+from unbend.datasets import make_sphere
 from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_markup_pairs, read_markups, write_markups
 
@@ -55,6 +56,24 @@ def test_ras_is_turned_to_lps(tmp_path: Path) -> None:
     path = tmp_path / "a.mrk.json"
     path.write_text(mrk(("nose", [-3, -1, 1]), axes="RAS"))
     assert read_markups(path, CUBE)[1].tolist() == [4]
+
+
+def test_a_mesh_that_is_in_ras_itself_is_told(tmp_path: Path) -> None:
+    """A body that is nearly its own image, so that every point is near it either way."""
+    body = Mesh(make_sphere(3).vertices * [1, 1, 2] + [0.02, 0.01, 0])
+    path = tmp_path / "a.mrk.json"
+    points = [(f"{i}", body.vertices[i].tolist()) for i in (10, 200, 300)]
+    path.write_text(mrk(*points, axes="RAS"))
+    with pytest.raises(FileError, match=r"from mesh, 0 with x and y negated: .* in LPS"):
+        read_markups(path, body)
+
+
+def test_points_of_another_unit_that_fall_on_one_vertex_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mrk.json"
+    flat = Mesh([[0, 0, 0], [100, 0, 0], [0, 100, 0]], [[0, 1, 2]])
+    path.write_text(mrk(("nose", [0.1, 0, 0]), ("tail", [0, 0.1, 0])))
+    with pytest.warns(UnbendWarning, match="1 point at the same vertex of mesh as another one"):
+        assert read_markups(path, flat)[1].tolist() == [0, 0]
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ MARKUP_SUFFIXES = (".json", ".fcsv")
 # Of the diagonal of the mesh's bounding box: how far from the mesh a point may be, and how far from
 # the vertex that it is described as unless it has been moved.
 _FARTHEST, _MOVED = 0.03, 1e-3
+_CLOSER = 3.0  # times that points are if x and y are negated, from which on axes are confused
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
     "Resources/Schema/markups-schema-v1.0.3.json#"
@@ -54,14 +55,16 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     Raises
     ------
     FileError
-        If the file cannot be read, or a point is farther from the mesh than 3 % of its size.
+        If the file cannot be read, a point is farther from the mesh than 3 % of its size, or the
+        points fit the mesh far better in the other of RAS and LPS.
     InputError
         If the mesh has no vertices.
 
     Warns
     -----
     UnbendWarning
-        Of points that lie elsewhere than the vertices they are described as.
+        Of points that lie elsewhere than the vertices they are described as, and of points at
+        different places that are one vertex.
     """
     path, mesh = Path(path), as_mesh(mesh)
     data = read_bytes(path, MARKUP_SUFFIXES)
@@ -97,6 +100,19 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
                 )
             vertices.append(vertex)
             n_moved += number is not None and vertex != int(number[1])
+        places = np.array([position for *_, position in points])
+        off, turned = (tree.query(places * signs)[0].mean() for signs in (1, (-1, -1, 1)))
+        if turned < off / _CLOSER and off > _MOVED * size:
+            raise FileError(
+                f"its points are {off:.3g} from {mesh.name}, {turned:.3g} with x and y negated: "
+                "one of them is in RAS and the other in LPS; save the mesh in LPS"
+            )
+    shared = len(np.unique(places, axis=0)) - len(np.unique(vertices))
+    if shared > 0:
+        warn(
+            f"{path.name}: {plural(shared, 'point')} at the same vertex of {mesh.name} as another "
+            "one: is the mesh in another unit?"
+        )
     if n_moved:
         warn(
             f"{path.name}: {plural(n_moved, 'point')} not at the vertices they are described as: "
