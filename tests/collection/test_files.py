@@ -53,6 +53,31 @@ def test_patterns_match_whatever_they_say(folder: Path) -> None:
     assert found("odd[1].ply") == ["odd[1].ply"]  # it is there as it is written
 
 
+def test_what_registration_wrote_is_left_out_below_a_folder(folder: Path) -> None:
+    for name in ("deep/fitted/registrations/d-1.npz", "deep/fitted/template.off"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    (folder / "deep" / "fitted" / "d-1.off").touch()
+    assert found("deep") == ["deep/d.off", "deep/er/c.stl"]
+    assert found("deep/fitted") == ["deep/fitted/d-1.off", "deep/fitted/template.off"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege")
+def test_links_to_folders_are_followed_once(folder: Path) -> None:
+    (folder / "far").mkdir()
+    (folder / "far" / "g.ply").touch()
+    (folder / "deep" / "far").symlink_to(folder / "far")
+    (folder / "deep" / "up").symlink_to(folder / "deep")
+    assert found("deep") == ["deep/d.off", "deep/er/c.stl", "deep/far/g.ply"]
+
+
+def test_a_folder_without_any_mesh_is_refused(folder: Path) -> None:
+    (folder / "bare").mkdir()
+    with pytest.raises(FileError, match=r"^cannot read bare: it is a folder without .off, .obj"):
+        found("deep", "bare")
+    assert found("bar*", "deep/er") == ["deep/er/c.stl"]  # a pattern asks for what there is
+
+
 def test_hashes_are_of_the_bytes(folder: Path) -> None:
     expected = hashlib.blake2b(b"b.ply", digest_size=16).hexdigest()
     (lot,) = hashed(iter(["b.ply", "gone.ply", "deep"]))

@@ -14,7 +14,7 @@ from unbend._text import plural
 from unbend.choices import DistanceKind
 from unbend.cli._options import MatchOptions
 from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
-from unbend.errors import FileError, InputError
+from unbend.errors import InputError
 
 if TYPE_CHECKING:
     from unbend._types import IntArray, Progress
@@ -54,12 +54,7 @@ def expand_folders(paths: Iterable[str]) -> list[str]:
             found.append(path)
             continue
         inside = unbend.collection.find_files([path])
-        meshes = [os.path.join(path, os.path.relpath(one, path)) for one in inside]
-        if not meshes:
-            raise FileError(
-                f"cannot read {path}: it is a folder without .off, .obj, .ply or .stl files"
-            )
-        found += meshes
+        found += [os.path.join(path, os.path.relpath(one, path)) for one in inside]
     return found
 
 

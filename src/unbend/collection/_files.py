@@ -23,28 +23,51 @@ from unbend.mesh import Mesh
 # Files that are added from folders. Points and arrays are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl")
 _FILES_AT_ONCE = 256
+REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh
 
 
 def find_files(given: Sequence[str]) -> Iterator[str]:
     """Absolute paths of files, of the meshes in and below folders, and of files matching patterns.
 
-    Hidden files are left out of folders. A name that is none of these comes back as it is.
+    Hidden files are left out of folders, and so are folders in them that registration wrote. A
+    name that is none of these comes back as it is.
+
+    Raises FileError if a folder holds no mesh.
     """
     for one in given:
         found = iter([one] if os.path.exists(one) else glob.iglob(one, recursive=True))
         for match in itertools.chain([next(found, one)], found):
-            if os.path.isdir(match):
-                yield from _walk(os.path.abspath(match))
-            else:
+            if not os.path.isdir(match):
                 yield os.path.abspath(match)
+                continue
+            inside = _walk(os.path.abspath(match))
+            first = list(itertools.islice(inside, 1))
+            if match == one and not first:
+                *most, last = _SUFFIXES
+                raise FileError(
+                    f"cannot read {one}: it is a folder without {', '.join(most)} or {last} files"
+                )
+            yield from itertools.chain(first, inside)
 
 
 def _walk(folder: str) -> Iterator[str]:
-    for here, folders, files in os.walk(folder):
+    seen: set[str] = set()
+    for here, folders, files in os.walk(folder, followlinks=True):
+        # Links may lead round in circles.
+        if (place := os.path.realpath(here)) in seen or (here != folder and _is_registered(here)):
+            folders.clear()
+            continue
+        seen.add(place)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
             if not name.startswith(".") and name.lower().endswith(_SUFFIXES):
                 yield os.path.join(here, name)
+
+
+def _is_registered(folder: str) -> bool:
+    """Whether registration writes here; this is there before any shape is."""
+    here = Path(folder)
+    return (here / REGISTRATIONS).is_dir() and any(here.glob("template.*"))
 
 
 def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:

@@ -16,7 +16,14 @@ import numpy.typing as npt
 from unbend._arrays import array_of
 from unbend._types import IntArray, Progress
 from unbend.collection._engine import Engine, attempt_all, engine
-from unbend.collection._files import find_file, find_files, hashed, make_folder, stem
+from unbend.collection._files import (
+    REGISTRATIONS,
+    find_file,
+    find_files,
+    hashed,
+    make_folder,
+    stem,
+)
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
@@ -25,7 +32,6 @@ from unbend.io import atomic_write, read_bytes, read_mesh, read_table, write_tab
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
-_RESULTS = "registrations"  # folder of a file per shape, written after its mesh
 _KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
@@ -101,13 +107,13 @@ def _register(
     folder = make_folder(out).absolute()  # workers elsewhere have another current folder
     original = Path(template).absolute()
     _copy(original, folder)
-    make_folder(folder / _RESULTS)
+    make_folder(folder / REGISTRATIONS)
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     tasks = []
     for one in shapes:
         pairs = landmarks.get(one.id, _NONE)
         name = f"{stem(one)}-{one.id[:8]}"
-        files = folder / f"{name}{suffix}", folder / _RESULTS / f"{name}.npz"
+        files = folder / f"{name}{suffix}", folder / REGISTRATIONS / f"{name}.npz"
         tasks.append(Task(one, store, original, pairs, *files))
     left = [task for task in tasks if not _done(task)]
     with workers as run:
@@ -234,5 +240,5 @@ def read_registrations(
         if status.startswith("failed: "):
             failures.append(Failure(path, status.removeprefix("failed: ")))
         else:
-            shapes.append(_load(folder / _RESULTS / f"{name}.npz", template, path))
+            shapes.append(_load(folder / REGISTRATIONS / f"{name}.npz", template, path))
     return template, shapes, failures
