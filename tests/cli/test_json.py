@@ -134,7 +134,8 @@ SCHEMA: dict[str, dict[str, Any]] = {
     },
     "collection groups store -n 2": {"store": str, "groups": [list]},
     "collection match store --all -o OUT/matches --workers 0": {
-        "store": str, "n_matched": int, "n_skipped": int, "failed": FAILED,
+        "store": str, "n_matched": int, "n_skipped": int, "n_doubtful": int,
+        "failed": FAILED,
     },
     "collection evaluate store labels.csv": {
         "store": str, "n_shapes": int, "n_classes": int, "n_queries": int, "recall": [NUMBER],
@@ -148,7 +149,8 @@ SCHEMA: dict[str, dict[str, Any]] = {
         "shapes": [
             {
                 "name": str, "path": str, "file": str, "confidence": NUMBER, "coverage": NUMBER,
-                "mean_distance": NUMBER, "distance_95": NUMBER, "doubtful": bool,
+                "mean_distance": NUMBER, "distance_95": NUMBER, "warnings": [str],
+                "doubtful": bool,
             }
         ],
     },

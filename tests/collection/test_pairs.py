@@ -6,6 +6,7 @@ import csv
 import shutil
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ import pytest
 
 from stones import BALL
 from unbend import Mesh, match, read_map, read_match, write_mesh
-from unbend.collection import Collection, _collection
+from unbend.collection import Collection, _collection, _pairs
 from unbend.collection._engine import Outcome
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning, warn
+from unbend.matching import Match
 
 
 @pytest.fixture
@@ -52,6 +54,31 @@ def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_pa
         np.testing.assert_allclose(float(rows[2][name]), getattr(alone, name))
     plain = (out / rows[2]["file"]).with_suffix(".csv")
     np.testing.assert_array_equal(read_map(plain), alone.source_to_target)
+
+
+def test_warnings_are_told_once_for_a_shape_or_a_pair_and_doubtful_pairs_are_counted(
+    three: tuple[Collection, list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, paths = three
+    points = np.vstack([BALL.vertices, BALL.vertices[:3] + 9])
+    write_mesh(paths[0], (points, np.vstack([BALL.faces, len(BALL.vertices) + np.arange(3)])))
+    collection.add(paths[0], workers=0)
+
+    def unsure(*shapes: Mesh) -> Match:
+        found = match(*shapes)
+        warn("there is something about the pair")
+        return replace(found, confidence=0.59 if shapes[1].name == paths[2].name else 1.0)
+
+    monkeypatch.setattr(_pairs, "match", unsure)
+    with pytest.warns(UnbendWarning) as told:
+        done = collection.match(None, tmp_path / "matches", workers=0)
+    assert (done.matched, done.doubtful) == (3, 2)
+    said = [str(one.message).split(": ", 1) for one in told]
+    names = [name for name, _ in said]
+    pairs = [f"{paths[i]} -> {paths[j]}" for i, j in ((0, 1), (0, 2), (1, 2))]
+    assert names == [str(paths[0]), *pairs]
+    assert "is matched" in said[0][1]
+    assert collection.match(None, tmp_path / "matches", workers=0).doubtful == 2
 
 
 def test_what_cannot_be_matched_is_named_once(

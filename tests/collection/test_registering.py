@@ -12,9 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.collection import Collection, mean_shape, read_registrations
+from unbend.collection import Collection, mean_shape, read_registrations, register_files
 from unbend.datasets import make_quadruped
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 
 TEMPLATE = make_quadruped("standing", n_vertices=500).mesh
 TURN = Rotation.from_rotvec([0.4, 1.0, -0.3]).as_matrix()
@@ -155,6 +155,21 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
     ):
         with pytest.raises(InputError, match=problem):
             collection.register(out / "template.obj", out, landmarks=given, workers=0)
+
+
+def test_warnings_of_a_shape_are_told_and_stay_in_the_table(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "template.ply", TEMPLATE)
+    pieces = np.vstack([TEMPLATE.vertices, TEMPLATE.vertices[:3] + 9])
+    faces = np.vstack([TEMPLATE.faces, 500 + np.arange(3)])
+    write_mesh(tmp_path / "pieces.ply", (pieces, faces))
+    given = [str(tmp_path / "pieces.ply")], str(tmp_path / "template.ply"), str(tmp_path / "out")
+    with pytest.warns(UnbendWarning, match=r"pieces.ply: .*largest .* is matched") as told:
+        done = register_files(*given)
+    assert len(told) == 1
+    assert str(told[0].message) == f"{given[0][0]}: {done.shapes[0].warnings[0]}"
+    again = register_files(*given)
+    assert (again.skipped, again.shapes) == (1, done.shapes)
+    assert rows(tmp_path / "out")[0]["warnings"] == done.shapes[0].warnings[0]
 
 
 def test_a_textured_template_keeps_its_lines(made: Path, tmp_path: Path) -> None:

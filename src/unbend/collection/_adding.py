@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
-from unbend.collection._engine import Engine, Outcome, counted
+from unbend.collection._engine import Engine, Outcome, counted, heard
 from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store
@@ -132,14 +131,13 @@ class _Adding:
 def make_row(file: File) -> dict[str, Any]:
     """Read a shape and compute its columns in the store."""
     path, digest = file
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with heard() as said:
         mesh = read_mesh(path)
         basis = make_basis(mesh)
         descriptor, form = describe(basis), sample_form(basis)
     if not (np.isfinite(descriptor).all() and np.isfinite(form).all()):
         raise MeshError("its description is not finite; try unbend check on it")
-    notes = dict.fromkeys([*mesh.notes, *(str(one.message) for one in caught)])
+    notes = dict.fromkeys([*mesh.notes, *said])
     return {
         "id": digest,
         "path": path,

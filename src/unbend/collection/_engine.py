@@ -22,7 +22,7 @@ from unbend._memory import LIMIT_VARIABLE, available_memory
 from unbend._parallel import n_cores
 from unbend._types import Progress
 from unbend.collection._rows import Failure
-from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning
+from unbend.errors import InputError, MissingExtraError, UnbendError, UnbendWarning, warn
 
 # Tasks for each thread of the cluster: one is computed while the next waits.
 _TASKS_PER_THREAD = 2
@@ -49,19 +49,35 @@ Engine = AbstractContextManager[Run]
 
 def attempt_all(
     run: Run,
-    work: Callable[[Any], None],
+    work: Callable[[Any], Iterable[str]],
     tasks: Sequence[Any],
     noun: str,
     progress: Progress | None,
 ) -> list[Failure]:
-    """Work on tasks that have a name, report the progress, and return the failures."""
+    """Work on tasks that have a name, report the progress, and return the failures.
+
+    What `work` returns are its warnings, which are issued here: workers elsewhere are not heard.
+    """
     tell, done = counted(progress, noun, len(tasks)), 0
     failures: list[Failure] = []
     for outcomes in run(work, tasks):
         done += len(outcomes)
         failures += [Failure(task.name, why) for task, _, why in outcomes if why is not None]
         tell(done, 0, len(failures))
+        for task, said, _ in outcomes:
+            for one in said or ():
+                warn(f"{task.name}: {one}")
     return failures
+
+
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """Collect the warnings of a block, each once, in a list that is filled at its end."""
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnbendWarning)
+        yield said
+    said += dict.fromkeys(str(one.message) for one in caught)
 
 
 def counted(progress: Progress | None, noun: str, total: int) -> Callable[[int, int, int], None]:

@@ -9,8 +9,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from unbend._display import is_doubtful
 from unbend._types import Progress
-from unbend.collection._engine import Engine, attempt_all
+from unbend.collection._engine import Engine, attempt_all, heard
 from unbend.collection._files import find_file, make_folder, stem
 from unbend.collection._rows import Entry, Matched
 from unbend.collection._store import Store, check_outside
@@ -61,9 +62,11 @@ def match_pairs(
         good = [pair for pair in left if bad.isdisjoint(one.path for one in pair)]
         tasks = [Task(pair, folder, store.path) for pair in good]
         failed = attempt_all(run, match_pair, tasks, "pairs", progress)
-    write_table(folder / _TABLE, _table(folder, pairs))
+    confidences: list[float] = []
+    write_table(folder / _TABLE, _table(folder, pairs, confidences))
+    doubtful = sum(map(is_doubtful, confidences))
     skipped, seconds = len(pairs) - len(left), time.monotonic() - start
-    return Matched(len(tasks) - len(failed), skipped, (*lost, *failed), seconds)
+    return Matched(len(tasks) - len(failed), skipped, (*lost, *failed), seconds, doubtful)
 
 
 def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]:
@@ -77,20 +80,25 @@ def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]
     return list(dict.fromkeys((known[source], known[target]) for source, target in names))
 
 
-def keep_spectrum(task: Task) -> None:
+def keep_spectrum(task: Task) -> list[str]:
     """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
-    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT):
-        prepare_spectrum(_read(task.entries[0], task.store))
+    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT), heard() as said:
+        mesh = _read(task.entries[0], task.store)
+        prepare_spectrum(mesh)
+    return [one.removeprefix(f"{mesh.name}: ") for one in said]
 
 
-def match_pair(task: Task) -> None:
+def match_pair(task: Task) -> list[str]:
     """Match two shapes and write the result."""
     source, target = task.entries
-    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT):
-        found = match(_read(source, task.store), _read(target, task.store))
+    with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT), heard() as said:
+        shapes = _read(source, task.store), _read(target, task.store)
+        found = match(*shapes)
     path = task.out / file_name(source, target)
     write_map(path.with_suffix(".csv"), found.source_to_target)
     write_match(path, found)  # last: it says that the pair is done
+    # The spectra told what is to be said of each shape.
+    return [one for one in said if not one.startswith(tuple(f"{mesh.name}: " for mesh in shapes))]
 
 
 def file_name(source: Entry, target: Entry) -> str:
@@ -106,12 +114,15 @@ def _done(folder: Path, pair: Pair) -> bool:
     return (folder / file_name(*pair)).exists()
 
 
-def _table(folder: Path, pairs: Iterable[Pair]) -> Iterator[Iterable[Any]]:
-    """Rows for each match there is."""
+def _table(
+    folder: Path, pairs: Iterable[Pair], confidences: list[float]
+) -> Iterator[Iterable[Any]]:
+    """Rows for each match there is, whose confidences are collected."""
     measures = "confidence", "orientation", "overlap_source", "overlap_target"
     yield "source", "target", "file", *measures
     for source, target in pairs:
         if _done(folder, (source, target)):
             name = file_name(source, target)
             found = read_match(folder / name)
+            confidences.append(found.confidence)
             yield source.path, target.path, name, *(getattr(found, one) for one in measures)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of
 from unbend._types import IntArray, Progress
-from unbend.collection._engine import Engine, attempt_all, engine
+from unbend.collection._engine import Engine, attempt_all, engine, heard
 from unbend.collection._files import (
     REGISTRATIONS,
     find_file,
@@ -148,19 +148,31 @@ def _done(task: Task) -> bool:
         return False
 
 
-def register_shape(task: Task) -> None:
+def register_shape(task: Task) -> list[str]:
     """Register the template to a shape and write the result."""
     store = task.store
     path = task.shape.path if store is None else find_file(task.shape, store)
-    template, scan = read_mesh(task.template), read_mesh(path)
     landmarks = task.landmarks if len(task.landmarks) else None
-    given = match(template, scan, landmarks=landmarks, barycentric=True)
-    found = register(template, scan, given)
+    with heard() as said:
+        template, scan = read_mesh(task.template), read_mesh(path)
+        given = match(template, scan, landmarks=landmarks, barycentric=True)
+        found = register(template, scan, given)
+    ours, own = f"{template.name}: ", f"{scan.name}: "
+    # What is to be said of the template was told once, before.
+    told = [one.removeprefix(own) for one in said if ours == own or not one.startswith(ours)]
     keeps_lines = task.mesh.suffix.lower() == ".obj"  # texture, materials, groups, polygons
     write_registration(task.mesh, found, like=task.template if keeps_lines else None)
     fields: dict[str, Any] = {name: getattr(found, name) for name in _FIELDS}
+    fields |= {"landmarks": task.landmarks, "warnings": np.array(told, dtype=np.str_)}
     with atomic_write(task.result) as file:
-        np.savez(file, vertices=found.mesh.vertices, landmarks=task.landmarks, **fields)
+        np.savez(file, vertices=found.mesh.vertices, **fields)
+    return told
+
+
+def _warnings(path: Path) -> tuple[str, ...]:
+    """Read what was told of a shape; nothing in files of earlier versions."""
+    with np.load(path, allow_pickle=False) as arrays:
+        return tuple(arrays["warnings"].tolist()) if "warnings" in arrays else ()
 
 
 def _load(path: Path, template: Mesh, name: str) -> Registration:
@@ -189,11 +201,16 @@ def _write_tables(
             distances = found.distances[np.isfinite(found.distances)]
             middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
             numbers = float(found.confidence), float(found.coverage), middle, most
-            shapes.append(RegisteredShape(task.result.stem, task.name, task.mesh.name, *numbers))
+            known = task.result.stem, task.name, task.mesh.name
+            shapes.append(RegisteredShape(*known, *numbers, _warnings(task.result)))
     head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
-    rows = [(*vars(one).values(), "doubtful" if one.doubtful else "registered") for one in shapes]
-    bad = [(Path(one.path).stem, one.path, *[""] * 5, f"failed: {one.reason}") for one in failures]
-    write_table(folder / "shapes.csv", [(*head, "status"), *rows, *bad])
+    table: list[Iterable[object]] = [(*head, "status", "warnings")]
+    for one in shapes:
+        *values, said = vars(one).values()
+        table.append((*values, "doubtful" if one.doubtful else "registered", "; ".join(said)))
+    for bad in failures:
+        table.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", ""))
+    write_table(folder / "shapes.csv", table)
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
     places = (
         (one.name, i, *place)

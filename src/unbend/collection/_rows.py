@@ -115,12 +115,15 @@ class Matched:
     failures : tuple of Failure
         Pairs that could not be matched.
     seconds : float
+    doubtful : int
+        Pairs, of all these, whose match may well be wrong: their confidence is below 0.6.
     """
 
     matched: int
     skipped: int
     failures: tuple[Failure, ...]
     seconds: float
+    doubtful: int
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,8 @@ class RegisteredShape:
         See :class:`unbend.correspondence.Registration`.
     mean_distance, distance_95 : float
         Mean and 95 % quantile of the vertices' distances from the shape, in its unit.
+    warnings : tuple of str
+        Of matching and registering.
     """
 
     name: str
@@ -144,6 +149,7 @@ class RegisteredShape:
     coverage: float
     mean_distance: float
     distance_95: float
+    warnings: tuple[str, ...]
 
     @property
     def doubtful(self) -> bool:

@@ -49,9 +49,14 @@ def match(
         )
     counts = f"matched {done.matched:,}, there before {done.skipped:,}"
     failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
-    result = {"store": store, "n_matched": done.matched, "n_skipped": done.skipped}
-    lines = [f"{counts}, {failed}; {out}/matches.csv lists all"]
-    tell(result, lines, written=[out], failures=done.failures)
+    result: dict[str, Any] = {"store": store, "n_matched": done.matched, "n_skipped": done.skipped}
+    result["n_doubtful"] = done.doubtful
+    lines = [
+        f"{counts}, {failed}; doubtful {done.doubtful:,}; {out}/matches.csv lists these matches"
+    ]
+    hint = "look at those with a confidence below 0.6: unbend match SOURCE TARGET --report HTML"
+    next_step = hint if done.doubtful else None
+    tell(result, lines, written=[out], next_step=next_step, failures=done.failures)
 
 
 def register(
