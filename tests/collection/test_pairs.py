@@ -95,6 +95,8 @@ def test_what_cannot_be_matched_is_named_once(
     assert set(reasons) == {"strip.ply", paths[2].name}
     assert "only one side" in reasons["strip.ply"]
     assert f"{paths[2]} (it has changed since it was added)" in reasons[paths[2].name]
+    with open(tmp_path / "matches" / "matches.csv", newline="") as file:
+        assert not list(csv.DictReader(file))
     pair = paths[1], str(paths[1])
     assert collection.match([pair, pair[::-1]], tmp_path / "twice", workers=0).matched == 1
     with pytest.raises(InputError, match="a pair is a source and a target, not"):
@@ -106,6 +108,22 @@ def test_what_cannot_be_matched_is_named_once(
         f"cannot read {paths[2]} (there is no such file): run unbend collection add "
         f"{collection.path} NEWFOLDER, with the folder that it is in now"
     )
+
+
+def test_a_match_of_a_file_that_changed_is_not_passed_off_as_one_of_it(
+    three: tuple[Collection, list[Path]], tmp_path: Path
+) -> None:
+    collection, paths = three
+    pairs = [(paths[0], paths[1]), (paths[2], paths[2])]
+    assert collection.match(pairs, tmp_path / "matches", workers=0).matched == 2
+    write_mesh(paths[1], (3 * BALL.vertices, BALL.faces))
+    done = collection.match(pairs, tmp_path / "matches", workers=0)
+    assert (done.matched, done.skipped) == (0, 1)
+    (failure,) = done.failures
+    assert failure.path == str(paths[1])
+    assert "it has changed since it was added" in failure.reason
+    with open(tmp_path / "matches" / "matches.csv", newline="") as file:
+        assert [row["source"] for row in csv.DictReader(file)] == [str(paths[2])]
 
 
 def test_workers_are_those_asked_for(

@@ -157,6 +157,38 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
             collection.register(out / "template.obj", out, landmarks=given, workers=0)
 
 
+def test_a_shape_keeps_its_landmarks_until_it_is_given_others(
+    own: tuple[Collection, Path],
+) -> None:
+    collection, out = own
+    (permuted,) = (row["path"] for row in rows(out) if row["shape"].startswith("permuted"))
+    hints = {permuted: [(i, np.argsort(ORDER)[i]) for i in (0, 100, 200)]}
+    collection.register(out / "template.obj", out, landmarks=hints, workers=0)
+    corrected = np.load(out / "vertices.npy")
+    assert collection.register(out / "template.obj", out, workers=0).skipped == 3
+    next(out.glob("permuted-*.obj")).unlink()
+    assert collection.register(out / "template.obj", out, workers=0).registered == 1
+    np.testing.assert_array_equal(np.load(out / "vertices.npy"), corrected)
+    (result,) = (out / "registrations").glob("permuted-*.npz")
+    without = {permuted: []}
+    assert collection.register(out / "template.obj", out, landmarks=without, workers=0).skipped == 2
+    assert not len(np.load(result)["landmarks"])
+
+
+def test_a_registered_shape_whose_file_changed_or_is_gone_fails(made: Path, tmp_path: Path) -> None:
+    shutil.copytree(made / "out", tmp_path / "out")
+    shutil.copytree(made / "scans", tmp_path / "scans")
+    collection = Collection(tmp_path / "store")
+    collection.add([tmp_path / "scans" / name for name in ("itself.obj", "walking.off")], workers=0)
+    (tmp_path / "scans" / "walking.off").write_text("something else")
+    (tmp_path / "scans" / "itself.obj").unlink()
+    done = collection.register(made / "template.obj", tmp_path / "out", workers=0)
+    assert (done.registered, done.skipped, done.shapes) == (0, 0, ())
+    reasons = {Path(one.path).name: one.reason for one in done.failures}
+    assert "there is no such file" in reasons["itself.obj"]
+    assert "it has changed since it was added" in reasons["walking.off"]
+
+
 def test_warnings_of_a_shape_are_told_and_stay_in_the_table(tmp_path: Path) -> None:
     write_mesh(tmp_path / "template.ply", TEMPLATE)
     pieces = np.vstack([TEMPLATE.vertices, TEMPLATE.vertices[:3] + 9])

@@ -332,7 +332,8 @@ class Collection:
               those that failed.
         landmarks : mapping of str to (l, 2) array_like of int, optional
             For names of shapes, vertices of the template and of the shape that correspond. A shape
-            whose landmarks have changed is registered again.
+            whose landmarks have changed is registered again. One that is not named keeps those it
+            was registered with; an empty list removes them.
         workers, scheduler, progress
             See :meth:`add`.
 

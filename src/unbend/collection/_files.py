@@ -10,7 +10,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,6 +111,17 @@ def find_file(shape: Entry | Hit, store: str) -> str:
         f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
         "the folder that it is in now"
     )
+
+
+def without_file(shapes: Iterable[Entry], store: str) -> list[Failure]:
+    """Shapes of the collection at `store` of which no file is as it was added, and why."""
+    failures = []
+    for one in shapes:
+        try:
+            find_file(one, store)
+        except FileError as error:
+            failures.append(Failure.of(one.path, error))
+    return failures
 
 
 def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], list[Failure]]:

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from unbend._display import is_doubtful
 from unbend._types import Progress
 from unbend.collection._engine import Engine, attempt_all, heard
-from unbend.collection._files import find_file, make_folder, stem
-from unbend.collection._rows import Entry, Matched
+from unbend.collection._files import find_file, make_folder, stem, without_file
+from unbend.collection._rows import Entry, Failure, Matched
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import read_match, write_match
 from unbend.errors import InputError
@@ -51,16 +51,17 @@ def match_pairs(
     """Match pairs that have no match yet, and write a table of all; see `Collection.match`."""
     start = time.monotonic()
     check_outside(store.path, out)
-    pairs = _chosen(store, named)
+    chosen = _chosen(store, named)
     folder = make_folder(out).absolute()  # workers elsewhere have another current folder
+    before = {entry.id: entry for pair in chosen if _done(folder, pair) for entry in pair}
+    lost = without_file(before.values(), store.path)
+    pairs = _without(lost, chosen)
     left = [pair for pair in pairs if not _done(folder, pair)]
     with workers as run:
         shapes = {entry.id: entry for pair in left for entry in pair}.values()
         tasks = [Task((entry,), folder, store.path) for entry in shapes]
-        lost = attempt_all(run, keep_spectrum, tasks, "spectra", progress)
-        bad = {one.path for one in lost}
-        good = [pair for pair in left if bad.isdisjoint(one.path for one in pair)]
-        tasks = [Task(pair, folder, store.path) for pair in good]
+        lost += attempt_all(run, keep_spectrum, tasks, "spectra", progress)
+        tasks = [Task(pair, folder, store.path) for pair in _without(lost, left)]
         failed = attempt_all(run, match_pair, tasks, "pairs", progress)
     confidences: list[float] = []
     write_table(folder / _TABLE, _table(folder, pairs, confidences))
@@ -78,6 +79,11 @@ def _chosen(store: Store, named: Iterable[tuple[Any, Any]] | None) -> list[Pair]
         raise InputError(f"a pair is a source and a target, not {wrong[0]}")
     known = {name: store.find(name) for name in dict.fromkeys(itertools.chain(*names))}
     return list(dict.fromkeys((known[source], known[target]) for source, target in names))
+
+
+def _without(lost: Iterable[Failure], pairs: Iterable[Pair]) -> list[Pair]:
+    bad = {one.path for one in lost}
+    return [pair for pair in pairs if bad.isdisjoint(one.path for one in pair)]
 
 
 def keep_spectrum(task: Task) -> list[str]:

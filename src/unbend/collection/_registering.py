@@ -23,6 +23,7 @@ from unbend.collection._files import (
     hashed,
     make_folder,
     stem,
+    without_file,
 )
 from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
@@ -111,18 +112,20 @@ def _register(
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     tasks = []
     for one in shapes:
-        pairs = landmarks.get(one.id, _NONE)
         name = f"{stem(one)}-{one.id[:8]}"
         files = folder / f"{name}{suffix}", folder / REGISTRATIONS / f"{name}.npz"
-        tasks.append(Task(one, store, original, pairs, *files))
-    left = [task for task in tasks if not _done(task)]
+        pairs = landmarks[one.id] if one.id in landmarks else _landmarks(files[1])
+        tasks.append(Task(one, store, original, _NONE if pairs is None else pairs, *files))
+    done = {task.name: task.shape for task in tasks if _done(task)}
+    left = [task for task in tasks if task.name not in done]
+    lost = [] if store is None else without_file(done.values(), store)
     with workers as run:
         failed = attempt_all(run, register_shape, left, "shapes", progress)
-    bad = {one.path for one in failed}
-    every = (*failures, *failed)
+    every = (*failures, *lost, *failed)
+    bad = {one.path for one in every}
     rows = _write_tables(folder, mesh, [task for task in tasks if task.name not in bad], every)
     seconds = time.monotonic() - start
-    return Registered(len(left) - len(failed), len(tasks) - len(left), rows, every, seconds)
+    return Registered(len(left) - len(failed), len(done) - len(lost), rows, every, seconds)
 
 
 def _copy(template: Path, folder: Path) -> None:
@@ -141,11 +144,18 @@ def _copy(template: Path, folder: Path) -> None:
 
 def _done(task: Task) -> bool:
     """Whether both files are there, made with these landmarks."""
+    made_with = _landmarks(task.result)
+    same = made_with is not None and np.array_equal(made_with, task.landmarks)
+    return same and task.mesh.exists()
+
+
+def _landmarks(result: Path) -> IntArray | None:
+    """Landmarks that a shape was registered with; None where it was not, or nobody can tell."""
     try:
-        with np.load(task.result, allow_pickle=False) as arrays:
-            return np.array_equal(arrays["landmarks"], task.landmarks) and task.mesh.exists()
+        with np.load(result, allow_pickle=False) as arrays:
+            return np.asarray(arrays["landmarks"], dtype=np.int64).reshape(-1, 2)
     except _DAMAGED:
-        return False
+        return None
 
 
 def register_shape(task: Task) -> list[str]:

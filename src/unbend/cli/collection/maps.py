@@ -80,7 +80,8 @@ def register(
       out: The folder to write to, for this template alone: a mesh per shape, shapes.csv,
           vertices.npy and vertices.csv.
       landmarks: Landmarks: columns shape,template,vertex, with a path or id of a shape, a vertex of
-          the template, and the corresponding vertex of the shape, counted from 0.
+          the template, and the corresponding vertex of the shape, counted from 0. Shapes that
+          are not named keep those of an earlier run.
 
     Examples
     --------
