@@ -6,6 +6,7 @@ import csv
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +128,32 @@ def test_what_is_there_is_not_touched_again_and_what_is_missing_is_made_again(
     assert collection.register(out / "template.obj", out, workers=0).registered == 1
     done = collection.register(out / "template.obj", out, workers=0)
     assert (done.registered, done.skipped, len(done.failures)) == (0, 3, 1)
+
+
+def test_tables_that_a_run_did_not_finish_are_not_read(
+    own: tuple[Collection, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection, out = own
+    whole = contents(out)
+    (out / ".vertices.npy.01234567.part").write_bytes(b"of a run that was killed")
+    for last in ("vertices.npy", "vertices.csv", "shapes.csv"):
+
+        def replace(old: str, new: str, last: str = last, of: Any = os.replace) -> None:
+            if Path(new).name == last:
+                raise KeyboardInterrupt
+            of(old, new)
+
+        with monkeypatch.context() as patch:
+            patch.setattr("unbend.io._files.os.replace", replace)
+            with pytest.raises(KeyboardInterrupt):
+                collection.register(out / "template.obj", out, workers=0)
+        with pytest.raises(FileError, match="holds no registered shapes, or not all yet"):
+            read_registrations(out)
+    collection.register(out / "template.obj", out, workers=0)
+    again = contents(out)
+    assert {name: data for name, (data, _) in again.items()} == {
+        name: data for name, (data, _) in whole.items()
+    }
 
 
 def test_new_landmarks_register_a_shape_again_and_only_that(

@@ -6,6 +6,7 @@ import itertools
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -199,7 +200,18 @@ def _load(path: Path, template: Mesh, name: str) -> Registration:
 def _write_tables(
     folder: Path, template: Mesh, tasks: Sequence[Task], failures: Iterable[Failure]
 ) -> tuple[RegisteredShape, ...]:
-    """Write all positions and a row for each shape, in bounded memory."""
+    """Write all positions and a row for each shape, in bounded memory.
+
+    The rows come last: they say whose the positions are.
+    """
+    table = folder / "shapes.csv"
+    try:
+        table.unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot write {table}: {error.strerror or error}") from error
+    for part in folder.glob(".vertices.*.part"):  # of a run that was killed
+        with suppress(OSError):
+            part.unlink()
     shapes = []
     with atomic_write(folder / "vertices.npy") as file:
         shape = len(tasks), template.n_vertices, 3
@@ -213,14 +225,6 @@ def _write_tables(
             numbers = float(found.confidence), float(found.coverage), middle, most
             known = task.result.stem, task.name, task.mesh.name
             shapes.append(RegisteredShape(*known, *numbers, _warnings(task.result)))
-    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
-    table: list[Iterable[object]] = [(*head, "status", "warnings")]
-    for one in shapes:
-        *values, said = vars(one).values()
-        table.append((*values, "doubtful" if one.doubtful else "registered", "; ".join(said)))
-    for bad in failures:
-        table.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", ""))
-    write_table(folder / "shapes.csv", table)
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
     places = (
         (one.name, i, *place)
@@ -229,6 +233,14 @@ def _write_tables(
     )
     columns = "shape", "vertex", "x", "y", "z"
     write_table(folder / "vertices.csv", itertools.chain([columns], places))
+    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
+    lines: list[Iterable[object]] = [(*head, "status", "warnings")]
+    for one in shapes:
+        *values, said = vars(one).values()
+        lines.append((*values, "doubtful" if one.doubtful else "registered", "; ".join(said)))
+    for bad in failures:
+        lines.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", ""))
+    write_table(table, lines)
     return tuple(shapes)
 
 
