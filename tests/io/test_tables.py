@@ -17,6 +17,11 @@ def test_lines_may_end_as_on_any_system_and_begin_with_a_byte_order_mark(tmp_pat
     assert read_table(tmp_path / "a.csv", ("b", "a")) == [["2", "1"]]
 
 
+def test_blanks_around_values_and_empty_cells_after_them_do_not_count(tmp_path):
+    (tmp_path / "a.csv").write_text("a , b\t,,\n 1 ,2 3\t,,\n")
+    assert read_table(tmp_path / "a.csv", ("a", "b")) == [["1", "2 3"]]
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -25,6 +30,9 @@ def test_lines_may_end_as_on_any_system_and_begin_with_a_byte_order_mark(tmp_pat
         (b"a,b\n1,2\n,2\n", "line 3 has no a"),
         (b"a,b\n\xff,2\n", "cannot read .*a.csv"),
         (b"", "is empty"),
+        (b"a,b\n1, \t\n", "line 2 has no b"),
+        (b"a,b, a\n1,2,3\n", "the first line names the column a twice"),
+        (b"a,b\n1,2\n1,2,3\n", "line 3 has more values than there are columns"),
     ],
 )
 def test_what_does_not_fit_is_named(tmp_path, data, message):

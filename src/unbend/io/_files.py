@@ -124,8 +124,8 @@ def atomic_write(path: StrPath) -> Iterator[BinaryIO]:
 def read_table(path: StrPath, columns: Sequence[str]) -> list[list[str]]:
     """Read the values of these columns, in any order and among others; the first line names them.
 
-    Row i is line i + 2 of a file without empty lines. Raises FileError if the file cannot be read,
-    or lacks a column or a value.
+    Row i is line i + 2 of a file without empty lines. Blanks around values do not count. Raises
+    FileError if the file cannot be read, lacks a column or a value, or has one too many.
     """
     path = Path(path)
     data = read_bytes(path, (".csv", ".txt"))
@@ -133,17 +133,25 @@ def read_table(path: StrPath, columns: Sequence[str]) -> list[list[str]]:
         reader = csv.DictReader(
             io.StringIO(data.decode("utf-8-sig"), newline=""), skipinitialspace=True
         )
+        heads = [name.strip() for name in reader.fieldnames or ()]
+        reader.fieldnames = heads
+        if twice := [name for name in heads if name and heads.count(name) > 1]:
+            raise FileError(f"{path}: the first line names the column {twice[0]} twice")
         for name in columns:
-            if name not in (reader.fieldnames or ()):
+            if name not in heads:
                 raise FileError(
                     f"{path}: there is no column {name}; the first line must name the columns "
                     f"{', '.join(columns)}"
                 )
-        rows = [[row[name] for name in columns] for row in reader]
+        found = list(reader)
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"cannot read {path}: {error}") from None
-    for line, row in enumerate(rows, start=2):
-        for name, value in zip(columns, row, strict=True):
+    rows = []
+    for line, cells in enumerate(found, start=2):
+        if any(cells.get(None, ())):
+            raise FileError(f"{path}: line {line} has more values than there are columns")
+        rows.append([(cells[name] or "").strip() for name in columns])
+        for name, value in zip(columns, rows[-1], strict=True):
             if not value:
                 raise FileError(f"{path}: line {line} has no {name}")
     return rows
