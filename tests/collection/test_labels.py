@@ -29,6 +29,17 @@ def test_paths_from_where_we_are(table, tmp_path, monkeypatch):
     assert read_labels(table("path,label\n./0.off,cat\n"), [[str(tmp_path / "0.off")]]) == ["cat"]
 
 
+def test_a_path_that_fits_here_and_beside_the_table_is_refused(table, tmp_path, monkeypatch):
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    both = str(here / "0.off"), str(tmp_path / "0.off")
+    text = table("path,label\n0.off,cat\n")
+    with pytest.raises(FileError, match=r"0.off is several shapes .*; write the whole path"):
+        read_labels(text, [[path] for path in both])
+    assert read_labels(text, [both]) == ["cat"]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

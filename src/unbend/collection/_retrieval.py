@@ -165,7 +165,7 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
     table : path
         A CSV file with the columns path and label, in any order and among others. A path is meant
         from the folder we are in or from the table's; where nothing is there, its end will do (as
-        `cats/cat0.off`), if it is that of a single shape.
+        `cats/cat0.off`), if it is that of a single shape. One that fits several is refused.
     shapes : sequence of sequence of str
         The paths of each shape; a shape has several where files are identical.
 
@@ -206,11 +206,12 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
     labels: list[dict[str, str]] = [{} for _ in shapes]  # by path
     for line, (path, label) in enumerate(rows, start=2):
         places = (os.path.abspath(folder / path) for folder in (Path(), table.parent))
-        found = [files[place] for place in places if place in files][:1]
+        found = [files[place] for place in places if place in files]
         found = found or ends.get("/".join(Path(path).parts), [])
         if len({i for i, _ in found}) != 1:
             what = "several shapes" if found else "no shape"
-            raise FileError(f"{table}: line {line}: {path} is {what} of the collection")
+            more = "; write the whole path" if found else ""
+            raise FileError(f"{table}: line {line}: {path} is {what} of the collection{more}")
         i, path = found[0]
         if labels[i].setdefault(path, label) != label:
             raise FileError(
