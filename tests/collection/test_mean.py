@@ -8,7 +8,7 @@ from unbend import Mesh
 from unbend.collection import mean_shape, shape_statistics
 from unbend.correspondence import Registration, register
 from unbend.datasets import make_biped, make_octopus, rest_map
-from unbend.errors import InputError
+from unbend.errors import InputError, UnbendWarning
 from unbend.mesh import edge_ends, vertex_areas
 
 
@@ -64,6 +64,16 @@ def test_registrations_of_another_template_are_refused(blob, shapes):
 def test_a_map_that_was_given_is_trusted(blob, shapes):
     found = mean_shape([registered(one, confidence=np.nan) for one in shapes], blob)
     assert len(found.names) == 5
+
+
+def test_sizes_of_different_units_are_told_unless_they_are_removed(blob, shapes):
+    given = [
+        *map(registered, shapes),
+        registered(Mesh(1000 * blob.vertices, blob.faces), name="mm"),
+    ]
+    with pytest.warns(UnbendWarning, match=r"mm is 1,\d+ times as large as s0: .*--scale"):
+        mean_shape(given, blob)
+    mean_shape(given, blob, scale=True)
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, np.nan])

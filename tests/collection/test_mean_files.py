@@ -91,7 +91,17 @@ def test_the_picture_shows_three_standard_deviations_on_either_side(found, tmp_p
 def test_without_matplotlib_there_is_no_picture(found, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    (tmp_path / "components.png").write_text("of another mean")
     assert write_mean(tmp_path, found)[-1].name == "left_out.csv"
+    assert not (tmp_path / "components.png").exists()
+
+
+def test_without_components_there_is_no_picture(blob, tmp_path):
+    (tmp_path / "components.png").write_text("of another mean")
+    same = shape_statistics([blob.vertices] * 3)
+    found = MeanShape(blob, same, ("a", "b", "c"), np.ones(3), np.ones(3), ())
+    assert tmp_path / "components.png" not in write_mean(tmp_path, found)
+    assert not (tmp_path / "components.png").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_refused(found, tmp_path):

@@ -19,12 +19,13 @@ from unbend.collection._files import make_folder
 from unbend.collection._rows import Failure
 from unbend.collection._statistics import Statistics, shape_statistics
 from unbend.correspondence import Registration
-from unbend.errors import InputError, MissingExtraError
+from unbend.errors import InputError, MissingExtraError, warn
 from unbend.io import MeshLike, as_mesh, value_colors, write_mesh, write_table
 from unbend.mesh import Mesh, vertex_areas
 
 _DEVIATIONS = 3  # standard deviations up to which components are shown
 _MOST_DRAWN = 5
+_MOST_RATIO = 10  # of sizes of one kind of shape, in one unit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,6 +101,11 @@ def mean_shape(
         If a registration is not of this template, or fewer than 2 shapes are left; the message
         says why the first was left out.
 
+    Warns
+    -----
+    UnbendWarning
+        If sizes are kept, and one is more than ten times another.
+
     See Also
     --------
     shape_statistics : The same for vertices that correspond already.
@@ -144,12 +150,19 @@ def mean_shape(
     for points in (one.mesh.vertices for one in kept):
         turn, _ = procrustes(points, template.vertices, weights=weights, reflect=False)
         placed.append(points @ turn.T)
+    statistics = shape_statistics(placed, weights=weights, n_components=n_components, scale=scale)
+    names = tuple(one.mesh.name for one in kept)
+    least, most = int(statistics.sizes.argmin()), int(statistics.sizes.argmax())
+    ratio = statistics.sizes[most] / statistics.sizes[least]
+    if ratio > _MOST_RATIO and not scale:
+        warn(
+            f"{names[most]} is {ratio:,.0f} times as large as {names[least]}: they may be in "
+            "different units; use one, or remove sizes with scale=True (--scale)"
+        )
     return MeanShape(
         template=template,
-        statistics=shape_statistics(
-            placed, weights=weights, n_components=n_components, scale=scale
-        ),
-        names=tuple(one.mesh.name for one in kept),
+        statistics=statistics,
+        names=names,
         confidences=np.array([one.confidence for one in kept]),
         coverages=np.array([one.coverage for one in kept]),
         left_out=tuple(left_out),
@@ -199,17 +212,21 @@ def write_mean(folder: str | os.PathLike[str], found: MeanShape) -> tuple[Path, 
     for name, rows in tables.items():
         written.append(folder / name)
         write_table(written[-1], rows)
+    picture, drawn = folder / "components.png", False
     with suppress(MissingExtraError):
-        draw_components(found, folder / "components.png")
-        written.append(folder / "components.png")
+        drawn = draw_components(found, picture)
+    if drawn:
+        written.append(picture)
+    else:
+        picture.unlink(missing_ok=True)  # of an earlier mean
     for old in folder.glob("component_*_*.ply"):  # of an earlier mean with more components
         if re.fullmatch(r"component_\d+_(minus|plus)\.ply", old.name) and old not in written:
             old.unlink()
     return tuple(written)
 
 
-def draw_components(found: MeanShape, path: Path) -> None:
-    """Draw the mean as it changes along each of the first components."""
+def draw_components(found: MeanShape, path: Path) -> bool:
+    """Draw the mean as it changes along each of the first components; say if there are any."""
     from unbend.report.shape_figures import draw_variation
 
     steps = np.linspace(-_DEVIATIONS, _DEVIATIONS, 5).tolist()
@@ -220,3 +237,4 @@ def draw_components(found: MeanShape, path: Path) -> None:
     ]
     if rows:
         draw_variation(rows, [f"{step:+g} SD" if step else "mean" for step in steps], path)
+    return bool(rows)
