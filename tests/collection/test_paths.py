@@ -122,6 +122,18 @@ def test_a_file_that_changed_takes_its_own_place(tmp_path: Path, store: Collecti
     np.testing.assert_allclose(entry.area, 4 * 4 * np.pi, rtol=0.05)
 
 
+def test_a_file_that_changed_into_a_bad_one_loses_its_place(
+    pair: list[str], store: Collection
+) -> None:
+    (third,) = write_stones(Path(pair[0]).parent, 2)[1:]
+    store.add(pair, workers=0)
+    for path in pair:
+        Path(path).write_text("ply\nnothing more")
+    done = store.add([*pair, third], workers=0)
+    assert [one.path for one in done.failures] == pair
+    assert list(paths_in(store).values()) == [(str(third),)]
+
+
 def test_a_copy_that_changed_leaves_the_other_its_shape(pair: list[str], store: Collection) -> None:
     store.add(pair, workers=0)
     write_mesh(pair[1], (2 * BALL.vertices, BALL.faces))

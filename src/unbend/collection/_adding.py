@@ -14,7 +14,7 @@ from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_bas
 from unbend.collection._engine import Engine, Outcome, counted, heard
 from unbend.collection._files import find_files, hashed, is_gone
 from unbend.collection._rows import Added, Failure
-from unbend.collection._store import Store
+from unbend.collection._store import Store, among
 from unbend.errors import MeshError
 from unbend.io import read_mesh
 from unbend.mesh import vertex_areas
@@ -95,15 +95,23 @@ class _Adding:
 
     def take(self, outcomes: list[Outcome]) -> None:
         """Keep rows and failures, commit if it is time, and tell how far it is."""
+        bad = []
         for file, row, reason in outcomes:
             if reason is None:
                 self._rows.append(row)
             else:
                 self._bad[file[1]] = Failure(file[0], reason)
-                self.failures.append(self._bad[file[1]])
+                bad.append(self._bad[file[1]])
+        self._fail(bad)
         self.commit(if_due=True)
         computed = self.added + len(self._rows) + len(self.failures)
         self._tell(computed, self.skipped, len(self.failures))
+
+    def _fail(self, bad: Sequence[Failure]) -> None:
+        """Keep failures, and no rows of what these files were before."""
+        self.failures += bad
+        old = self._store.select(["path"], among("path", [one.path for one in bad]))
+        self._store.remove([row["path"] for row in old])
 
     def commit(self, *, if_due: bool = False) -> None:
         start = time.monotonic()
@@ -124,7 +132,7 @@ class _Adding:
             bad = [
                 replace(self._bad[hash_], path=path) for path, hash_ in some if hash_ in self._bad
             ]
-            self.failures += bad
+            self._fail(bad)
             self.skipped -= len(bad)
 
 
