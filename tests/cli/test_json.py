@@ -56,9 +56,9 @@ FITTED = {
     "template": str,
     "scans": [
         {
-            "scan": str, "file": str, "n_vertices": int, "n_covered": int, "coverage": NUMBER,
-            "tolerance": NUMBER, "distance_covered": SPREAD, "distance_all": SPREAD,
-            "confidence": MAYBE,
+            "scan": str, "also": [str], "file": str, "n_vertices": int, "n_covered": int,
+            "coverage": NUMBER, "tolerance": NUMBER, "distance_covered": SPREAD,
+            "distance_all": SPREAD, "confidence": MAYBE,
         }
     ],
     "failed": FAILED,
@@ -150,7 +150,7 @@ SCHEMA: dict[str, dict[str, Any]] = {
             {
                 "name": str, "path": str, "file": str, "confidence": NUMBER, "coverage": NUMBER,
                 "mean_distance": NUMBER, "distance_95": NUMBER, "warnings": [str],
-                "doubtful": bool,
+                "also": [str], "doubtful": bool,
             }
         ],
     },

@@ -99,8 +99,11 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
     for path in fitted:
         np.testing.assert_array_equal(read_mesh(path).faces, TEMPLATE.mesh.faces)
     assert [path.name.split("-")[0] for path in fitted] == ["again", "scan"]
-    again = run("register", "template.ply", "scans/scan.ply", "-o", "out", "--json")
-    told = json.loads(again.stdout)
+    (folder / "scans" / "copy.ply").write_bytes((folder / "scans" / "scan.ply").read_bytes())
+    given = ("register", "template.ply", "scans/scan.ply", "scans/copy.ply", "-o", "out")
+    assert "scans/scan.ply (also scans/copy.ply)" in run(*given).stdout
+    told = json.loads(run(*given, "--json").stdout)
+    assert told["scans"][0]["also"] == [str(folder / "scans" / "copy.ply")]
     assert [one["file"] for one in told["scans"]] == [str(Path("out", fitted[1].name))]
     assert told["scans"][0]["n_vertices"] == 600
 

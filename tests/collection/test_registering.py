@@ -216,6 +216,48 @@ def test_a_registered_shape_whose_file_changed_or_is_gone_fails(made: Path, tmp_
     assert "it has changed since it was added" in reasons["walking.off"]
 
 
+def test_identical_files_are_one_shape_with_the_first_path(own: tuple[Collection, Path]) -> None:
+    collection, out = own
+    shapes = out.parent / "shapes"
+    (walking,) = (one.path for one in collection if one.path.endswith("walking.off"))
+    shapes.mkdir()
+    paths = [str(shapes / name) for name in ("walking.off", "a.off", "b.off")]
+    for path in paths:
+        shutil.copy(walking, path)
+    done = register_files([*paths, paths[0]], str(out / "template.obj"), str(out))
+    (shape,) = done.shapes
+    assert (done.skipped, shape.path, shape.also) == (1, paths[0], tuple(paths[1:]))
+    assert rows(out)[0]["also"] == "; ".join(paths[1:])
+
+
+def test_a_renamed_shape_is_not_registered_again_and_what_is_removed_goes(
+    made: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made / "out", out)
+    write_mesh(out / "mine-01234567.obj", TEMPLATE)
+    for name, new in (("itself.obj", "itself.obj"), ("walking.off", "strolling.off")):
+        shutil.copy(made / "scans" / name, tmp_path / new)
+    collection = Collection(tmp_path / "store")
+    collection.add([tmp_path / "itself.obj", tmp_path / "strolling.off"], workers=0)
+    before = contents(out)
+    done = collection.register(out / "template.obj", out, workers=0)
+    assert (done.registered, done.skipped, done.failures) == (0, 2, ())
+    after, listed = contents(out), [one.file for one in done.shapes]
+    assert [name.split("-")[0] for name in listed] == ["itself", "strolling"]
+    meshes = {name for name in after if name.endswith(".obj")}
+    assert meshes == {"template.obj", "mine-01234567.obj", *listed}
+    assert after[listed[1]][0] == before[listed[1].replace("strolling", "walking")][0]
+    assert len(list((out / "registrations").iterdir())) == 2
+
+
+def test_registering_some_files_keeps_the_others(own: tuple[Collection, Path]) -> None:
+    collection, out = own
+    files = {one.path: one for one in collection if not one.path.endswith("points.ply")}
+    for path in files:
+        assert register_files([path], str(out / "template.obj"), str(out)).skipped == 1
+
+
 def test_warnings_of_a_shape_are_told_and_stay_in_the_table(tmp_path: Path) -> None:
     write_mesh(tmp_path / "template.ply", TEMPLATE)
     pieces = np.vstack([TEMPLATE.vertices, TEMPLATE.vertices[:3] + 9])

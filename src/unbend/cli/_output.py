@@ -140,6 +140,14 @@ def shown(path: str) -> str:
     return path.removeprefix(os.path.join(os.getcwd(), ""))
 
 
+def shown_shape(
+    shape: unbend.collection.Entry | unbend.collection.Hit | unbend.collection.RegisteredShape,
+) -> str:
+    """Show the first path of a shape, and that it has others."""
+    more = f" and {len(shape.also) - 1:,} more" if len(shape.also) > 1 else ""
+    return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
+
+
 def list_failures(failures: Iterable[unbend.collection.Failure]) -> None:
     """Name on stderr what could not be done, each with its reason."""
     for failure in failures:

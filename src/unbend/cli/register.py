@@ -12,7 +12,15 @@ from unbend._text import quoted
 from unbend.choices import Axis
 from unbend.cli import _options as options
 from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
-from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, shown, table, tell
+from unbend.cli._output import (
+    lines_to_keep,
+    progress_on_stderr,
+    rows,
+    shown,
+    shown_shape,
+    table,
+    tell,
+)
 
 
 def register(
@@ -60,7 +68,7 @@ def register(
             done = unbend.collection.register_files(paths, template, out, progress)
         _, fitted, _ = unbend.collection.read_registrations(out)
         of_all = [
-            _numbers(row.path, os.path.join(out, row.file), one)
+            _numbers(row.path, os.path.join(out, row.file), one, row.also)
             for row, one in zip(done.shapes, fitted, strict=True)
         ]
         tell_registered(done, {"template": template, "scans": of_all}, template, out)
@@ -105,7 +113,7 @@ def tell_registered(
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
         distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
-        lines.append((shown(one.path), *numbers, *distances, "doubtful" if one.doubtful else ""))
+        lines.append((shown_shape(one), *numbers, *distances, "doubtful" if one.doubtful else ""))
     lines += [(shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
     doubtful = [one for one in done.shapes if one.doubtful]
     counts = f"registered {done.registered:,}, there before {done.skipped:,}"
@@ -126,9 +134,15 @@ def tell_registered(
     )
 
 
-def _numbers(scan: str, file: str, found: unbend.correspondence.Registration) -> dict[str, Any]:
+def _numbers(
+    scan: str,
+    file: str,
+    found: unbend.correspondence.Registration,
+    also: tuple[str, ...] = (),
+) -> dict[str, Any]:
     return {
         "scan": scan,
+        "also": also,
         "file": file,
         "n_vertices": found.mesh.n_vertices,
         "n_covered": int(found.covered.sum()),

@@ -34,6 +34,7 @@ from unbend.io import atomic_write, read_bytes, read_mesh, read_table, write_tab
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
+_TABLE = "shapes.csv"
 _KEPT_FORMATS = (".ply", ".obj", ".off")  # others do not keep the order of vertices, or all digits
 _DAMAGED = (OSError, ValueError, KeyError, BadZipFile)  # what reading them may raise
 _FIELDS = ("distances", "covered", "coverage", "tolerance", "confidence")
@@ -85,14 +86,19 @@ def register_files(
 ) -> Registered:
     """Register a template to files, in this process; identical files are one shape."""
     found = list(itertools.chain.from_iterable(hashed(find_files(paths))))
-    files = {one[1]: one[0] for one in found if not isinstance(one, Failure)}
-    shapes = [Entry(digest, path, 0, 0, 0, "") for digest, path in files.items()]
+    files: dict[str, dict[str, None]] = {}  # paths, each once, by hash
+    for one in found:
+        if not isinstance(one, Failure):
+            files.setdefault(one[1], {})[one[0]] = None
+    shapes = [
+        Entry(digest, path, 0, 0, 0, "", tuple(also)) for digest, (path, *also) in files.items()
+    ]
     failures = [one for one in found if isinstance(one, Failure)]
     return _register(shapes, template, out, {}, failures, None, engine(workers=0), progress)
 
 
 def _register(
-    shapes: Iterable[Entry],
+    shapes: Sequence[Entry],
     template: str | os.PathLike[str],
     out: str | os.PathLike[str],
     landmarks: Mapping[str, IntArray],  # by id
@@ -111,9 +117,11 @@ def _register(
     _copy(original, folder)
     make_folder(folder / REGISTRATIONS)
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
+    names = {one.id: f"{stem(one)}-{one.id[:8]}" for one in shapes}
+    _follow(folder, suffix, {id_[:8]: name for id_, name in names.items()}, only=store is not None)
     tasks = []
     for one in shapes:
-        name = f"{stem(one)}-{one.id[:8]}"
+        name = names[one.id]
         files = folder / f"{name}{suffix}", folder / REGISTRATIONS / f"{name}.npz"
         pairs = landmarks[one.id] if one.id in landmarks else _landmarks(files[1])
         tasks.append(Task(one, store, original, _NONE if pairs is None else pairs, *files))
@@ -141,6 +149,26 @@ def _copy(template: Path, folder: Path) -> None:
     if not copy.exists():
         with atomic_write(copy) as file:
             file.write(data)
+
+
+def _follow(folder: Path, suffix: str, names: Mapping[str, str], *, only: bool) -> None:
+    """Rename what is registered of shapes that were renamed, and keep `only` what is of a shape.
+
+    Names are by the first 8 digits of ids, with which they end.
+    """
+    try:
+        for result in list((folder / REGISTRATIONS).glob("*-????????.npz")):
+            name = names.get(result.stem[-8:], "" if only else result.stem)
+            if name == result.stem:
+                continue
+            (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
+            for old in (folder / f"{result.stem}{suffix}", result):
+                new = old.with_name(f"{name}{old.suffix}")
+                if name and old.exists() and not new.exists():
+                    old.replace(new)
+                old.unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
 
 
 def _done(task: Task) -> bool:
@@ -204,7 +232,7 @@ def _write_tables(
 
     The rows come last: they say whose the positions are.
     """
-    table = folder / "shapes.csv"
+    table = folder / _TABLE
     try:
         table.unlink(missing_ok=True)
     except OSError as error:
@@ -224,7 +252,8 @@ def _write_tables(
             middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
             numbers = float(found.confidence), float(found.coverage), middle, most
             known = task.result.stem, task.name, task.mesh.name
-            shapes.append(RegisteredShape(*known, *numbers, _warnings(task.result)))
+            said = _warnings(task.result)
+            shapes.append(RegisteredShape(*known, *numbers, said, task.shape.also))
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
     places = (
         (one.name, i, *place)
@@ -234,12 +263,13 @@ def _write_tables(
     columns = "shape", "vertex", "x", "y", "z"
     write_table(folder / "vertices.csv", itertools.chain([columns], places))
     head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
-    lines: list[Iterable[object]] = [(*head, "status", "warnings")]
+    lines: list[Iterable[object]] = [(*head, "status", "warnings", "also")]
     for one in shapes:
-        *values, said = vars(one).values()
-        lines.append((*values, "doubtful" if one.doubtful else "registered", "; ".join(said)))
+        *values, said, also = vars(one).values()
+        status = "doubtful" if one.doubtful else "registered"
+        lines.append((*values, status, "; ".join(said), "; ".join(also)))
     for bad in failures:
-        lines.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", ""))
+        lines.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", "", ""))
     write_table(table, lines)
     return tuple(shapes)
 
@@ -268,14 +298,14 @@ def read_registrations(
     """
     folder = Path(folder)
     templates = list(folder.glob("template.*"))
-    if len(templates) != 1 or not (folder / "shapes.csv").exists():
+    if len(templates) != 1 or not (folder / _TABLE).exists():
         raise FileError(
             f"{folder} holds no registered shapes, or not all yet: unbend collection register "
             f"STORE --template MESH -o {folder} writes them"
         )
     template = read_mesh(templates[0])
     shapes, failures = [], []
-    for name, path, status in read_table(folder / "shapes.csv", ("shape", "path", "status")):
+    for name, path, status in read_table(folder / _TABLE, ("shape", "path", "status")):
         if status.startswith("failed: "):
             failures.append(Failure(path, status.removeprefix("failed: ")))
         else:

@@ -140,6 +140,8 @@ class RegisteredShape:
         Mean and 95 % quantile of the vertices' distances from the shape, in its unit.
     warnings : tuple of str
         Of matching and registering.
+    also : tuple of str
+        See :class:`Entry`.
     """
 
     name: str
@@ -150,6 +152,7 @@ class RegisteredShape:
     mean_distance: float
     distance_95: float
     warnings: tuple[str, ...]
+    also: tuple[str, ...]
 
     @property
     def doubtful(self) -> bool:

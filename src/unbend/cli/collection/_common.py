@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import unbend
-from unbend.cli._output import list_failures, shown
+from unbend.cli._output import list_failures
 from unbend.errors import FileError
 
 SHORT_ID = 12  # digits of an id that are shown
@@ -22,12 +22,6 @@ def opened(store: str, *outputs: str | None) -> unbend.collection.Collection:
         if out is not None:
             unbend.collection.check_outside(store, out)
     return found
-
-
-def shown_shape(shape: unbend.collection.Entry | unbend.collection.Hit) -> str:
-    """Show the first path of a shape, and that it has others."""
-    more = f" and {len(shape.also) - 1:,} more" if len(shape.also) > 1 else ""
-    return shown(shape.path) + (f" (also {shown(shape.also[0])}{more})" if shape.also else "")
 
 
 def read_shown(

@@ -11,9 +11,9 @@ import typer
 import unbend
 from unbend.choices import Axis, Rerank
 from unbend.cli import _options as options
-from unbend.cli._output import command_line, progress_on_stderr, rows, say, table, tell
+from unbend.cli._output import command_line, progress_on_stderr, rows, say, shown_shape, table, tell
 from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import SHORT_ID, opened, read_shown, shown_shape
+from unbend.cli.collection._common import SHORT_ID, opened, read_shown
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24

@@ -11,8 +11,8 @@ import typer
 import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._output import progress_on_stderr, rows, shown, tell
-from unbend.cli.collection._common import SHORT_ID, opened, shown_shape
+from unbend.cli._output import progress_on_stderr, rows, shown, shown_shape, tell
+from unbend.cli.collection._common import SHORT_ID, opened
 from unbend.errors import InputError
 
 
