@@ -181,6 +181,12 @@ def test_many_meshes_get_a_folder_of_forms_and_a_bad_one_is_listed(blob, tmp_pat
     assert [one["file"] for one in told["files"]] == ["scans/a.off", "scans/b.stl"]
     assert [one["path"] for one in told["failed"]] == ["scans/bad.ply"]
     assert run("scans/a.off", "-o", "forms", "--n-components", 2).exit_code == 0
+    for name in ("scans/b.stl", "scans/bad.ply"):
+        (tmp_path / name).unlink()
+    assert run("scans", "-o", "form_of_one").exit_code == 0
+    assert [one.name for one in (tmp_path / "form_of_one").iterdir()] == ["a.off"]
+    assert run("scans", "-o", "form.ply").exit_code == 0
+    assert (tmp_path / "form.ply").is_file()
     assert np.load("forms/a.npy").shape == (642, 2)
 
 

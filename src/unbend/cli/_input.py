@@ -58,14 +58,19 @@ def expand_folders(paths: Iterable[str]) -> list[str]:
     return found
 
 
-def is_batch(paths: Sequence[str], out: str | None, of_one: Mapping[str, object]) -> bool:
+def is_batch(
+    given: Sequence[str], paths: Sequence[str], out: str | None, of_one: Mapping[str, object]
+) -> bool:
     """Whether results go to a folder: there are several meshes, or `out` is a folder.
+
+    `paths` are the meshes of what was `given`; the one mesh of a folder goes to one, too.
 
     Raises InputError if `out` is named like a file then, or if options of a single mesh are given.
     """
     suffixes = unbend.io.WRITE_SUFFIXES + unbend.io.VALUE_SUFFIXES
     is_file = out is not None and Path(out).suffix.lower() in suffixes
-    if len(paths) == 1 and (is_file or out is None or not os.path.isdir(out)):
+    into_folder = out is not None and any(map(os.path.isdir, (out, *given)))
+    if len(paths) == 1 and (is_file or not into_folder):
         return False
     if is_file:
         raise InputError(f"{len(paths)} meshes need a folder to write to, and {out} is a file")

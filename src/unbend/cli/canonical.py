@@ -76,7 +76,7 @@ def canonical(
     paths = expand_folders(meshes)
     if out is None and len(paths) > 1 and not os.path.exists(paths[-1]):
         raise InputError(f"cannot read {paths[-1]}: there is no such file; or was -o meant?")
-    batch = is_batch(paths, out, {"--figure": figure, "--report": report})
+    batch = is_batch(meshes, paths, out, {"--figure": figure, "--report": report})
 
     def suffix_of(path: str) -> str:
         own = Path(path).suffix.lower()

@@ -48,7 +48,7 @@ def register(
       out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
           from the scan, yellow where that is not reached (.ply and .vtp have the distances too),
           .off, .stl. From .obj to .obj only positions change: texture, materials, groups and
-          polygons stay. For several scans, a folder.
+          polygons stay. For several scans, or a folder of them, a folder.
       report: Write a page for a browser: the template, coloured by distance, beside the scan.
 
     Examples
@@ -63,7 +63,7 @@ def register(
     paths = expand_folders(scans)
     given = {name: None if one in ("auto", []) else one for name, one in vars(matching).items()}
     of_one = {f"--{name.replace('_', '-')}": value for name, value in given.items()}
-    if is_batch(paths, out, of_one | {"--component": component, "--report": report}):
+    if is_batch(scans, paths, out, of_one | {"--component": component, "--report": report}):
         with progress_on_stderr() as progress:
             done = unbend.collection.register_files(paths, template, out, progress)
         _, fitted, _ = unbend.collection.read_registrations(out)
