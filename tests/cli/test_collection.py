@@ -159,6 +159,24 @@ def test_pages_show_what_is_there(folder: Path, tmp_path: Path) -> None:
         assert json_of(*arguments, "--report", page)["written"] == [str(page)]
 
 
+def test_a_figure_tells_shapes_of_one_name_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names: list[str] = []
+    monkeypatch.setattr("unbend.report.draw_distances", lambda shown, *_: names.extend(shown))
+    for here in ("a/scan", "b/scan"):
+        (tmp_path / here).mkdir(parents=True)
+        write_stones(tmp_path / here, 1)[0].rename(tmp_path / here / "mesh.ply")
+    write_stones(tmp_path / "b" / "scan", 2)
+    with open(tmp_path / "b" / "scan" / "mesh.ply", "ab") as file:
+        file.write(b"\n")
+    store = tmp_path / "store"
+    done = Collection(store).add([tmp_path / "a", tmp_path / "b"], workers=0)
+    assert done.failures == ()
+    assert run("matrix", store, "--figure", tmp_path / "all.png").exit_code == 0
+    assert names == ["a/scan/mesh.ply", "b/scan/mesh.ply", "stone01"]
+
+
 def test_matrix_and_groups(folder: Path) -> None:
     told = json_of("matrix", "shapes", "--csv", "table.csv", "--figure", "table.png")
     table = np.array(told["distances"])
@@ -219,7 +237,7 @@ def test_export_and_remove(folder: Path, tmp_path: Path) -> None:
         ("match shapes --all -o shapes/out", "cannot write shapes/out: the folder shapes is the"),
         (
             "register shapes --template absent.ply -o out",
-            "absent.ply is not in the collection shapes: give",
+            "there is no file absent.ply, and absent.ply is not in the collection shapes: give",
         ),
         ("register shapes --template stones/stone00.ply -o shapes", "cannot write shapes: the"),
         ("mean stones -o out", "stones holds no registered shapes, or not all yet: unbend coll"),

@@ -48,6 +48,13 @@ def test_evaluate_measures_the_labelled(shapes, labels):
     assert f"first tier         {expected.first_tier:.1%}" in told.stdout
 
 
+def test_evaluate_says_that_one_class_measures_nothing(shapes, labels):
+    labels.write_text(labels.read_text().replace(",b", ",a"))
+    done = run("evaluate", shapes / "shapes", labels)
+    assert done.exit_code == 0
+    assert "warning: all labelled shapes are of one class, so that every result is" in done.stderr
+
+
 def test_evaluate_names_a_line_that_does_not_fit(shapes, tmp_path):
     (tmp_path / "labels.csv").write_text("path,label\nnone.ply,a\n")
     done = run("evaluate", shapes / "shapes", tmp_path / "labels.csv")

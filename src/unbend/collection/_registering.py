@@ -68,7 +68,12 @@ def register_collection(
     check_outside(store.path, out)
     store.check_filled()
     if not os.path.exists(template):
-        template = find_file(store.find(template), store.path)
+        try:
+            template = find_file(store.find(template), store.path)
+        except FileError:
+            raise
+        except InputError as error:
+            raise InputError(f"there is no file {template}, and {error}") from None
     known: dict[str, IntArray] = {}
     for name, pairs in landmarks.items():
         one = store.find(name)

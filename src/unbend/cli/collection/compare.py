@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -90,7 +91,7 @@ def matrix(
         rows = ([path, *row] for path, row in zip(paths, distances.tolist(), strict=True))
         unbend.io.write_table(csv, [["path", *paths], *rows])
     if figure is not None:
-        unbend.report.draw_distances([Path(path).stem for path in paths], distances, figure)
+        unbend.report.draw_distances(_labels(paths), distances, figure)
     if report is not None:
         looks: Any = {"measure": "distance", "up": up, "command": command_line()}
         unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
@@ -102,6 +103,19 @@ def matrix(
     also = [entry.also for entry in entries]
     result = {"store": store, "paths": paths, "also": also, "distances": distances}
     tell(result, lines, written=[csv, figure], report=report)
+
+
+def _labels(paths: Sequence[str]) -> list[str]:
+    """Name files without their suffix; those whose names are alike from where they differ on."""
+    alike: dict[str, list[tuple[str, ...]]] = {}
+    for path in map(Path, paths):
+        alike.setdefault(path.stem, []).append(path.parts)
+    labels = []
+    for path in map(Path, paths):
+        columns = enumerate(zip(*alike[path.stem], strict=False))
+        first = next((i for i, column in columns if len(set(column)) > 1), None)
+        labels.append(path.stem if first is None else "/".join(path.parts[first:]))
+    return labels
 
 
 def groups(
@@ -170,6 +184,12 @@ def evaluate(store: str, labels: str) -> None:
     classes = [found[i] for i in kept]
     if left_out := len(entries) - len(kept):
         say("note", f"{left_out:,} of {len(entries):,} shapes have no label that counts")
+    if len(set(classes)) == 1:
+        say(
+            "warning",
+            "all labelled shapes are of one class, so that every result is right, whatever the "
+            "descriptors",
+        )
     measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
     names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
     heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
