@@ -258,6 +258,18 @@ def test_registering_some_files_keeps_the_others(own: tuple[Collection, Path]) -
         assert register_files([path], str(out / "template.obj"), str(out)).skipped == 1
 
 
+def test_shapes_may_be_in_the_folder_that_is_written_to(own: tuple[Collection, Path]) -> None:
+    collection, out = own
+    (walking,) = (one.path for one in collection if one.path.endswith("walking.off"))
+    shutil.copy(walking, out)
+    done = register_files([str(out)], str(out / "template.obj"), str(out))
+    assert [one.path for one in done.shapes] == [str(out / "walking.off")]
+    assert (done.skipped, done.failures) == (1, ())
+    (out / "walking.off").unlink()
+    with pytest.raises(FileError, match="out holds only what was registered before"):
+        register_files([str(out)], str(out / "template.obj"), str(out))
+
+
 def test_warnings_of_a_shape_are_told_and_stay_in_the_table(tmp_path: Path) -> None:
     write_mesh(tmp_path / "template.ply", TEMPLATE)
     pieces = np.vstack([TEMPLATE.vertices, TEMPLATE.vertices[:3] + 9])

@@ -89,8 +89,21 @@ def register_collection(
 def register_files(
     paths: Sequence[str], template: str, out: str, progress: Progress | None = None
 ) -> Registered:
-    """Register a template to files, in this process; identical files are one shape."""
-    found = list(itertools.chain.from_iterable(hashed(find_files(paths))))
+    """Register a template to files, in this process; identical files are one shape.
+
+    Those that were written to `out` before are left out.
+    """
+    folder = Path(os.path.abspath(out))
+    written = {one.stem for one in (folder / REGISTRATIONS).glob("*.npz")}
+    written |= {"template"} if written else set()
+    scans = (
+        path
+        for path in find_files(paths)
+        if Path(path).parent != folder or Path(path).stem not in written
+    )
+    found = list(itertools.chain.from_iterable(hashed(scans)))
+    if not found:
+        raise FileError(f"{out} holds only what was registered before; name the scans")
     files: dict[str, dict[str, None]] = {}  # paths, each once, by hash
     for one in found:
         if not isinstance(one, Failure):
