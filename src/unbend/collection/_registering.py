@@ -136,7 +136,7 @@ def _register(
     make_folder(folder / REGISTRATIONS)
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
     names = {one.id: f"{stem(one)}-{one.id[:8]}" for one in shapes}
-    _follow(folder, suffix, {id_[:8]: name for id_, name in names.items()}, only=store is not None)
+    _follow(folder, suffix, {id_[:8]: name for id_, name in names.items()})
     tasks = []
     for one in shapes:
         name = names[one.id]
@@ -169,22 +169,22 @@ def _copy(template: Path, folder: Path) -> None:
             file.write(data)
 
 
-def _follow(folder: Path, suffix: str, names: Mapping[str, str], *, only: bool) -> None:
-    """Rename what is registered of shapes that were renamed, and keep `only` what is of a shape.
+def _follow(folder: Path, suffix: str, names: Mapping[str, str]) -> None:
+    """Rename what is registered of shapes that were renamed.
 
     Names are by the first 8 digits of ids, with which they end.
     """
     try:
         for result in list((folder / REGISTRATIONS).glob("*-????????.npz")):
-            name = names.get(result.stem[-8:], "" if only else result.stem)
+            name = names.get(result.stem[-8:], result.stem)
             if name == result.stem:
                 continue
             (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
             for old in (folder / f"{result.stem}{suffix}", result):
                 new = old.with_name(f"{name}{old.suffix}")
-                if name and old.exists() and not new.exists():
+                if old.exists() and not new.exists():
                     old.replace(new)
-                old.unlink(missing_ok=True)
+                old.unlink(missing_ok=True)  # which is the same as the new one
     except OSError as error:
         raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
 
