@@ -75,6 +75,21 @@ def test_a_component_without_an_image_turns_with_the_whole(blob: Mesh) -> None:
     np.testing.assert_allclose(laid.vertices, goal, atol=1e-6)
 
 
+@pytest.mark.parametrize("scale", [0.001, 1, 1000])
+def test_a_component_without_an_image_stays_beside_the_rest_in_any_unit(
+    blob: Mesh, scale: float
+) -> None:
+    n, tip = blob.n_vertices, int(blob.vertices[:, 0].argmax())
+    speck = make_sphere(0).vertices * 0.02 + blob.vertices[tip]
+    both = Mesh(
+        np.vstack([blob.vertices, speck, speck[:1]]),  # the last is in no face
+        np.vstack([blob.faces, make_sphere(0).faces + n]),
+    )
+    images = np.append(np.arange(n), np.full(13, -1))
+    found = morph(both, (scale * blob.vertices, blob.faces), images, 1).vertices
+    np.testing.assert_allclose(found, scale * both.vertices, atol=1e-4 * scale)
+
+
 def test_points_go_straight() -> None:
     source = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
     for n in (3, 4):

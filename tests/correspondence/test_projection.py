@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from unbend.correspondence._projection import Target, make_target, project
+from unbend.correspondence._projection import Target, make_target, project, project_anywhere
 from unbend.datasets import make_sphere
+from unbend.deformation import closest_faces
 
 SIDE = 8
 
@@ -27,6 +28,22 @@ def projected(square: Target, points, normal=(0, 0, 1)):
     normals = np.tile(np.array(normal, dtype=float), (n, 1))
     alone, start = sp.csr_matrix((n, n)), np.zeros(n, dtype=np.int64)
     return project(square, np.array(points), normals, alone, start, normal_weight=0.0, slack=0.01)
+
+
+def test_the_closest_of_all_faces_is_found_however_uneven_they_are() -> None:
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(60, 1, 3)) + 10 ** rng.uniform(-3, 1, (60, 1, 1)) * rng.normal(
+        size=(60, 3, 3)
+    )
+    faces = np.arange(180).reshape(60, 3)
+    soup = make_target(np.vstack([corners.reshape(-1, 3), [[0, 0, 0]]]), faces)  # one is in no face
+    points = 3 * rng.normal(size=(200, 3))
+    every = np.arange(201) * 60, np.tile(np.arange(60), 200)
+    found, weights = closest_faces(points, soup.vertices, faces, every, np.arange(200))
+    places = np.einsum("ij,ijk->ik", weights, soup.vertices[faces[found]])
+    least = np.linalg.norm(places - points, axis=1)
+    projected = project_anywhere(soup, points, np.zeros((200, 3)), slack=0.0)
+    np.testing.assert_allclose(projected.distances, least, rtol=1e-9)
 
 
 def test_points_fall_straight_down(square: Target) -> None:

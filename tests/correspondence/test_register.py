@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from testshapes.bodies import make_body
@@ -9,6 +10,7 @@ from testshapes.damage import cut_discs, damaged_truth
 from testshapes.scanning import add_components, sample_points, seen_from
 from unbend import Mesh, register
 from unbend.datasets import make_quadruped, make_sphere, rest_map
+from unbend.deformation import closest_faces
 from unbend.errors import InputError, MeshError
 
 # Two poses of one mesh, and the second pose meshed anew.
@@ -129,6 +131,38 @@ def test_what_a_camera_did_not_see_keeps_its_shape() -> None:
     assert ratio.min() > 0.3
     assert ratio.max() < 3
     assert ((normals(vertices) * normals(POSED.mesh.vertices)).sum(axis=1) > 0).all()
+
+
+def test_distances_are_those_to_the_closest_of_all_faces_of_a_coarse_scan() -> None:
+    ball = make_sphere(3)
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    i, after = np.arange(24), np.roll(np.arange(24), -1)
+    ends = [[0, 0, -4], [0, 0, 4]]
+    scan = Mesh(
+        np.vstack([ring - np.array([0, 0, 4]), ring - np.array([0, 0, -4]), ends]),
+        np.vstack(
+            [
+                np.stack(one, axis=1)
+                for one in (
+                    (i, after, after + 24),
+                    (i, after + 24, i + 24),
+                    (after, i, 0 * i + 48),
+                    (i + 24, after + 24, 0 * i + 49),
+                )
+            ]
+        ),
+    )
+    template = Mesh(ball.vertices * [1, 1, 4], ball.faces)
+    nearest = cKDTree(scan.vertices).query(template.vertices)[1]
+    found = register(template, scan, nearest)
+    rows, m = template.n_vertices, scan.n_faces
+    every = m * np.arange(rows + 1), np.tile(np.arange(m), rows)
+    points = found.mesh.vertices
+    faces, weights = closest_faces(points, scan.vertices, scan.faces, every, np.arange(rows))
+    places = np.einsum("ij,ijk->ik", weights, scan.vertices[scan.faces[faces]])
+    least = np.linalg.norm(places - points, axis=1)
+    np.testing.assert_allclose(found.distances, least, atol=1e-9)
 
 
 def test_few_partners_are_enough_and_wrong_ones_are_overruled() -> None:

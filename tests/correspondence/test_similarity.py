@@ -1,5 +1,6 @@
 """Similarity sees the shape alone: not pose, place, handedness, size or vertex order."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -114,11 +115,19 @@ def test_vertices_without_a_partner_do_not_count() -> None:
 
 def test_what_does_not_fit(blob: Mesh) -> None:
     form = canonical_form(blob)
+    geodesic = replace(form, distance="geodesic")
     every = np.arange(blob.n_vertices)
     small = Mesh(blob.vertices[:-1], blob.faces[(blob.faces < 641).all(axis=1)])
     for arguments, options, sentence in (
         ((blob, small), {}, "642 and 641 vertices; pass a match"),
         ((form, form), {"n_components": 4}, "compute it with n_components=4"),
+        ((form, geodesic), {}, "biharmonic distance, uniform .* geodesic distance, uniform"),
+        ((form, blob), {"distance": "geodesic"}, "geodesic distance"),
+        (
+            (form, blob),
+            {"weighting": "area", "areas": (every + 1, every + 1)},
+            "compute both alike",
+        ),
         ((form, form), {"n_components": 0}, "at least 1"),
         ((form, form), {"match": every}, "does not know its vertices' areas"),
         ((form, form), {"match": every, "areas": (every, -every)}, "areas must be"),

@@ -47,7 +47,8 @@ def lay_into_pose(
     Raises
     ------
     InputError
-        If the mesh has no faces, the form has fewer than 3 dimensions, or is not of this mesh.
+        If the mesh has no faces, or the form has fewer than 3 dimensions or another number of
+        vertices.
 
     References
     ----------

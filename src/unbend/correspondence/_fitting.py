@@ -13,7 +13,13 @@ from scipy.spatial import cKDTree
 
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, SparseMatrix
 from unbend.alignment import procrustes
-from unbend.correspondence._projection import Projection, Target, make_target, project
+from unbend.correspondence._projection import (
+    Projection,
+    Target,
+    make_target,
+    project,
+    project_anywhere,
+)
 from unbend.deformation import ElasticSurface, scatter
 from unbend.linalg.factorization import Factorization
 from unbend.mesh import Mesh, edge_ends, face_normals, find_components, vertex_areas, vertex_normals
@@ -109,13 +115,17 @@ class Fit:
             slack=_SLACK * self.edge,
         )
 
-    def distances(self) -> tuple[FloatArray, BoolArray]:
-        """Distance of each vertex to the target, and whether its projection is valid."""
-        found = self.project(0.0)
-        # If a walk ended at a boundary or in a local minimum, another part may be closer.
-        used = np.unique(self.target.faces)
-        self.partners = used[cKDTree(self.target.vertices[used]).query(self.places)[1]]
-        return np.minimum(found.distances, self.project(0.0).distances), found.valid
+    def distances(self, tolerance: float) -> tuple[FloatArray, BoolArray]:
+        """Distance of each vertex to the target, and whether a valid projection is so close.
+
+        On thin parts the closest point may be on the opposite side, and that which the vertex has
+        followed is a little farther.
+        """
+        normals, slack = self._normals(self.places), _SLACK * self.edge
+        closest = project_anywhere(self.target, self.places, normals, slack=slack)
+        followed = self.project(0.0)
+        covered = [one.valid & (one.distances <= tolerance) for one in (closest, followed)]
+        return closest.distances, covered[0] | covered[1]
 
     def _flipped(self, found: Projection) -> BoolArray:
         """Vertices of flipped faces: if nothing pulls them, their stiffness flips them back."""

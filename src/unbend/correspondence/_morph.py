@@ -47,7 +47,7 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     Mesh
         With the source's vertices, in their order, and its faces. Parts without an image keep
         their shape and follow their neighbours. Vertices that no face uses, and components without
-        any image, follow the rigid motion; these components are scaled like the rest.
+        any image, follow the rigid motion, scaled like the rest.
 
     Raises
     ------
@@ -87,41 +87,51 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     if moving.sum() < 3:
         raise InputError("fewer than 3 vertices of the source have an image: nothing to morph")
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
-    goal[~moving] = start[~moving] @ rotation.T + translation
+    size, center = _growth(start, goal, moving, source.faces), start[moving].mean(axis=0)
+    goal[~moving] = size * (start[~moving] - center) @ rotation.T + goal[moving].mean(axis=0)
     if not moving.all() and source.n_faces:
-        goal = _extended(start, goal, moving, source.faces, rotation)
+        goal = _extended(start, goal, moving, source.faces, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
     # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
     between = _bend(start, goal, source.faces, t)
-    center = start[moving].mean(axis=0)
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
     return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
 
 
+def _growth(start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray) -> float:
+    """Length of the edges with images there, over that in the source."""
+    i, j = edge_ends(faces, len(start)).T
+    known = moving[i] & moving[j]
+    spans = [(points[j] - points[i])[known] for points in (start, goal)]
+    if not known.any():  # images are scattered
+        spans = [points[moving] - points[moving].mean(axis=0) for points in (start, goal)]
+    before, after = (float(np.linalg.norm(one, axis=1).sum()) for one in spans)
+    return after / before if before > 0 else 1.0
+
+
 def _extended(
-    start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntArray, rotation: FloatArray
+    start: FloatArray,
+    goal: FloatArray,
+    moving: BoolArray,
+    faces: IntArray,
+    rotation: FloatArray,
+    size: float,
 ) -> FloatArray:
     """Move parts without an image like their neighbours, or rigidly, and keep their shape."""
     surface, used = _evenly_weighted(start, faces)
     before, after = surface.vertices, np.where(used[:, None], goal, 0)
     i, j = surface.edge_weights.nonzero()
-    edges, images = before[j] - before[i], after[j] - after[i]
+    edges, mask = before[j] - before[i], sp.diags(moving.astype(np.float64))
     # Rotations of neighbourhoods with images spread to the others. With too few images, the rigid
     # motion's rotation decides.
-    known, mask = moving[i] & moving[j], sp.diags(moving.astype(np.float64))
     both_known = surface.with_edge_weights(sp.csr_matrix(mask @ surface.edge_weights @ mask))
     cross = both_known.covariances(after) + _RIGID_WEIGHT * (edges**2).mean() * rotation.T
     ties = np.where(moving, 1.0, _TIE) / 2
     spread = surface.system_of(ties).solve(ties[:, None] * cross.reshape(-1, 9))
     turns = nearest_rotation(spread.reshape(-1, 3, 3).transpose(0, 2, 1))
-    spans = [edges[known], images[known]]
-    if not known.any():  # images are scattered
-        spans = [points[moving] - points[moving].mean(axis=0) for points in (start, goal)]
-    lengths = [np.linalg.norm(one, axis=1).sum() for one in spans]
-    size = lengths[1] / lengths[0] if lengths[0] > 0 else 1.0
     ties = np.where(moving, _IMAGE_WEIGHT, _TIE) / 2
     moved = surface.fit_places(surface.system_of(ties), ties[:, None] * after, turns, size)
     return np.where((used & ~moving)[:, None], moved, goal)

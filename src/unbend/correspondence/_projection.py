@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from unbend._arrays import unit_vectors
 from unbend._types import BoolArray, FloatArray, IntArray, SparseMatrix
@@ -13,6 +15,7 @@ from unbend.deformation import closest_faces, walk
 from unbend.mesh import faces_around, find_edges, vertex_normals
 
 _OPPOSITE = 0.3  # cosine between normals below which two points are on different sides
+_ROUNDING = 1 + 1e-9
 _FANS = 3  # faces around the closest vertex, then around the heaviest corner of the closest one
 
 
@@ -85,8 +88,50 @@ def project(
     every = np.arange(len(points))
     for _ in range(_FANS):
         faces, weights = closest_faces(left, right, target.faces, target.fans, partners)
-        corners = target.faces[faces]
-        partners = corners[every, weights.argmax(axis=1)]
+        partners = target.faces[faces][every, weights.argmax(axis=1)]
+    return _projection(target, points, normals, faces, weights, slack)
+
+
+def project_anywhere(
+    target: Target, points: FloatArray, normals: FloatArray, *, slack: float
+) -> Projection:
+    """Project to the closest points of all faces, however these lie.
+
+    A ball around a point that reaches to the nearest vertex holds no other, so that few faces come
+    near enough, if their size is taken into account.
+    """
+    corners = target.vertices[target.faces]
+    middles = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    away = cKDTree(target.vertices[np.unique(target.faces)]).query(points)[0]
+    sizes = np.frexp(radii)[1]
+    found = []
+    for size in np.unique(sizes):
+        some = np.flatnonzero(sizes == size)
+        reach = (away + radii[some].max()) * _ROUNDING
+        near = cKDTree(middles[some]).query_ball_point(points, reach)
+        counts = np.array([len(one) for one in near])
+        which = np.fromiter(itertools.chain.from_iterable(near), np.int64, counts.sum())
+        found.append((np.repeat(np.arange(len(points)), counts), some[which]))
+    rows, faces = (np.concatenate(one) for one in zip(*found, strict=True))
+    order = np.argsort(rows, kind="stable")
+    start = np.searchsorted(rows[order], np.arange(len(points) + 1))
+    faces, weights = closest_faces(
+        points, target.vertices, target.faces, (start, faces[order]), np.arange(len(points))
+    )
+    return _projection(target, points, normals, faces, weights, slack)
+
+
+def _projection(
+    target: Target,
+    points: FloatArray,
+    normals: FloatArray,
+    faces: IntArray,
+    weights: FloatArray,
+    slack: float,
+) -> Projection:
+    corners = target.faces[faces]
+    partners = corners[np.arange(len(points)), weights.argmax(axis=1)]
     places = np.einsum("ij,ijk->ik", weights, target.vertices[corners])
     facing = unit_vectors(np.einsum("ij,ijk->ik", weights, target.normals[corners]))
     offsets = points - places

@@ -163,12 +163,12 @@ def register(
     rotation, shift = procrustes(scale * rest, places, reflect=False)
     vertices = scale * template.vertices @ rotation.T + shift
     vertices[used] = places
-    off, valid = fit.distances()
     tolerance = _COVERED * fit.edge
+    off, near = fit.distances(tolerance)
     distances = np.full(len(vertices), np.nan)
     distances[used] = off * size
     covered = np.zeros(len(vertices), dtype=bool)
-    covered[used] = valid & (off <= tolerance)
+    covered[used] = near
     mesh = Mesh(vertices, template.faces, name=f"{template.name} on {scan.name}")
     shares = vertex_areas(mesh)
     return Registration(

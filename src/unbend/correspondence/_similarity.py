@@ -60,7 +60,8 @@ def similarity(
     Raises
     ------
     InputError
-        If the numbers of vertices differ and there is no match, or something does not fit.
+        If the numbers of vertices differ and there is no match, or something does not fit, such as
+        forms by different distances or weightings.
     MeshError
         If a mesh cannot be used; the message names the vertex or face.
 
@@ -93,6 +94,13 @@ def similarity(
     weighs = match is not None or areas is not None
     by_area = weighting == "area" or (weighting == "auto" and weighs)
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
+    kinds = {_kind(one, distance, "area" if by_area else "uniform") for one in shapes}
+    if len(kinds) > 1:
+        one, other = (f"{kind} distance, {weighting}" for kind, weighting in sorted(kinds))
+        raise InputError(
+            f"a form by {one} weighting cannot be compared with one by {other} weighting; compute "
+            "both alike"
+        )
     left, right = (
         _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes
     )
@@ -127,6 +135,13 @@ def aligned_cosine(
         raise InputError("all corresponding points coincide: there is no shape to compare")
     cross = (left * mass[:, None]).T @ right / (norms[0] * norms[1])
     return float(min(np.linalg.svd(cross, compute_uv=False).sum(), 1.0))
+
+
+def _kind(shape: CanonicalForm | Mesh, distance: str, weighting: str) -> tuple[str, str]:
+    """Distance and weighting of a form, or of what is computed of a mesh."""
+    if isinstance(shape, Mesh):
+        return distance, weighting
+    return shape.distance, shape.weighting
 
 
 def _points(

@@ -77,9 +77,9 @@ class Match:
     overlap_source, overlap_target : float
         Share of either shape's area that has a partner on the other one, 0 to 1.
     alternatives : tuple of Match
-        When asked for: the runners-up as full matches, the likeliest first, each with its own
-        confidence. A symmetric body has several maps that are as good as each other, and they
-        share the probability.
+        When asked for: the runners-up as full matches, in the order of `hypotheses`. Each has its
+        own confidence, which also falls with its disorder on the full meshes. A symmetric body has
+        several maps that are as good as each other, and they share the probability.
     missed_landmarks : tuple of int
         Rows of the landmarks that the map leads elsewhere: wrong ones are outvoted.
     landmark_hints : tuple of int

@@ -61,7 +61,7 @@ def draw_form(
     Raises
     ------
     InputError
-        If the form is not of this mesh, or there is no such axis.
+        If the form has another number of vertices, or there is no such axis.
     FileError, MissingExtraError
         If the file cannot be written, or matplotlib is not installed.
 

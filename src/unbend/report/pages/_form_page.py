@@ -76,7 +76,7 @@ def form_page(
     Raises
     ------
     InputError
-        If the form is not of this mesh, or there is no such axis.
+        If the form has another number of vertices, or there is no such axis.
     FileError
         If the file cannot be written.
 

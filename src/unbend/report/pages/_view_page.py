@@ -137,8 +137,8 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
 
 def _told_apart(low: float, high: float) -> tuple[str, str]:
     """Write the ends of a range with five digits, and those more that both begin with."""
-    shared = np.log10(max(abs(low), abs(high)) / (high - low)) if high > low else 0.0
-    digits = min(5 + max(int(shared), 0), 17)
+    begun = max(abs(low), abs(high)) / (high - low) if high > low else 1.0
+    digits = min(5 + int(np.log10(max(begun, 1.0))), 17)
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
 
 
