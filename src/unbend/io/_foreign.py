@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.io._gltf import readable_gltf
 from unbend.io._objects import mesh_of
 from unbend.io.formats.contents import NO_FACES, Contents, weld
 
-_TRIMESH = (".glb", ".gltf", ".3mf", ".dae")
+_GLTF = (".glb", ".gltf")
+_TRIMESH = (*_GLTF, ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
 
@@ -46,11 +47,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     """Read all parts of a scene, each where it stands; only from these bytes, never other files."""
     import trimesh
 
-    if suffix == ".gltf":
-        buffers = json.loads(data).get("buffers", [])
-        if not all(one.get("uri", "").startswith("data:") for one in buffers):
-            raise FileError("its data stand in other files: save it as .glb")
-    scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
+    given, left_out = readable_gltf(suffix, data) if suffix in _GLTF else (data, [])
+    scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0
     for node in scene.graph.nodes_geometry:
@@ -66,12 +64,12 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     if not parts:
         raise FileError("holds no vertices")
     places, corners = np.concatenate(vertices), np.concatenate(faces)
-    values = [_values(part, linear=suffix in (".glb", ".gltf")) for part in parts]
+    values = [_values(part, linear=suffix in _GLTF) for part in parts]
     shared = {
         name: np.concatenate([one[name] for one in values])
         for name in set.intersection(*map(set, values))
     }
-    notes = ["read by trimesh"]
+    notes = ["read by trimesh", *left_out]
     if b'"generator":"unbend"' not in data:
         # Others repeat a vertex for each of its texture coordinates, normals and materials.
         kept, number = weld(places)
