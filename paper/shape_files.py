@@ -77,7 +77,7 @@ def _read_vert_tri(path: Path) -> Mesh:
         vertices = positions([line.split() for line in data_lines(read_bytes(path), ".vert")])
         name = beside.name
         rows = [["3", *line.split()] for line in data_lines(read_bytes(beside), ".tri")]
-        faces = polygon_rows(rows, len(vertices) + 1)[0] if rows else None
+        faces = polygon_rows(rows, np.insert(vertices, 0, 0, axis=0))[0] if rows else None
     except FileError as error:
         raise FileError(f"{name}: {error}") from error.__cause__
     except MeshError as error:

@@ -34,9 +34,9 @@ READ_SUFFIXES = (*_READERS, *FOREIGN_SUFFIXES)
 def read_mesh(path: StrPath) -> Mesh:
     r"""Read a triangle mesh or a point cloud.
 
-    Vertices and faces keep the file's order and number. Polygons are split into fans of
-    triangles, and the corners of an STL file, which stores no vertices, are welded where their
-    positions are exactly equal; ``Mesh.notes`` says so.
+    Vertices and faces keep the file's order and number. Polygons are split into triangles, and
+    the corners of an STL file, which stores no vertices, are welded where their positions are
+    exactly equal; ``Mesh.notes`` says so.
 
     Parameters
     ----------

@@ -76,6 +76,8 @@ def mesh_of(given: Any) -> Mesh | None:
 
 def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any]) -> Mesh:
     faces, notes = triangulate(
-        np.asarray(sizes, dtype=np.int64), corners.astype(np.int64), len(points)
+        np.asarray(sizes, dtype=np.int64),
+        corners.astype(np.int64),
+        np.asarray(points, dtype=np.float64),
     )
     return Mesh(points, faces, notes=tuple(notes))

@@ -16,6 +16,7 @@ from unbend.errors import FileError, InputError, MeshError, UnbendError
 from unbend.io import read_mesh, write_mesh
 from unbend.io._meshes import READ_SUFFIXES
 from unbend.io.formats import ply, stl
+from unbend.io.formats.contents import triangulate
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]], dtype=np.float64)
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -194,8 +195,10 @@ def test_ply_of_any_layout(encoding: str) -> None:
         made = AnyPly(seed, encoding)
         found = ply.read(made.data)
         np.testing.assert_array_equal(found.vertices, made.vertices)
-        fans = [[f[0], f[i], f[i + 1]] for f in made.faces for i in range(1, len(f) - 1)]
-        np.testing.assert_array_equal(found.faces, np.reshape(fans, (-1, 3)), str(seed))
+        sizes = np.array([len(face) for face in made.faces], dtype=np.int64)
+        corners = np.concatenate([[], *made.faces]).astype(np.int64)
+        faces, _ = triangulate(sizes, corners, found.vertices)
+        np.testing.assert_array_equal(found.faces, faces, str(seed))
         rows = b"".join(made.rows)
         if encoding == "ascii":
             ends = [i for i in range(len(rows)) if rows[i : i + 1] == b"\n" and rows[:i].strip()]
@@ -205,6 +208,12 @@ def test_ply_of_any_layout(encoding: str) -> None:
         for end in [end for end in ends if end < needed]:
             with pytest.raises(FileError, match=r"truncated|fewer"):
                 ply.read(made.header + rows[:end])
+
+
+def areas_along_x(mesh: Mesh) -> np.ndarray:
+    """Areas of the triangles of a mesh in a plane across x, negative if they face -x."""
+    a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
+    return np.cross(b - a, c - a)[:, 0] / 2
 
 
 class TestTrickyFiles:
@@ -220,6 +229,41 @@ class TestTrickyFiles:
         expected = [[1, 2, 3], [0, 1, 2], [0, 2, 3], [0, 3, 4], [3, 2, 1], [3, 1, 0]]
         np.testing.assert_array_equal(mesh.faces, expected)
         assert mesh.notes == ("2 polygons split into triangles",)
+
+    @pytest.mark.parametrize("turn", range(5))
+    @pytest.mark.parametrize("step", [1, -1])
+    def test_concave_polygons_are_split_without_overlap(
+        self, tmp_path: Path, turn: int, step: int
+    ) -> None:
+        corners = np.roll(np.arange(5), turn)[::step]
+        text = "OFF\n5 1 0\n0 9 0\n0 9 4\n0 5 4\n0 8 2\n0 5 0\n5 " + " ".join(map(str, corners))
+        mesh = read_mesh(put(tmp_path, "m.off", text))
+        areas = areas_along_x(mesh) * step
+        assert (areas > 0).all()
+        assert areas.sum() == 10
+        assert mesh.notes == ("1 polygon split into triangles",)
+
+    def test_a_long_spiral_is_split_without_overlap(self, tmp_path: Path) -> None:
+        angles = np.linspace(0, 15, 100)
+        outer, inner = 2 + angles, 1 + angles
+        radii = np.concatenate([outer, inner[::-1]])
+        places = [radii * f(np.concatenate([angles, angles[::-1]])) for f in (np.cos, np.sin)]
+        corners = np.column_stack([np.zeros(200), *places])
+        x, y = places
+        whole = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
+        lines = [f"v {a} {b} {c}" for a, b, c in corners.tolist()]
+        lines.append("f " + " ".join(str(i + 1) for i in range(200)))
+        mesh = read_mesh(put(tmp_path, "m.obj", "\n".join(lines)))
+        areas = areas_along_x(mesh)
+        assert (areas * np.sign(whole) > 0).all()
+        assert areas.sum() == pytest.approx(whole)
+        assert mesh.n_faces == 198
+
+    def test_a_polygon_that_crosses_itself_is_noted(self, tmp_path: Path) -> None:
+        text = "OFF\n4 1 0\n0 0 0\n4 4 0\n4 0 0\n0 5 0\n4 0 1 2 3\n"
+        mesh = read_mesh(put(tmp_path, "m.off", text))
+        assert mesh.n_faces == 2
+        assert mesh.notes[1] == "1 polygon split into triangles that overlap"
 
     def test_lines_among_the_faces_are_left_out_and_noted(self, tmp_path: Path) -> None:
         mesh = read_mesh(put(tmp_path, "m.off", f"OFF\n4 3 0\n{POINTS}2 0 1\n{TWO}"))

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import first_equal_row
+from unbend._arrays import first_equal_row, sum_rows
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError, MeshError
@@ -29,6 +29,8 @@ class Contents:
     values: Callable[[], dict[str, npt.NDArray[Any]]] = dict
 
 
+_ROUNDING = 1e-6  # share of a polygon's area that a triangle may be turned against it
+_MOST_CLIPPED = 1000  # corners of a polygon: the time grows with their square
 NO_FACES: IntArray = np.empty((0, 3), dtype=np.int64)
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # with which some editors begin UTF-8
 
@@ -106,7 +108,7 @@ def _converted(words: list[str], dtype: Any) -> npt.NDArray[Any] | None:
         return None
 
 
-def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArray, list[str]]:
+def polygon_rows(rows: Sequence[Sequence[str]], vertices: FloatArray) -> tuple[IntArray, list[str]]:
     """Triangles from rows that hold a count, that many vertex indices, and perhaps more."""
     if all(row[0] == "3" and len(row) > 3 for row in rows):
         triangles = [row[1:4] for row in rows]
@@ -121,19 +123,20 @@ def polygon_rows(rows: Sequence[Sequence[str]], n_vertices: int) -> tuple[IntArr
         sizes.append(size)
     polygons = [row[1 : size + 1] for row, size in zip(rows, sizes, strict=True)]
     corners = numbers_in(polygons, np.int64, "vertex index", "face")
-    return triangulate(np.array(sizes, dtype=np.int64), corners, n_vertices)
+    return triangulate(np.array(sizes, dtype=np.int64), corners, vertices)
 
 
 def triangulate(
-    sizes: IntArray, corners: IntArray, n_vertices: int, first: int = 0
+    sizes: IntArray, corners: IntArray, vertices: FloatArray, first: int = 0
 ) -> tuple[IntArray, list[str]]:
-    """Split polygons into fans of triangles, in order, and say so in notes.
+    """Split polygons into triangles, in order, and say so in notes.
 
-    Polygons are given by their sizes (m,) and by the corners of all, one after the other. Vertex
+    A polygon becomes a fan around its first corner, unless its triangles would overlap. Polygons
+    are given by their sizes (m,) and by the corners of all, one after the other. Vertex
     numbers are checked here, because the triangles are counted differently from the file's faces;
     the file counts vertices from `first`.
     """
-    starts = np.cumsum(sizes) - sizes
+    n_vertices, starts = len(vertices), np.cumsum(sizes) - sizes
     outside = np.flatnonzero((corners < 0) | (corners >= n_vertices))
     if len(outside):
         face = int(np.searchsorted(starts + sizes, outside[0], side="right"))
@@ -143,15 +146,62 @@ def triangulate(
         )
     n_triangles = np.maximum(sizes - 2, 0)
     owner = np.repeat(np.arange(len(sizes)), n_triangles)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
+    first_triangles = np.cumsum(n_triangles) - n_triangles
+    step = np.arange(len(owner)) - np.repeat(first_triangles, n_triangles)
     apex = starts[owner]
     faces = np.column_stack([corners[apex], corners[apex + step + 1], corners[apex + step + 2]])
+    with np.errstate(all="ignore"):  # unused vertices may be anywhere
+        overlapping = _overlapping(faces, owner, sizes, vertices)
+        for one in overlapping[sizes[overlapping] <= _MOST_CLIPPED]:
+            ring = corners[starts[one] : starts[one] + sizes[one]]
+            rows = first_triangles[one] + np.arange(n_triangles[one])
+            faces[rows] = ring[_clip_ears(vertices[ring])]
+        left = len(_overlapping(faces, owner, sizes, vertices)) if len(overlapping) else 0
     notes = []
     if n_polygons := int((sizes > 3).sum()):
         notes.append(f"{plural(n_polygons, 'polygon')} split into triangles")
+    if left:
+        notes.append(f"{plural(left, 'polygon')} split into triangles that overlap")
     if n_lines := int((sizes < 3).sum()):
         notes.append(f"{plural(n_lines, 'face')} with fewer than 3 vertices left out")
     return faces.reshape(-1, 3), notes
+
+
+def _overlapping(
+    faces: IntArray, owner: IntArray, sizes: IntArray, vertices: FloatArray
+) -> IntArray:
+    """Polygons of more than three corners of which a triangle is turned against the whole."""
+    ours = np.flatnonzero(sizes[owner] > 3)
+    a, b, c = vertices[faces[ours]].swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    whole = sum_rows(owner[ours], normals, len(sizes))[owner[ours]]
+    turned = (normals * whole).sum(axis=1) < -_ROUNDING * (whole * whole).sum(axis=1)
+    return np.unique(owner[ours[turned]])
+
+
+def _clip_ears(places: FloatArray) -> IntArray:
+    """Triangles (n - 2, 3) of a polygon that does not cross itself: corners that contain no other.
+
+    What is left of one that does becomes a fan.
+    """
+    places = places - places[0]
+    normal = np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0)
+    left, triangles, at, tried = list(range(len(places))), [], 0, 0
+    while len(left) > 3 and tried < len(left):
+        ear = [left[at - 1], left[at], left[(at + 1) % len(left)]]
+        corners, others = places[ear], places[[i for i in left if i not in ear]]
+        edges = np.roll(corners, -1, axis=0) - corners
+        sides = np.cross(edges[:, None], others - corners[:, None]) @ normal
+        elsewhere = (others[:, None] != corners).any(axis=2).all(axis=1)
+        inside = (sides >= 0).all(axis=0) & elsewhere
+        if np.cross(edges[0], edges[1]) @ normal > 0 and not inside.any():
+            triangles.append(ear)
+            del left[at]
+            at, tried = at % len(left), 0
+        else:
+            at, tried = (at + 1) % len(left), tried + 1
+    triangles += [[left[0], *pair] for pair in pairwise(left[1:])]
+    return np.array(triangles)
 
 
 def weld(points: FloatArray) -> tuple[IntArray, IntArray]:

@@ -62,7 +62,7 @@ def read(data: bytes) -> Contents:
         raise FileError("holds no vertices: no line of it starts with v")
     vertices = positions(rows)
     polygons = np.array(sizes, dtype=np.int64), np.array(corners, dtype=np.int64)
-    faces, notes = triangulate(*polygons, len(rows), first=1)
+    faces, notes = triangulate(*polygons, vertices, first=1)
     if not sizes:  # as if the file ended too early
         notes.append("there are no faces: taken as a point cloud")
     if strange:

@@ -55,7 +55,7 @@ def read(data: bytes) -> Contents:
         )
     vertices = positions([line.split() for line in rest[:n_vertices]])
     rows = [line.split() for line in rest[n_vertices : n_vertices + n_faces]]
-    faces, notes = polygon_rows(rows, n_vertices) if rows else (NO_FACES, [])
+    faces, notes = polygon_rows(rows, vertices) if rows else (NO_FACES, [])
     if extra := len(rest) - n_vertices - n_faces:
         notes.append(f"{plural(extra, 'line')} after the last face left out")
     return Contents(vertices, faces, tuple(notes))

@@ -139,7 +139,7 @@ def _read_text(body: bytes, elements: dict[str, _Element]) -> Contents:
     faces, notes = NO_FACES, list[str]()
     if rows.get("face"):
         face = elements["face"]
-        faces, notes = polygon_rows(_words(face, rows["face"], [face.indices]), len(vertices))
+        faces, notes = polygon_rows(_words(face, rows["face"], [face.indices]), vertices)
     notes += _unread(len(lines) - at, "line")
 
     def values() -> dict[str, npt.NDArray[Any]]:
@@ -205,7 +205,7 @@ def _read_binary(body: bytes, elements: dict[str, _Element], order: str) -> Cont
             else:
                 polygons = np.full(len(rows), corners.shape[1], dtype=np.int64), corners.ravel()
     if polygons is not None:
-        faces, notes = triangulate(*polygons, len(vertices))
+        faces, notes = triangulate(*polygons, vertices)
     notes += _unread(left_over(body[at:]), "byte")
     return Contents(vertices, faces, tuple(notes), lambda: values)
 
