@@ -114,6 +114,29 @@ def test_a_scene_is_read_where_it_stands_and_its_seams_are_welded(tmp_path: Path
     assert mesh.vertices[:, 0].max() == 2
 
 
+def test_texture_coordinates_that_differ_at_seams_are_counted(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    image = pytest.importorskip("PIL.Image").new("RGB", (2, 2))
+    corners = np.ravel(FACES)
+    uvs = np.array(QUAD)[corners, :2] / 2
+    uvs[[0, 2]] += 0.5  # two corners of the diagonal
+    visual = trimesh.visual.TextureVisuals(uv=uvs, image=image)
+    cut = trimesh.Trimesh(np.array(QUAD)[corners], [[0, 1, 2], [3, 4, 5]], process=False)
+    cut.visual = visual
+    cut.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.notes[2] == "2 vertices with several texture coordinates, of which one is kept"
+    assert read_values(tmp_path / "a.glb", n_vertices=4).shape == (4, 2)
+
+
+def test_a_cloud_of_ours_in_glb_comes_back(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    write_mesh(tmp_path / "a.glb", np.array(QUAD, dtype=float))
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.is_point_cloud
+    np.testing.assert_array_equal(mesh.vertices, QUAD)
+
+
 def test_colours_of_gltf_are_amounts_of_light(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     given = trimesh.Trimesh(QUAD, FACES, process=False, vertex_colors=[[128, 0, 255, 255]] * 4)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from unbend._text import plural
 from unbend.errors import FileError, InputError, MissingExtraError
 from unbend.io._gltf import readable_gltf
 from unbend.io._objects import mesh_of
@@ -18,6 +19,7 @@ from unbend.io.formats.contents import NO_FACES, Contents, weld
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
+_WORDS = {"color": "colours", "uv": "texture coordinates"}
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
 
 
@@ -79,6 +81,11 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
                 "(the format repeats them at seams)"
             )
             corners = number[corners]
+            notes += [
+                f"{plural(several, 'vertex')} with several {_WORDS[name]}, of which one is kept"
+                for name, array in shared.items()
+                if (several := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
+            ]
             places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
     return Contents(places, corners, tuple(notes), lambda: shared)
 
@@ -90,7 +97,7 @@ def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
     light = getattr(visual, "vertex_attributes", {}).get("color")
     if light is None and visual.kind == "vertex":
         light = visual.vertex_colors
-    if light is not None:
+    if light is not None and light.size:  # points without colours have none, not None
         scale = np.iinfo(light.dtype).max if light.dtype.kind == "u" else 1
         shares = np.clip(light[:, :3] / scale, 0, 1)
         if linear:  # as screens take them: IEC 61966-2-1
