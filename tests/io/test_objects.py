@@ -152,6 +152,13 @@ def test_a_broken_glb_is_one_sentence(tmp_path: Path, data: bytes) -> None:
         read_mesh(tmp_path / "a.glb")
 
 
+def test_a_dae_file_has_trimeshs_numbers_of_vertices(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("collada")
+    trimesh.Trimesh(QUAD, FACES, process=False).export(tmp_path / "a.dae")
+    assert "numbered as trimesh reads them" in read_mesh(tmp_path / "a.dae").notes[1]
+
+
 def test_a_gltf_names_no_file_that_is_opened(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     (tmp_path / "secret.bin").write_bytes(bytes(36))

@@ -72,6 +72,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
         for name in set.intersection(*map(set, values))
     }
     notes = ["read by trimesh", *left_out]
+    if suffix == ".dae":
+        notes.append("its vertices are numbered as trimesh reads them, not in the file's order")
     if b'"generator":"unbend"' not in data:
         # Others repeat a vertex for each of its texture coordinates, normals and materials.
         kept, number = weld(places)
