@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from unbend import Mesh, read_mesh, write_mesh
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_values, write_values
 
 SQUARE = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -75,6 +77,32 @@ def test_properties_are_read_by_name(tmp_path: Path, encoding: str) -> None:
         read_values(path)
     with pytest.raises(FileError, match="name one"):
         read_values(path, name="nx")
+
+
+@pytest.mark.parametrize("most", [1.0000004, 1.02])
+def test_float_colours_a_little_above_one_are_shares(tmp_path: Path, most: float) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text(f"v 0 0 0 {most} 0.5 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
+    assert read_values(path).tolist() == [[255, 128, 0], [0, 255, 0], [0, 0, 255]]
+
+
+@pytest.mark.parametrize(("second", "warns"), [(255, False), (7, True)])
+@pytest.mark.parametrize("suffix", [".ply", ".glb"])
+def test_transparency_is_said_to_be_left_out(
+    tmp_path: Path, suffix: str, second: int, warns: bool
+) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    colors = [[0, 0, 255, 255], [0, 255, 0, second], [255, 0, 0, 255], [0, 0, 0, 255]]
+    given = trimesh.Trimesh(
+        SQUARE.vertices, SQUARE.faces, process=False, vertex_colors=np.array(colors, np.uint8)
+    )
+    given.export(tmp_path / f"a{suffix}")
+    warning = partial(pytest.warns, UnbendWarning, match="transparency of colours is not kept")
+    said = warning if warns else nullcontext
+    with said():
+        np.testing.assert_array_equal(read_values(tmp_path / f"a{suffix}"), np.array(colors)[:, :3])
+    with said():
+        write_values(tmp_path / "b.ply", colors, SQUARE, kind="color")
 
 
 def test_names_that_are_alike_hide_no_values(tmp_path: Path) -> None:

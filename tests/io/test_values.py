@@ -191,7 +191,7 @@ def test_meshes_carry_values_colors_and_texture(blob: Mesh, tmp_path: Path) -> N
     for name, values, kind in (
         ("weights.ply", np.ones((642, 2)), "weights"),
         ("label.ply", np.arange(642), "label"),
-        ("colors.ply", np.zeros((642, 4), np.uint8), "color"),
+        ("colors.ply", np.full((642, 4), 255, np.uint8), "color"),
         ("colors.obj", np.zeros((642, 3), np.uint8), "color"),
         ("uv.ply", np.zeros((642, 2)), "uv"),
         ("value.obj", np.arange(642), "scalar"),

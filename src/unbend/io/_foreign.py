@@ -86,7 +86,8 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
             notes += [
                 f"{plural(several, 'vertex')} with several {_WORDS[name]}, of which one is kept"
                 for name, array in shared.items()
-                if (several := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
+                if name in _WORDS
+                and (several := len(np.unique(number[(array[kept][number] != array).any(axis=1)])))
             ]
             places, shared = places[kept], {name: a[kept] for name, a in shared.items()}
     return Contents(places, corners, tuple(notes), lambda: shared)
@@ -102,6 +103,8 @@ def _values(part: Any, linear: bool) -> dict[str, npt.NDArray[Any]]:
     if light is not None and light.size:  # points without colours have none, not None
         scale = np.iinfo(light.dtype).max if light.dtype.kind == "u" else 1
         shares = np.clip(light[:, :3] / scale, 0, 1)
+        if light.shape[1] > 3:
+            found["alpha"] = light[:, 3]
         if linear:  # as screens take them: IEC 61966-2-1
             dark = shares <= 0.0031308
             shares = np.where(dark, shares * 12.92, 1.055 * shares ** (1 / 2.4) - 0.055)

@@ -15,7 +15,7 @@ from unbend._arrays import values_of
 from unbend._text import plural
 from unbend._types import StrPath
 from unbend.choices import ValueKind
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, warn
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
@@ -26,6 +26,7 @@ from unbend.io.formats.npy import read_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
 _MOST_LETTERS = 1000
+_OPAQUE = "the transparency of colours is not kept"
 # Names of columns of vertex numbers, without blanks; pandas and R give theirs none.
 _NUMBERS = ("vertex", "vertexid", "vertexindex", "pointid", "index", "id", "", "unnamed:0")
 _NORMAL = ("nx", "ny", "nz")
@@ -106,6 +107,8 @@ def _of_mesh(columns: dict[str, npt.NDArray[Any]], name: str | None) -> npt.NDAr
     if name is None and (len(own) == 1 or own == ["color", "uv"]):
         name = own[0]
     if name in found:
+        if name == "color" and _lets_through(columns.get("alpha")):
+            warn(_OPAQUE)
         return found[name]
     if not found:
         raise FileError("holds no values per vertex")
@@ -121,7 +124,8 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
             found[name] = np.column_stack([columns.pop(part) for part in parts])
     color = found.get("color")
     if color is not None and color.dtype.kind == "f":
-        scale = 255 if np.nanmax(color, initial=0) <= 1 else 1
+        # Programs compute shares that are a little more than 1.
+        scale = 255 if np.nanmax(color, initial=0) <= 1.5 else 1
         found["color"] = np.rint(np.clip(np.nan_to_num(color) * scale, 0, 255)).astype(np.uint8)
     for name in list(columns):
         stem = name.removesuffix("_0")
@@ -133,6 +137,13 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
     if label.dtype.kind == "f" and ((label == np.rint(label)) & (np.abs(label) < 2**53)).all():
         found["label"] = label.astype(np.int64)  # as write_values writes them
     return found
+
+
+def _lets_through(alpha: npt.NDArray[Any] | None) -> bool:
+    """Whether some vertex is not opaque."""
+    if alpha is None:
+        return False
+    return bool((alpha < (np.iinfo(alpha.dtype).max if alpha.dtype.kind == "u" else 1)).any())
 
 
 def write_values(
@@ -202,6 +213,8 @@ def write_values(
         with atomic_write(path) as file:
             file.write("".join(f"{' '.join(map(str, row))}\n" for row in rows).encode())
     elif kind == "color":
+        if columns.shape[1] > 3 and (columns[:, 3] < 255).any():
+            warn(_OPAQUE)
         write_mesh(path, mesh, colors=columns[:, :3], like=like)
     elif kind == "uv":
         # A vertex without texture coordinates still needs numbers to be drawn at all.
