@@ -14,9 +14,10 @@ from unbend.collection._files import (
     find_files,
     hashed,
     is_gone,
+    warn_of_others,
 )
 from unbend.collection._rows import Failure, Hit
-from unbend.errors import FileError
+from unbend.errors import FileError, UnbendWarning
 
 
 @pytest.fixture
@@ -76,6 +77,17 @@ def test_a_folder_without_any_mesh_is_refused(folder: Path) -> None:
     with pytest.raises(FileError, match=r"^cannot read bare: it is a folder without .off, .obj"):
         found("deep", "bare")
     assert found("bar*", "deep/er") == ["deep/er/c.stl"]  # a pattern asks for what there is
+
+
+def test_other_meshes_in_folders_are_counted(folder: Path) -> None:
+    for name in ("deep/1.glb", "deep/er/2.GLB", "deep/3.vtu"):
+        (folder / name).touch()
+    with pytest.warns(UnbendWarning) as told:
+        warn_of_others(["deep", "deep/er", "b.ply", "nothing"])
+    assert [str(one.message) for one in told] == [
+        "deep: left out 2 .glb files, 1 .vtu file; name them to take them, as by deep/er/*.GLB",
+        "deep/er: left out 1 .glb file; name them to take them, as by deep/er/*.GLB",
+    ]
 
 
 def test_hashes_are_of_the_bytes(folder: Path) -> None:

@@ -49,6 +49,7 @@ def make_form(
 def expand_folders(paths: Iterable[str]) -> list[str]:
     """Replace folders by the meshes in and below them, in order."""
     found: list[str] = []
+    unbend.collection.warn_of_others(paths := list(paths))
     for path in paths:
         if not os.path.isdir(path):
             found.append(path)

@@ -2,7 +2,13 @@
 
 from unbend.collection._collection import Collection
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, descriptor
-from unbend.collection._files import find_file, find_files, make_folder, read_found
+from unbend.collection._files import (
+    find_file,
+    find_files,
+    make_folder,
+    read_found,
+    warn_of_others,
+)
 from unbend.collection._groups import find_groups
 from unbend.collection._mean import MeanShape, mean_shape, write_mean
 from unbend.collection._registering import read_registrations, register_files
@@ -47,5 +53,6 @@ __all__ = [
     "register_files",
     "retrieval_measures",
     "shape_statistics",
+    "warn_of_others",
     "write_mean",
 ]

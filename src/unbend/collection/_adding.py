@@ -12,7 +12,7 @@ import numpy as np
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
 from unbend.collection._engine import Engine, Outcome, counted, heard
-from unbend.collection._files import find_files, hashed, is_gone
+from unbend.collection._files import find_files, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store, among
 from unbend.errors import MeshError
@@ -33,6 +33,7 @@ def add_files(
 ) -> Added:
     """Compute and commit the rows of files that are not in the store; see `Collection.add`."""
     start = time.monotonic()
+    warn_of_others(given)
     adding = _Adding(store, counted(progress, "shapes", sum(1 for _ in find_files(given))))
     adding.take([])  # tells how many there are
     try:

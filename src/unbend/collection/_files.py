@@ -15,13 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from unbend._parallel import run_all
+from unbend._text import plural
 from unbend.collection._rows import Entry, Failure, Hit
-from unbend.errors import FileError, UnbendError
-from unbend.io import read_mesh
+from unbend.errors import FileError, UnbendError, warn
+from unbend.io import READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
 # Files that are added from folders. Points and arrays are added by name or pattern only.
 _SUFFIXES = (".off", ".obj", ".ply", ".stl")
+_OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
 _FILES_AT_ONCE = 256
 REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh
 
@@ -50,7 +52,21 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
             yield from itertools.chain(first, inside)
 
 
-def _walk(folder: str) -> Iterator[str]:
+def warn_of_others(given: Iterable[str]) -> None:
+    """Warn of files in and below folders that could be read, but are not added from folders."""
+    for folder in given:
+        if not os.path.isdir(folder):
+            continue
+        counts: Counter[str] = Counter()
+        for path in _walk(folder, _OTHERS):
+            counts[Path(path).suffix.lower()] += 1
+            example = os.path.join(os.path.dirname(path), f"*{Path(path).suffix}")
+        if counts:
+            kinds = ", ".join(plural(number, f"{one} file") for one, number in counts.items())
+            warn(f"{folder}: left out {kinds}; name them to take them, as by {example}")
+
+
+def _walk(folder: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Iterator[str]:
     seen: set[str] = set()
     for here, folders, files in os.walk(folder, followlinks=True):
         # Links may lead round in circles.
@@ -60,7 +76,7 @@ def _walk(folder: str) -> Iterator[str]:
         seen.add(place)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
-            if not name.startswith(".") and name.lower().endswith(_SUFFIXES):
+            if not name.startswith(".") and name.lower().endswith(suffixes):
                 yield os.path.join(here, name)
 
 

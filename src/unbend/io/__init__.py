@@ -20,7 +20,7 @@ from unbend.io._maps import (
     write_map,
 )
 from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups, write_markups
-from unbend.io._meshes import as_mesh, file_extras, read_mesh
+from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
 from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, WRITE_SUFFIXES, write_mesh
@@ -29,6 +29,7 @@ __all__ = [
     "COLOR_SUFFIXES",
     "MAP_SUFFIXES",
     "MARKUP_SUFFIXES",
+    "READ_SUFFIXES",
     "SCALAR_SUFFIXES",
     "VALUE_SUFFIXES",
     "WRITE_SUFFIXES",
