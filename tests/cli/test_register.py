@@ -84,6 +84,7 @@ def test_it_warns_of_a_doubtful_match(folder: Path) -> None:
 
 def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Path) -> None:
     write_mesh("again.off", SCAN.mesh)
+    write_mesh("template.ply", TEMPLATE.mesh, colors=np.zeros((600, 3), int))
     (folder / "scans").mkdir()
     for name in ("scan.ply", "again.off", "points.xyz"):
         (folder / name).rename(folder / "scans" / name)
@@ -99,6 +100,8 @@ def test_many_scans_are_fitted_into_a_folder_and_a_bad_one_is_listed(folder: Pat
     for path in fitted:
         np.testing.assert_array_equal(read_mesh(path).faces, TEMPLATE.mesh.faces)
     assert [path.name.split("-")[0] for path in fitted] == ["again", "scan"]
+    lost = f"note: {Path('out', '*.ply')} does not keep these of template.ply: red, green, blue\n"
+    assert done.stderr.count(lost) == 1
     (folder / "scans" / "copy.ply").write_bytes((folder / "scans" / "scan.ply").read_bytes())
     given = ("register", "template.ply", "scans/scan.ply", "scans/copy.ply", "-o", "out")
     assert "scans/scan.ply (also scans/copy.ply)" in run(*given).stdout

@@ -109,6 +109,8 @@ def tell_registered(
     done: unbend.collection.Registered, result: dict[str, Any], template: str, out: str
 ) -> None:
     """Tell how registering many shapes went, the least confident last, where they are seen."""
+    if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
+        lines_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
     lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
