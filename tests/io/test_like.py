@@ -137,12 +137,29 @@ LINES = [
 
 
 @pytest.mark.parametrize(
-    ("keyword", "extras"),
-    [("OFF", []), ("COFF", ["colours"]), ("STNOFF3 0 0", ["texture coordinates", "normals"])],
+    ("text", "extras"),
+    [
+        ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", []),
+        ("COFF\n1 0 0\n0 0 0 9 9 9 9\n", ["colours"]),
+        ("STNOFF1 0 0\n0 0 0 0 0 1 0 0\n", ["texture coordinates", "normals"]),
+        ("OFF\n1 0 0\n0 0 0 255 0 0\n", ["colours"]),
+        ("OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2 9 9 9\n", ["colours of faces"]),
+    ],
 )
-def test_the_keyword_of_off_names_its_columns(tmp_path, keyword, extras):
-    (tmp_path / "a.off").write_text(f"# comment\n{keyword}\n")
+def test_what_an_off_file_holds_besides_its_shape_is_named(tmp_path, text, extras):
+    (tmp_path / "a.off").write_text(f"# comment\n{text}")
     assert file_extras(tmp_path / "a.off") == extras
+
+
+def test_colours_of_stl_are_named(tmp_path, blob):
+    write_mesh(tmp_path / "a.stl", blob)
+    assert file_extras(tmp_path / "a.stl") == []
+    data = bytearray((tmp_path / "a.stl").read_bytes())
+    data[-1] = 0x80
+    (tmp_path / "a.stl").write_bytes(data)
+    assert file_extras(tmp_path / "a.stl") == ["colours of triangles"]
+    (tmp_path / "a.stl").write_text("solid a\nendsolid a\n")
+    assert file_extras(tmp_path / "a.stl") == []
 
 
 @settings(deadline=None, max_examples=60)

@@ -26,7 +26,7 @@ _READERS: dict[str, Callable[[bytes], Contents]] = {
     ".xyz": points.read_xyz,
     ".npy": points.read_npy,
 }
-_EXTRAS = {".obj": obj.extras, ".off": off.extras, ".ply": ply.extras}
+_EXTRAS = {".obj": obj.extras, ".off": off.extras, ".ply": ply.extras, ".stl": stl.extras}
 
 READ_SUFFIXES = (*_READERS, *FOREIGN_SUFFIXES)
 

@@ -18,18 +18,33 @@ from unbend.io.formats.contents import (
 )
 from unbend.io.formats.contents import table as write_table
 
-_KEYWORD = re.compile(r"\s*(?:ST)?C?N?(4?n?)OFF(\s+BINARY)?")
-_EXTRAS = {b"ST": "texture coordinates", b"C": "colours", b"N": "normals"}
+_KEYWORD = re.compile(r"\s*((?:ST)?C?N?)(4?n?)OFF(\s+BINARY)?")
+_EXTRAS = {"ST": "texture coordinates", "C": "colours", "N": "normals"}
 
 
 def extras(data: bytes) -> list[str]:
-    """Name what a file's keyword promises besides positions and faces."""
-    keyword = re.search(rb"^\s*(\w*)OFF", data, re.MULTILINE)
-    return [name for letters, name in _EXTRAS.items() if keyword and letters in keyword[1]]
+    """Name what a file holds besides positions and faces."""
+    keyword, n_vertices, n_faces, rows = _header(data)
+    found = [name for letters, name in _EXTRAS.items() if letters in keyword]
+    if not found and n_vertices and len(rows[0].split()) > 3:
+        found.append("colours")
+    faces = (row.split() for row in rows[n_vertices : n_vertices + n_faces])
+    return found + ["colours of faces"] * any(len(row) > int(row[0]) + 1 for row in faces)
 
 
 def read(data: bytes) -> Contents:
     """Read the positions and faces; colours, normals and texture coordinates are left out."""
+    _, n_vertices, n_faces, rest = _header(data)
+    vertices = positions([line.split() for line in rest[:n_vertices]])
+    rows = [line.split() for line in rest[n_vertices : n_vertices + n_faces]]
+    faces, notes = polygon_rows(rows, vertices) if rows else (NO_FACES, [])
+    if extra := len(rest) - n_vertices - n_faces:
+        notes.append(f"{plural(extra, 'line')} after the last face left out")
+    return Contents(vertices, faces, tuple(notes))
+
+
+def _header(data: bytes) -> tuple[str, int, int, list[str]]:
+    """Letters before OFF, the numbers of vertices and faces, and the lines of these."""
     if re.match(rb"\s*\w*OFF\s+BINARY", data):
         raise FileError("binary OFF cannot be read; save it as text OFF or PLY")
     lines = data_lines(data, "OFF")
@@ -38,7 +53,7 @@ def read(data: bytes) -> Contents:
     keyword = _KEYWORD.match(lines[0])
     if keyword is None:
         raise FileError(f"not an OFF file: it starts with {lines[0].strip()[:20]!r}")
-    if keyword[1]:
+    if keyword[2]:
         raise FileError("has vertices that are not three-dimensional; save it as plain OFF")
     # Some well-known collections glue the counts to the keyword: "OFF490 518 0".
     header = lines[0][keyword.end() :].split()
@@ -53,12 +68,7 @@ def read(data: bytes) -> Contents:
             f"truncated: it promises {n_vertices} vertices and {n_faces} faces, "
             f"but {plural(len(rest), 'line')} follow"
         )
-    vertices = positions([line.split() for line in rest[:n_vertices]])
-    rows = [line.split() for line in rest[n_vertices : n_vertices + n_faces]]
-    faces, notes = polygon_rows(rows, vertices) if rows else (NO_FACES, [])
-    if extra := len(rest) - n_vertices - n_faces:
-        notes.append(f"{plural(extra, 'line')} after the last face left out")
-    return Contents(vertices, faces, tuple(notes))
+    return keyword[1], n_vertices, n_faces, rest
 
 
 def write(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
@@ -24,12 +25,14 @@ _HEADER = 84  # bytes: 80 of free text and the number of triangles
 
 def read(data: bytes) -> Contents:
     """Read triangles and weld corners whose positions are exactly equal."""
-    corners = _binary(data)
+    triangles = _binary(data)
     unread = 0
-    if corners is None:
+    if triangles is None:
         corners = _text(data)
     else:
-        unread = left_over(data[_HEADER + len(corners) // 3 * _TRIANGLE.itemsize :])
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
+            corners = triangles["corners"].reshape(-1, 3).astype(np.float64)
+        unread = left_over(data[_HEADER + triangles.nbytes :])
     if len(corners) == 0:
         raise FileError("holds no triangles")
     kept, faces = weld(corners)
@@ -42,8 +45,15 @@ def read(data: bytes) -> Contents:
     return Contents(corners[kept], faces.reshape(-1, 3), tuple(notes))
 
 
-def _binary(data: bytes) -> FloatArray | None:
-    """Corners of a binary file, or None if it is a text file."""
+def extras(data: bytes) -> list[str]:
+    """Name what a file holds besides triangles: programs put colours into unused bits."""
+    triangles = _binary(data)
+    colored = triangles is not None and triangles["attribute"].any()
+    return ["colours of triangles"] * bool(colored)
+
+
+def _binary(data: bytes) -> npt.NDArray[np.void] | None:
+    """Triangles of a binary file, or None if it is a text file."""
     n_triangles = int.from_bytes(data[80:_HEADER], "little")
     n_bytes = _HEADER + n_triangles * _TRIANGLE.itemsize
     if n_bytes > len(data) or n_triangles == 0:
@@ -56,9 +66,7 @@ def _binary(data: bytes) -> FloatArray | None:
             if len(data) >= _HEADER and n_triangles
             else "not an STL file, or one without triangles"
         )
-    triangles = np.frombuffer(data, dtype=_TRIANGLE, count=n_triangles, offset=_HEADER)
-    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
-        return triangles["corners"].reshape(-1, 3).astype(np.float64)
+    return np.frombuffer(data, dtype=_TRIANGLE, count=n_triangles, offset=_HEADER)
 
 
 def _text(data: bytes) -> FloatArray:
