@@ -82,6 +82,26 @@ def test_normals_turn_with_the_surface_and_edges_stay_sharp(tmp_path):
     )
 
 
+def test_faces_that_no_longer_face_one_way_share_no_normal(tmp_path):
+    data = b"""v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nv 5 0 0\nv 6 0 0\nv 6 1 0
+vt 0 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\nf 2/1/1 5/1/1 6/1/1\nf 2//1 6//1 3//1\nf 7//1 8//1 9//1
+f 7/1/1 8/1/1 9/1/1
+"""
+
+    def lift(vertices):  # the face that stands alone is turned upright
+        vertices = vertices.copy()
+        vertices[6:] = [[5, 0, 0], [5, 1, 0], [5, 1, 0.5]]
+        return vertices
+
+    def turned(vertices):
+        return vertices * [1, -1, -1]
+
+    assert lines_but(written(tmp_path, data, turned), b"v", b"vn") == lines_but(data, b"v", b"vn")
+    found = written(tmp_path, data, lift)
+    left = data.replace(b"f 7//1 8//1 9//1\nf 7/1/1 8/1/1 9/1/1", b"f 7 8 9\nf 7/1 8/1 9/1")
+    assert lines_but(found, b"v", b"vn") == lines_but(left, b"v", b"vn")
+
+
 def test_a_normal_that_does_not_exist_needs_no_room(tmp_path):
     data = CUBE.replace(b"f 1/1/1 4", b"f 1/1/999999999999999 4")
     assert len(written(tmp_path, data)) < 2 * len(data)

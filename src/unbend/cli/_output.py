@@ -66,7 +66,11 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
     """
     held = unbend.io.file_extras(original)
     if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
-        kept = "; its normals are recomputed" if "normals" in held else ""
+        kept = (
+            "; its normals are recomputed, or left out where unlike faces share one"
+            if "normals" in held
+            else ""
+        )
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
         if "materials" in held and len(folders) == 2:
             kept += f"; its materials stay in the folder of {original}"

@@ -69,8 +69,8 @@ def write_mesh(
     like : path, optional
         An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
         materials, groups, polygons); only positions are replaced, and normals recomputed from the
-        faces that share them. Names of material files are given relative to the new file; no file
-        is copied. OBJ only, without `uvs`.
+        faces that share them, or left out where these now face elsewhere. Names of material files
+        are given relative to the new file; no file is copied. OBJ only, without `uvs`.
 
     Raises
     ------

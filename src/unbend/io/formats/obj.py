@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from typing import BinaryIO
@@ -36,6 +37,9 @@ _NUMBER = rb"[^\s#\\]+"
 _THREE_NUMBERS = _GAP.join([_NUMBER] * 3)
 _V_LINE = re.compile(rb"(%sv%s)(%s)((?:%s%s)*)" % (_START, _GAP, _THREE_NUMBERS, _GAP, _NUMBER))
 _VN_LINE = re.compile(rb"(%svn%s)(%s)" % (_START, _GAP, _THREE_NUMBERS))
+_F_LINE = re.compile(rb"%sfo?%s(?:[^\r\n#\\]|\\(?:\r\n|\r|\n))*" % (_START, _GAP))
+_OF_NORMAL = re.compile(rb"(-?\d+/-?\d+)/-?\d+|(-?\d+)//-?\d+")
+_COSINE = 0.9  # of the largest angle between a vertex's normal and the one it is given
 _MTLLIB_LINE = re.compile(rb"(%smtllib[ \t]+)([^\r\n]*)" % _START)
 _MTL_NAME = re.compile(rb"(?<!\S)(?![/\\]|\w:)(\S[^\r\n]*?\.mtl)(?=\s|$)", re.IGNORECASE)
 
@@ -141,7 +145,8 @@ def rewrite(
 ) -> bytes:
     """Replace the positions in a file, and recompute its normals; other lines stay as they are.
 
-    A vertex that is not finite keeps its line. The names of material files are put after `folder`.
+    Faces lose their normals where these are shared by vertices that now face elsewhere. A vertex
+    that is not finite keeps its line. The names of material files are put after `folder`.
     """
     rows = iter(_texts(vertices))
     tails = None if colors is None else iter(_texts(colors / 255))
@@ -155,8 +160,14 @@ def rewrite(
     if count != len(vertices):
         raise FileError(f"has {count} plain v lines for {plural(len(vertices), 'vertex')}")
     if b"vn" in data:
-        normals = iter(_texts(_normals(data, vertices).round(6)))
+        found, apart, n_faces = _normals(data, vertices)
+        normals, faces = iter(_texts(found.round(6))), itertools.count()
         text = _VN_LINE.sub(lambda line: line[1] + (next(normals, None) or line[2]), text)
+        if apart and len(_F_LINE.findall(text)) == n_faces:
+            text = _F_LINE.sub(
+                lambda line: _OF_NORMAL.sub(rb"\1\2", line[0]) if next(faces) in apart else line[0],
+                text,
+            )
     if folder:
         text = _MTLLIB_LINE.sub(
             lambda line: line[1] + _MTL_NAME.sub(lambda name: folder + b"/" + name[1], line[2]),
@@ -173,12 +184,17 @@ def _texts(rows: npt.NDArray[np.float64]) -> list[bytes | None]:
     ]
 
 
-def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
-    """Average the normals of the faces that share each ``vn`` line; NaN where there are none."""
-    n_vertices = n_normals = 0
+def _normals(data: bytes, vertices: FloatArray) -> tuple[FloatArray, set[int], int]:
+    """Average the normals of the faces that share each ``vn`` line; NaN where there are none.
+
+    Also gives the numbers of faces for which such an average is wrong, because it is shared by
+    vertices where the surface now faces elsewhere, and the number of faces.
+    """
+    n_vertices = n_normals = n_faces = 0
     sizes: list[int] = []
     corners: list[int] = []
     shared: list[int] = []  # normals of the corners
+    numbers: list[int] = []  # of the faces
     for line in _logical_lines(data):
         keyword, *words = line.split() or [""]
         n_vertices += keyword == "v"
@@ -190,8 +206,10 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
             corners += _corners(words, n_vertices, len(sizes))
             shared += _corners(thirds, n_normals, len(sizes))
             sizes.append(len(words))
+            numbers.append(n_faces)
+        n_faces += 1
     if not sizes:
-        return np.full((n_normals, 3), np.nan)
+        return np.full((n_normals, 3), np.nan), set(), n_faces
     face = np.repeat(np.arange(len(sizes)), sizes)
     ends = np.cumsum(sizes)
     following = np.arange(len(face)) + 1
@@ -200,6 +218,14 @@ def _normals(data: bytes, vertices: FloatArray) -> FloatArray:
     places = (vertices - np.nanmean(vertices, axis=0))[corners]
     of_faces = sum_rows(face, np.cross(places, places[following]), len(sizes))
     normal = np.minimum(shared, n_normals)  # those that do not exist share the last row
-    sums = sum_rows(normal, of_faces[face], n_normals)[:n_normals]
+    normals = _unit(sum_rows(normal, of_faces[face], n_normals + 1))
+    _, pair = np.unique(normal * len(vertices) + corners, return_inverse=True)
+    at_vertices = _unit(sum_rows(pair, of_faces[face], pair.max() + 1))[pair]
+    agree = (at_vertices * normals[normal]).sum(axis=1) >= _COSINE
+    apart = ~agree & np.isfinite(at_vertices).all(axis=1) & (normal < n_normals)
+    return normals[:n_normals], {numbers[i] for i in face[apart].tolist()}, n_faces
+
+
+def _unit(rows: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore"):
-        return np.asarray(sums / np.linalg.norm(sums, axis=1, keepdims=True))
+        return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
