@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from unbend import Mesh
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, UnbendWarning
 from unbend.io import read_mesh, write_mesh
 from unbend.io._meshes import READ_SUFFIXES
 from unbend.io._writing import WRITE_SUFFIXES
@@ -216,6 +216,16 @@ class TestWriting:
         with pytest.raises(InputError, match="single-precision"):
             write_mesh(tmp_path / "m.stl", (SQUARE * 1e300, TRIANGLES))
         assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("suffix", [".stl", ".glb"])
+    def test_it_warns_where_single_precision_is_too_coarse(
+        self, tmp_path: Path, suffix: str
+    ) -> None:
+        far = SQUARE + np.array([500_000.3, 4_500_000, 100])
+        with pytest.warns(UnbendWarning, match=r"rounded to about 0\.5, and vertices are about 0"):
+            write_mesh(tmp_path / f"m{suffix}", (far, TRIANGLES))
+        write_mesh(tmp_path / f"m{suffix}", (np.rint(far), TRIANGLES))  # which it holds
+        write_mesh(tmp_path / "m.ply", (far, TRIANGLES))
 
     def test_the_suffix_is_checked_before_any_work(self, tmp_path: Path) -> None:
         with pytest.raises(FileError, match=r"unknown suffix \"\.jpg\"; use \.off, "):

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from unbend._arrays import array_of, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray, StrPath
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
 from unbend.io._meshes import as_mesh
 from unbend.io._objects import MeshLike
@@ -35,6 +35,8 @@ WRITE_SUFFIXES = tuple(_WRITERS)
 # Formats whose writers take colours and texture coordinates, and those that take any values.
 COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
 SCALAR_SUFFIXES = (".ply", ".vtp")
+_SINGLE_SUFFIXES = (".stl", ".glb")  # hold positions in single precision
+_ROUNDED = 0.1  # of the distance between vertices: longer steps turn faces about
 
 
 def write_mesh(
@@ -119,11 +121,27 @@ def write_mesh(
         if uvs is not None or suffix != ".obj":
             raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
         data = _rewritten(Path(like), path, mesh, extras.get("colors"))
+    if suffix in _SINGLE_SUFFIXES and mesh.n_vertices:
+        _warn_of_rounding(path.name, mesh)
     with atomic_write(path) as file:
         if like is not None:
             file.write(data)
         else:
             _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
+
+
+def _warn_of_rounding(name: str, mesh: Mesh) -> None:
+    """Warn if single precision, too far from the origin, moves vertices that are close."""
+    used = mesh.vertices[np.unique(mesh.faces)] if mesh.n_faces else mesh.vertices
+    with np.errstate(over="ignore"):
+        step = float(np.finfo(np.float32).eps * np.abs(used).max())
+        apart = float(np.ptp(used, axis=0).max() / np.sqrt(len(used)))
+        exact = step <= _ROUNDED * apart or (used.astype(np.float32) == used).all()
+    if not exact:
+        warn(
+            f"{name}: positions are rounded to about {step:.1g}, and vertices are about "
+            f"{apart:.1g} apart; move the shape to the origin, or write .ply"
+        )
 
 
 def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
