@@ -305,6 +305,12 @@ def test_a_textured_template_keeps_its_lines(made: Path, tmp_path: Path) -> None
             assert line == "mtllib ../coat.mtl"
         elif not wanted.startswith("v "):
             assert line == wanted
+    copy = (tmp_path / "out" / "template.obj").read_text()
+    assert copy == "\n".join(lines).replace("coat.mtl", "../coat.mtl")
+    (tmp_path / "deeper").mkdir()
+    shutil.move(tmp_path / "out", tmp_path / "deeper" / "out")
+    done = collection.register(tmp_path / "textured.obj", tmp_path / "deeper" / "out", workers=0)
+    assert (done.registered, done.skipped) == (0, 1)
 
 
 def test_the_template_may_be_a_shape_of_the_collection(made: Path, tmp_path: Path) -> None:

@@ -121,6 +121,11 @@ def test_materials_are_named_relative_to_the_new_file(tmp_path):
     found = (tmp_path / "new place" / "out.obj").read_bytes()
     assert b"\nmtllib ../my wood.mtl /abs/paint.MTL\n" in found
     assert [path.name for path in (tmp_path / "new place").iterdir()] == ["out.obj"]
+    for name, expected in ((b"my paint", b"../my paint"), (b"/abs/paint", b"/abs/paint")):
+        (tmp_path / "in.obj").write_bytes(CUBE.replace(b"wood.mtl", name))
+        write_mesh(tmp_path / "new place" / "out.obj", mesh, like=tmp_path / "in.obj")
+        found = (tmp_path / "new place" / "out.obj").read_bytes()
+        assert b"\nmtllib " + expected + b"\n" in found
 
 
 def test_a_vertex_without_position_keeps_its_line(tmp_path):

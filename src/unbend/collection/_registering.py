@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -30,7 +31,7 @@ from unbend.collection._rows import Entry, Failure, Registered, RegisteredShape
 from unbend.collection._store import Store, check_outside
 from unbend.correspondence import Registration, register, write_registration
 from unbend.errors import FileError, InputError
-from unbend.io import atomic_write, read_bytes, read_mesh, read_table, write_table
+from unbend.io import atomic_write, moved_obj, read_bytes, read_mesh, read_table, write_table
 from unbend.matching import landmark_pairs, match, prepare_spectrum
 from unbend.mesh import Mesh
 
@@ -157,9 +158,16 @@ def _register(
 
 def _copy(template: Path, folder: Path) -> None:
     """Copy the template into the folder, whose shapes are registered to no other."""
-    copy, data = folder / f"template{template.suffix}", read_bytes(template, ())
+    copy = folder / f"template{template.suffix}"
+    is_obj = copy.suffix.lower() == ".obj"
+    data = moved_obj(template, folder) if is_obj else read_bytes(template, ())
+
+    def shape(data: bytes) -> bytes:
+        # Where the material files are changes when folders are moved.
+        return re.sub(rb"(?m)^[ \t]*mtllib[^\r\n]*", b"", data) if is_obj else data
+
     for other in folder.glob("template.*"):
-        if other.name != copy.name or read_bytes(other, ()) != data:
+        if other.name != copy.name or shape(read_bytes(other, ())) != shape(data):
             raise FileError(
                 f"the shapes in {folder} are registered to another template, {other.name} there; "
                 "give another folder"

@@ -23,7 +23,13 @@ from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups,
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_mesh
 from unbend.io._objects import MeshLike
 from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
-from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, WRITE_SUFFIXES, write_mesh
+from unbend.io._writing import (
+    COLOR_SUFFIXES,
+    SCALAR_SUFFIXES,
+    WRITE_SUFFIXES,
+    moved_obj,
+    write_mesh,
+)
 
 __all__ = [
     "COLOR_SUFFIXES",
@@ -42,6 +48,7 @@ __all__ = [
     "counted_from_zero",
     "file_extras",
     "invert_map",
+    "moved_obj",
     "prefixed",
     "read_bytes",
     "read_landmarks",

@@ -147,19 +147,28 @@ def _warn_of_rounding(name: str, mesh: Mesh) -> None:
 def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:
     """Give the lines of the OBJ file `like` with the positions of a mesh that came from it."""
     data = read_bytes(like, (".obj",))
-    source, folder = os.path.realpath(like.parent), os.path.realpath(path.parent)
-    try:
-        prefix = os.path.relpath(source, folder)
-    except ValueError:  # another drive of Windows
-        prefix = source
     with prefixed(like.name):
         contents = obj.read(data)
         if len(contents.vertices) != mesh.n_vertices or not np.array_equal(
             contents.faces, mesh.faces
         ):
             raise FileError("has other vertices or faces than the mesh; its lines cannot be kept")
-        prefix = "" if prefix == "." else prefix.replace(os.sep, "/")
-        return obj.rewrite(data, mesh.vertices, colors, os.fsencode(prefix))
+        return obj.rewrite(data, mesh.vertices, colors, _way(path.parent, like.parent))
+
+
+def moved_obj(path: StrPath, folder: StrPath) -> bytes:
+    """Give the bytes of an OBJ file as they are right in another folder, for its material files."""
+    return obj.with_materials_in(read_bytes(Path(path), ()), _way(folder, Path(path).parent))
+
+
+def _way(here: StrPath, there: StrPath) -> bytes:
+    """Relative path from a folder to another, as OBJ files name it; nothing if it is the same."""
+    here, there = os.path.realpath(here), os.path.realpath(there)
+    try:
+        way = os.path.relpath(there, here)
+    except ValueError:  # another drive of Windows
+        way = str(there)
+    return b"" if way == "." else os.fsencode(way.replace(os.sep, "/"))
 
 
 def _scalars(

@@ -41,6 +41,7 @@ _F_LINE = re.compile(rb"%sfo?%s(?:[^\r\n#\\]|\\(?:\r\n|\r|\n))*" % (_START, _GAP
 _OF_NORMAL = re.compile(rb"(-?\d+/-?\d+)/-?\d+|(-?\d+)//-?\d+")
 _COSINE = 0.9  # of the largest angle between a vertex's normal and the one it is given
 _MTLLIB_LINE = re.compile(rb"(%smtllib[ \t]+)([^\r\n]*)" % _START)
+_ANY_NAME = re.compile(rb"\A(?![/\\]|\w:)(\S)")
 _MTL_NAME = re.compile(rb"(?<!\S)(?![/\\]|\w:)(\S[^\r\n]*?\.mtl)(?=\s|$)", re.IGNORECASE)
 
 
@@ -168,12 +169,19 @@ def rewrite(
                 lambda line: _OF_NORMAL.sub(rb"\1\2", line[0]) if next(faces) in apart else line[0],
                 text,
             )
-    if folder:
-        text = _MTLLIB_LINE.sub(
-            lambda line: line[1] + _MTL_NAME.sub(lambda name: folder + b"/" + name[1], line[2]),
-            text,
-        )
-    return text
+    return with_materials_in(text, folder)
+
+
+def with_materials_in(data: bytes, folder: bytes) -> bytes:
+    """Put the names of material files after `folder`, if it is not empty."""
+    if not folder:
+        return data
+
+    def line(found: re.Match[bytes]) -> bytes:
+        names = _MTL_NAME if b".mtl" in found[2].lower() else _ANY_NAME
+        return found[1] + names.sub(lambda name: folder + b"/" + name[1], found[2])
+
+    return _MTLLIB_LINE.sub(line, data)
 
 
 def _texts(rows: npt.NDArray[np.float64]) -> list[bytes | None]:
