@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,8 @@ def read_foreign(path: Path, data: bytes) -> Contents:
             return _by_trimesh(suffix, data)
         import meshio
 
+        if suffix == ".vtk" and re.search(rb"^DATASET\s+POLYDATA", data[:999], re.MULTILINE):
+            raise FileError("meshio does not read VTK's POLYDATA; save it as .vtu or .ply")
         given = meshio.read(path)
         mesh = mesh_of(given)
         assert mesh is not None
