@@ -61,15 +61,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_registered_obj_keeps_its_lines(folder: Path) -> None:
     done = right("register", "a.obj", "b.ply", "--map", "map.npy", "-o", "out.obj")
     assert lines_that_differ(folder / "a.obj", folder / "out.obj") == {b"v ", b"vn"}
-    assert (
-        "note: out.obj has all lines of a.obj, with new positions; its normals are " in done.stderr
-    )
+    kept = "all lines of a.obj, with new positions of used vertices; its normals are recomputed"
+    assert f"note: out.obj has {kept}" in done.stderr
     assert np.abs(read_mesh("out.obj").vertices - TARGET.vertices).max() < 0.1
     done = right("register", "a.obj", "b.ply", "--map", "map.npy", "-o", "out.ply")
     assert (
         "note: out.ply does not keep these of a.obj: texture coordinates, normals, materials, "
         "groups, object names" in done.stderr
     )
+
+
+def test_morph_names_the_files_that_it_writes(folder: Path) -> None:
+    done = right("morph", "a.obj", "b.ply", "--map", "map.npy", "--steps", "2", "-o", "m.obj")
+    assert "note: m-*.obj has all lines of a.obj" in done.stderr
 
 
 def test_a_canonical_form_keeps_them_and_finds_its_material(folder: Path) -> None:

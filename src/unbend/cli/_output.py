@@ -74,7 +74,7 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
         if "materials" in held and len(folders) == 2:
             kept += f"; its materials stay in the folder of {original}"
-        say("note", f"{out} has all lines of {original}, with new positions{kept}")
+        say("note", f"{out} has all lines of {original}, with new positions of used vertices{kept}")
         return original
     if held:
         say("note", f"{out} does not keep these of {original}: {', '.join(held)}")

@@ -49,7 +49,8 @@ def morph(
     with progress_on_stderr() as progress:
         shapes = read_shapes((source, target), component)
         match = read_or_match(shapes, matching, progress)
-        like = lines_to_keep(out, source, whole=component is None)
+        told = out if steps == 1 else str(path.with_stem(f"{path.stem}-*"))
+        like = lines_to_keep(told, source, whole=component is None)
         for i, file in enumerate(files):
             progress("morphing", i / steps)
             between = unbend.morph(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
