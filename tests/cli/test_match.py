@@ -15,7 +15,7 @@ from unbend.cli import _output, app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import describe_side, summary
 from unbend.correspondence import read_match, write_match
-from unbend.datasets import make_quadruped, rest_map
+from unbend.datasets import make_octopus, make_quadruped, rest_map
 from unbend.io import read_map, read_values, write_map, write_values
 from unbend.matching import Match
 from unbend.report import match_colors
@@ -340,6 +340,17 @@ def test_similarity_sorts_and_tabulates(folder: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(values, values.T)
     np.testing.assert_array_equal(np.diag(values), 1)
     assert done.stdout.splitlines()[1].startswith(str(shapes[0]))
+
+
+def test_a_page_of_similar_shapes_says_which_matches_are_doubtful(
+    folder: Path, tmp_path: Path
+) -> None:
+    write_mesh(tmp_path / "octopus.ply", make_octopus(n_vertices=600).mesh)
+    page, shapes = tmp_path / "page.html", (folder / "b.ply", tmp_path / "octopus.ply")
+    right("similarity", folder / "a.ply", *shapes, "--report", page)
+    html = page.read_text(encoding="utf-8")
+    assert "octopus.ply (doubtful match)" in html
+    assert "b.ply (doubtful match)" not in html
 
 
 def test_similarity_of_shapes_meshed_apart(folder: Path) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 import unbend
+from unbend._display import is_doubtful
 from unbend.choices import Axis, DistanceKind
 from unbend.cli import _options as options
 from unbend.cli import _output as output
@@ -108,8 +110,12 @@ def similarity(
             if matrix:
                 unbend.report.similarity_page(shapes, square, report, **looks)
             else:
-                alike, values = [shapes[one[1]] for one in ranked], [one[2] for one in ranked]
                 looks["measure"] = "similarity"
+                alike, values = [], [one[2] for one in ranked]
+                for _, j, _, confidence in ranked:
+                    doubt = confidence is not None and is_doubtful(confidence)
+                    name = f"{shapes[j].name} (doubtful match)" if doubt else shapes[j].name
+                    alike.append(replace(shapes[j], name=name))
                 unbend.report.search_page(shapes[0], alike, values, report, **looks)
     lines = [["probe", "similarity", "" if known else "confidence of the match"]]
     for _, j, value, confidence in ranked:
