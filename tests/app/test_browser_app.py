@@ -195,6 +195,17 @@ def test_what_stands_in_for_a_removed_shape_is_another_one(page, dogs):
     assert page.run(chosen) == ["standing.ply", "walking.ply"]
 
 
+def test_a_result_offers_nothing_more_when_its_shape_is_removed(page, dogs):
+    page.choose_file("#choose", *dogs)
+    page.wait_for(GOOD.format(2))
+    press(page, "Match")
+    page.wait_for("state.results.length === 1")
+    assert "Use this map" in page.run("part('result').textContent")
+    page.run("document.querySelector('[aria-label=\"Remove standing.ply\"]').click()")
+    page.wait_for("part('result').textContent.includes('A shape of this result was removed')")
+    assert "Use this map" not in page.run("part('result').textContent")
+
+
 def test_landmarks_of_another_tab_are_not_matched_with(page, app, dogs):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))

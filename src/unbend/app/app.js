@@ -8,7 +8,8 @@ const PLAIN = {
   spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
 };
 let state = { version: -1, shapes: [], results: [], jobs: [], troubles: [] };
-let frame = null, shown = null, wanted = null; // the page of the result that is shown; the job whose result to show
+// The page of the result that is shown, and whether its shapes are open; the job whose result to show.
+let frame = null, shown = null, usable = false, wanted = null;
 
 // An element with attributes, listeners and children; text is never taken for HTML.
 function make(name, given = {}, ...children) {
@@ -146,8 +147,10 @@ function showResults() {
     remember({ result: one.id });
     showResults();
   }, { "aria-pressed": `${one === at}` })));
-  if (at && at.id === shown) return showPlaced(at);
+  const open = !!at?.shapes.every((id) => state.shapes.some((one) => one.id === id));
+  if (at && at.id === shown && open === usable) return showPlaced(at);
   shown = at?.id;
+  usable = open;
   frame = null;
   part("result").replaceChildren(...(at ? panel(at) : []));
 }
@@ -159,7 +162,8 @@ function panel(result) {
   const trust = result.confidence && make("b", {}, `The map is ${result.confidence}. `);
   if (result.facts.length) blocks.push(make("p", {}, trust, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   for (const text of result.warnings || []) blocks.push(make("p", { class: "trouble" }, text));
-  if (result.do === "landmarks") blocks.push(make("div", { class: "controls", id: "placed" }));
+  if (!usable) blocks.push(make("p", { class: "hint" }, "A shape of this result was removed. Open it again to go on."));
+  else if (result.do === "landmarks") blocks.push(make("div", { class: "controls", id: "placed" }));
   if (result.page) {
     frame = make("iframe", { src: `results/${id}/page`, title: result.title, sandbox: "allow-scripts allow-downloads" });
     blocks.push(frame);
@@ -173,14 +177,14 @@ function panel(result) {
         remember({ second: (await ask("POST", `results/${id}/found/${n}`)).id });
       }, { "aria-label": `Open ${name}` }))));
   }
-  if (result.alternatives.length) {
+  if (usable && result.alternatives.length) {
     blocks.push(make("details", { open: result.doubtful }, make("summary", {}, "Other maps, if the colours above do not agree"),
       make("ul", { class: "choices" }, ...result.alternatives.map((one, n) => make("li", {},
         make("img", { src: `results/${id}/pictures/${one.picture}`, alt: `The second shape in the colours of map ${n + 2}` }),
         make("p", {}, `Map ${n + 2}: ${one.words}`),
         make("div", { class: "row" }, button("Take this map", () => submit({ do: "choose", result: id, alternative: n }), { "aria-label": `Take map ${n + 2}` })))))));
   }
-  if (result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result, again));
+  if (usable && result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result, again));
   blocks.push(make("h3", {}, "Save"), make("ul", { class: "files" },
     result.page && result.do !== "landmarks" && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
     ...result.files.map(({ name, about }, n) => make("li", {},
