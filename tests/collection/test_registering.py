@@ -156,7 +156,7 @@ def test_tables_that_a_run_did_not_finish_are_not_read(
     }
 
 
-def test_new_landmarks_register_a_shape_again_and_only_that(
+def test_new_landmarks_register_a_shape_again_and_only_that_and_stay_until_others_are_given(
     own: tuple[Collection, Path],
 ) -> None:
     collection, out = own
@@ -166,6 +166,13 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
     options = {"landmarks": hints, "workers": 0}
     assert collection.register(out / "template.obj", out, **options).registered == 1
     assert collection.register(out / "template.obj", out, **options).registered == 0
+    next(out.glob("permuted-*.obj")).unlink()
+    assert collection.register(out / "template.obj", out, workers=0).registered == 1
+    (result,) = (out / "registrations").glob("permuted-*.npz")
+    assert len(np.load(result)["landmarks"]) == 3
+    without = {permuted: []}
+    assert collection.register(out / "template.obj", out, landmarks=without, workers=0).skipped == 2
+    assert len(np.load(result)["landmarks"]) == 0
     expected = TEMPLATE.vertices @ TURN.T + 3
     np.testing.assert_allclose(np.load(out / "vertices.npy")[1], expected, atol=1e-5)
     hints[permuted] = [(0, 500)]
@@ -182,24 +189,6 @@ def test_new_landmarks_register_a_shape_again_and_only_that(
     ):
         with pytest.raises(InputError, match=problem):
             collection.register(out / "template.obj", out, landmarks=given, workers=0)
-
-
-def test_a_shape_keeps_its_landmarks_until_it_is_given_others(
-    own: tuple[Collection, Path],
-) -> None:
-    collection, out = own
-    (permuted,) = (row["path"] for row in rows(out) if row["shape"].startswith("permuted"))
-    hints = {permuted: [(i, np.argsort(ORDER)[i]) for i in (0, 100, 200)]}
-    collection.register(out / "template.obj", out, landmarks=hints, workers=0)
-    corrected = np.load(out / "vertices.npy")
-    assert collection.register(out / "template.obj", out, workers=0).skipped == 3
-    next(out.glob("permuted-*.obj")).unlink()
-    assert collection.register(out / "template.obj", out, workers=0).registered == 1
-    np.testing.assert_array_equal(np.load(out / "vertices.npy"), corrected)
-    (result,) = (out / "registrations").glob("permuted-*.npz")
-    without = {permuted: []}
-    assert collection.register(out / "template.obj", out, landmarks=without, workers=0).skipped == 2
-    assert not len(np.load(result)["landmarks"])
 
 
 def test_a_registered_shape_whose_file_changed_or_is_gone_fails(made: Path, tmp_path: Path) -> None:
