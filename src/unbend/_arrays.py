@@ -13,6 +13,7 @@ from unbend.errors import InputError
 # Values that a symmetry makes equal come out of a solver with errors far below this share.
 _ROUNDING = 1e-6
 _GRID_BITS = 27
+_COARSE = 0.1  # of the distance between points: rounding to longer steps turns faces about
 
 
 def is_whole(number: Any) -> TypeGuard[int]:
@@ -72,6 +73,18 @@ def unit_of(points: npt.NDArray[Any]) -> float:
     finite = points[np.isfinite(points).all(axis=1)]
     size = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return float(2.0 ** np.round(np.log2(size))) if size > 0 else 1.0
+
+
+def coarse_steps(points: npt.NDArray[Any]) -> tuple[float, float] | None:
+    """Compare the steps of 32-bit numbers, as far from the origin as points (n, 3) are, with these.
+
+    The length of a step and about how far points are apart; None if rounding moves them too little
+    to turn faces about.
+    """
+    with np.errstate(over="ignore"):
+        step = float(np.finfo(np.float32).eps * np.abs(points).max())
+        apart = float(np.ptp(points, axis=0).max() / np.sqrt(len(points)))
+    return None if step <= _COARSE * apart else (step, apart)
 
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:

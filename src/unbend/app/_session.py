@@ -125,8 +125,8 @@ class Session:
                 if name not in taken:
                     break
                 name = f"{parts.stem} ({n}){parts.suffix}"
-            self._shapes[i] = {"path": str(path), "name": name, "state": "reading"}
-            self._shapes[i]["stamp"] = _stamp(path)
+            shape = {"path": str(path), "name": name, "state": "reading", "stamp": _stamp(path)}
+            self._shapes[i] = shape
             self._submit({"do": "look", "shapes": [i]})
         return i
 

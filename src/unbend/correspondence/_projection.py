@@ -85,10 +85,9 @@ def project(
     left = np.hstack([points, normal_weight * normals])
     right = np.hstack([target.vertices, normal_weight * target.normals])
     partners = walk(left, right, partners, edges, target.neighbors)
-    every = np.arange(len(points))
     for _ in range(_FANS):
         faces, weights = closest_faces(left, right, target.faces, target.fans, partners)
-        partners = target.faces[faces][every, weights.argmax(axis=1)]
+        partners = _heaviest(target.faces[faces], weights)
     return _projection(target, points, normals, faces, weights, slack)
 
 
@@ -122,6 +121,11 @@ def project_anywhere(
     return _projection(target, points, normals, faces, weights, slack)
 
 
+def _heaviest(corners: IntArray, weights: FloatArray) -> IntArray:
+    """Take the corner (n,) of each face that counts most."""
+    return np.asarray(corners[np.arange(len(corners)), weights.argmax(axis=1)])
+
+
 def _projection(
     target: Target,
     points: FloatArray,
@@ -131,7 +135,6 @@ def _projection(
     slack: float,
 ) -> Projection:
     corners = target.faces[faces]
-    partners = corners[np.arange(len(points)), weights.argmax(axis=1)]
     places = np.einsum("ij,ijk->ik", weights, target.vertices[corners])
     facing = unit_vectors(np.einsum("ij,ijk->ik", weights, target.normals[corners]))
     offsets = points - places
@@ -140,4 +143,5 @@ def _projection(
     on_boundary |= ((weights == 1) & target.on_boundary[corners]).any(axis=1)
     valid = ~(on_boundary & (np.linalg.norm(beyond, axis=1) > slack))
     valid &= (facing * normals).sum(axis=1) > _OPPOSITE
-    return Projection(partners, places, facing, np.linalg.norm(offsets, axis=1), valid)
+    distances = np.linalg.norm(offsets, axis=1)
+    return Projection(_heaviest(corners, weights), places, facing, distances, valid)

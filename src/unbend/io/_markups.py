@@ -74,7 +74,7 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
         raise InputError(f"{mesh.name} has no vertices to be landmarks")
     tree = cKDTree(used[there])
     size = np.linalg.norm(np.ptp(used[there], axis=0))
-    vertices, n_moved = [], 0
+    vertices, away, n_moved = [], [], 0
     with prefixed(path.name):
         try:
             points = _fcsv(data) if path.suffix.lower() == ".fcsv" else _mrk_json(data)
@@ -99,9 +99,10 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
                     "size: is it of another mesh, unit or axes (RAS or LPS)?"
                 )
             vertices.append(vertex)
+            away.append(distance)
             n_moved += number is not None and vertex != int(number[1])
         places = np.array([position for *_, position in points])
-        off, turned = (tree.query(places * signs)[0].mean() for signs in (1, (-1, -1, 1)))
+        off, turned = np.mean(away), tree.query(places * (-1, -1, 1))[0].mean()
         if turned < off / _CLOSER and off > _MOVED * size:
             raise FileError(
                 f"its points are {off:.3g} from {mesh.name}, {turned:.3g} with x and y negated: "

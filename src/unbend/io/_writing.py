@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from unbend._arrays import array_of, numbers_of
+from unbend._arrays import array_of, coarse_steps, numbers_of
 from unbend._text import plural
 from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
@@ -36,7 +36,6 @@ WRITE_SUFFIXES = tuple(_WRITERS)
 COLOR_SUFFIXES = (".ply", ".obj", ".glb", ".vtp")
 SCALAR_SUFFIXES = (".ply", ".vtp")
 _SINGLE_SUFFIXES = (".stl", ".glb")  # hold positions in single precision
-_ROUNDED = 0.1  # of the distance between vertices: longer steps turn faces about
 
 
 def write_mesh(
@@ -133,15 +132,15 @@ def write_mesh(
 def _warn_of_rounding(name: str, mesh: Mesh) -> None:
     """Warn if single precision, too far from the origin, moves vertices that are close."""
     used = mesh.vertices[np.unique(mesh.faces)] if mesh.n_faces else mesh.vertices
+    coarse = coarse_steps(used)
     with np.errstate(over="ignore"):
-        step = float(np.finfo(np.float32).eps * np.abs(used).max())
-        apart = float(np.ptp(used, axis=0).max() / np.sqrt(len(used)))
-        exact = step <= _ROUNDED * apart or (used.astype(np.float32) == used).all()
-    if not exact:
-        warn(
-            f"{name}: positions are rounded to about {step:.1g}, and vertices are about "
-            f"{apart:.1g} apart; move the shape to the origin, or write .ply"
-        )
+        if coarse is None or (used.astype(np.float32) == used).all():
+            return
+    step, apart = coarse
+    warn(
+        f"{name}: positions are rounded to about {step:.1g}, and vertices are about "
+        f"{apart:.1g} apart; move the shape to the origin, or write .ply"
+    )
 
 
 def _rewritten(like: Path, path: Path, mesh: Mesh, colors: npt.NDArray[np.uint8] | None) -> bytes:

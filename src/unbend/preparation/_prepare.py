@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unbend._arrays import count_repeats, is_whole
+from unbend._arrays import coarse_steps, count_repeats, is_whole
 from unbend._text import plural
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.errors import InputError, MeshError
@@ -24,7 +24,6 @@ from unbend.mesh import (
 _LEAST_VERTICES = 4  # a shape in three dimensions has no fewer
 _NO_RESULT = "NaN in the result, -1 in a map"
 _LEAST_SIZE, _MOST_SIZE = 1e-60, 1e60  # whose fourth powers double precision can hold
-_ROUNDED = 0.1  # of the distance between vertices: rounding to longer steps turns faces about
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +139,11 @@ def _prepare_points(mesh: Mesh, component: str | int | None) -> Prepared:
 
 def describe_rounding(mesh: Mesh) -> str:
     """Say so if positions, all in use, are 32-bit numbers too far from the origin for detail."""
-    step = float(np.finfo(np.float32).eps * np.abs(mesh.vertices).max())
-    apart = float(np.ptp(mesh.vertices, axis=0).max() / np.sqrt(mesh.n_vertices))
+    coarse = coarse_steps(mesh.vertices)
     with np.errstate(over="ignore"):
-        if step <= _ROUNDED * apart or (mesh.vertices.astype(np.float32) != mesh.vertices).any():
+        if coarse is None or (mesh.vertices.astype(np.float32) != mesh.vertices).any():
             return ""
+    step, apart = coarse
     return (
         f"positions are rounded to about {step:.1g}, and vertices are about {apart:.1g} apart; "
         "move the shape to the origin before saving it"
