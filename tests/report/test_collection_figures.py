@@ -7,7 +7,7 @@ import pytest
 
 from unbend.errors import InputError
 from unbend.report import collection_figures, draw_distances, draw_similarities
-from unbend.report.collection_figures import apart, join_alike
+from unbend.report.collection_figures import join_alike
 
 
 @pytest.mark.parametrize("n", [5, 25])
@@ -43,7 +43,7 @@ def test_what_does_not_fit_is_refused(draw) -> None:
 def test_joins_are_as_high_as_the_mean_distance_between_their_branches() -> None:
     points = np.random.default_rng(3).random((9, 2))
     distances = np.linalg.norm(points[:, None] - points, axis=2)
-    order, heights, places = join_alike(distances)
+    order, heights, places = join_alike(distances, alike=False)
     assert sorted(order) == list(range(9))
     # A bracket's ends are at the middles of its branches, which are leaves or brackets before it.
     members = {float(i): {int(order[i])} for i in range(9)}
@@ -58,4 +58,6 @@ def test_joins_are_as_high_as_the_mean_distance_between_their_branches() -> None
 
 def test_what_is_unknown_is_far_apart() -> None:
     table = np.array([[1.0, 0.9, np.nan], [0.9, 1.0, 0.2], [np.nan, 0.2, 1.0]])
-    np.testing.assert_allclose(apart(table), [[0, 0.1, 1], [0.1, 0, 0.8], [1, 0.8, 0]])
+    for values in (table, 1 - table):
+        _, heights, _ = join_alike(values, alike=values is table)
+        assert sorted(heights[:, 1]) == pytest.approx([0.1, 0.9])

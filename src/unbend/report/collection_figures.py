@@ -69,10 +69,9 @@ def draw_similarities(names: Sequence[str], similarities: npt.ArrayLike, path: S
 
 def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, alike: bool) -> None:
     """Draw a table of similarities, or of distances."""
-    table, n = checked_table(values, len(names)), len(names)
-    label, cmap = ("similarity", "viridis") if alike else ("distance", "viridis_r")
-    far = apart(table) if alike else np.nan_to_num(table, nan=1.0)
-    order, heights, places = join_alike(far)
+    n = len(names)
+    table = checked_table(values, n)
+    order, heights, places = join_alike(table, alike=alike)
     table = table[np.ix_(order, order)]
     side = min(max(3.0, (0.42 if n <= _MOST_NUMBERS else 0.14) * n), 24.0)
     figure = new_figure(side + 3.0, side + 1.0)
@@ -84,7 +83,7 @@ def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, a
     left.set_yticks([])
     left.spines[["top", "left", "right"]].set_visible(False)
     left.tick_params(labelsize=7)
-    picture = right.imshow(table, cmap=cmap, aspect="auto")
+    picture = right.imshow(table, cmap="viridis" if alike else "viridis_r", aspect="auto")
     right.set_xticks([])
     right.yaxis.tick_right()
     shown = [as_written(names[i]) for i in order] if n <= _MOST_NAMES else []
@@ -96,7 +95,7 @@ def _draw_table(names: Sequence[str], values: npt.ArrayLike, path: StrPath, *, a
             style = {"ha": "center", "va": "center", "color": "white" if dark else "black"}
             right.text(j, i, f"{table[i, j]:.3g}", fontsize=6, **style)
     bar = figure.colorbar(picture, ax=right, location="bottom", fraction=0.05, pad=0.02)
-    bar.set_label(label, fontsize=8)
+    bar.set_label("similarity" if alike else "distance", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     save_figure(figure, path)
 
@@ -114,26 +113,19 @@ def checked_table(values: npt.ArrayLike, n: int) -> FloatArray:
     return table
 
 
-def apart(similarities: FloatArray) -> FloatArray:
-    """Turn similarities, 1 for the same and NaN where unknown, into distances."""
-    distances = np.where(np.isfinite(similarities), 1 - similarities, 1.0)
-    distances = np.maximum(distances + distances.T, 0) / 2
-    np.fill_diagonal(distances, 0)
-    return np.asarray(distances)
+def join_alike(values: FloatArray, *, alike: bool) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Cluster two shapes or more by average linkage, from similarities or distances (n, n).
 
-
-def join_alike(distances: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Cluster two shapes or more by average linkage, from distances (n, n).
-
-    Gives the order of the leaves, and for each join the heights and places of a bracket, both
-    (n - 1, 4), that lead from one branch up to the join, along it, and down to the other. Leaf
-    ``order[i]`` is at place `i`.
+    What is unknown is at distance 1. Gives the order of the leaves, and for each join the heights
+    and places of a bracket, both (n - 1, 4), that lead from one branch up to the join, along it,
+    and down to the other. Leaf ``order[i]`` is at place `i`.
     """
     from scipy.cluster.hierarchy import dendrogram, linkage
     from scipy.spatial.distance import squareform
 
-    near = squareform(distances, checks=False)
-    tree = linkage(near, "average", optimal_ordering=len(distances) <= 1000)
+    far = np.nan_to_num(1 - values if alike else values, nan=1.0)
+    near = squareform(np.maximum(far + far.T, 0) / 2, checks=False)
+    tree = linkage(near, "average", optimal_ordering=len(values) <= 1000)
     drawn = dendrogram(tree, no_plot=True)
     # SciPy puts leaf i at 10 i + 5.
     places = (np.array(drawn["icoord"]) - 5) / 10

@@ -190,8 +190,8 @@ def test_a_point_of_a_cloud_shows_its_partner(blob: Mesh) -> None:
     cloud = Mesh(blob.vertices @ np.diag([1, -1, -1]), name="cloud")
     page = match_page(cloud, blob, np.arange(642))
     data = json.loads(re.search(r'id="data">(.*?)</script>', page.html)[1])
-    for side in ("source", "target"):
-        assert data["maps"][0][side]["standIns"] is None  # every partner is drawn
+    for links in data["maps"][0]["links"]:
+        assert links["standIns"] is None  # every partner is drawn
     assert "a point cloud, drawn with triangles" in page.html
 
 

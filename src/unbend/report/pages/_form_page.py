@@ -108,6 +108,7 @@ def form_page(
     values, embedding = _embedding(mesh, form, inside)
     # Length in the form of a biharmonic distance of 1.
     unit = float(np.sqrt(form.area)) if keep_scale else 1.0
+    exact = float(np.ptp(embedding[inside])) / _STEPS
     return make_page(
         f"{mesh.name}, canonical form",
         f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
@@ -128,18 +129,11 @@ def form_page(
             _facts(shown, form, command),
         ],
         {
-            "shape": shown.packed()
-            | {
-                "colors": shown.colors(shown.places),
-                "known": pack_whole(inside[shown.ids].astype(np.int64)),
-            },
+            "shape": shown.packed() | {"known": pack_whole(inside[shown.ids])},
             "form": shown.moved(turned_to_fit(form.points, mesh)),
             "surface": surface,
-            "embedding": pack_places(
-                embedding[shown.ids], float(np.ptp(embedding[inside])) / _STEPS
-            ),
+            "embedding": pack_places(embedding[shown.ids], exact),
             "unit": unit if form.distance == "biharmonic" else None,
-            "cells": shown.cells(),
         },
         ["form.js"],
         path=path,
@@ -178,38 +172,31 @@ def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
 
 
 def _form_facts(form: CanonicalForm) -> str:
-    values = form.eigenvalues
-    rows = [(f"eigenvalue {i + 1}", f"{value:.5g}") for i, value in enumerate(values[:8])]
-    rows.append(("stress", f"{form.stress:.4f}"))
-    return section(
-        "Form",
-        table(rows),
-        hint(
-            "An eigenvalue is how far the form reaches along one of its axes, squared and summed "
-            "over vertices. Stress is how far straight distances within the form miss the "
-            f"{escape(form.distance)} distances on the shape: 0 is perfect."
-        ),
+    values = form.eigenvalues[:8]
+    rows = [(f"eigenvalue {i + 1}", f"{value:.5g}") for i, value in enumerate(values)]
+    meaning = (
+        "An eigenvalue is how far the form reaches along one of its axes, squared and summed "
+        "over vertices. Stress is how far straight distances within the form miss the "
+        f"{escape(form.distance)} distances on the shape: 0 is perfect."
     )
+    return section("Form", table([*rows, ("stress", f"{form.stress:.4f}")]), hint(meaning))
 
 
 def _facts(shown: Shown, form: CanonicalForm, command: str) -> str:
     mesh = shown.mesh
+    kind = f"{form.method} {form.distance}, {form.weighting} weights, {form.laplacian} Laplacian"
+    display = (
+        "the form is rotated or reflected as a whole to align with the shape; its surface is drawn "
+        "thicker on each side by the chosen number of pixels"
+    )
+    distances = (
+        f"biharmonic, at unit area, summed over the first {_N_EIGENPAIRS} eigenfunctions at most"
+    )
     rows = [
-        ("shape", f"{mesh.name}; {mesh.n_vertices:,} vertices, {mesh.n_faces:,} faces"),
+        ("shape", f"{mesh.name}; {shown.size}"),
         ("done to it", "; ".join([*mesh.notes, *form.notes, *shown.facts]) or "nothing"),
-        (
-            "form",
-            f"{form.method} {form.distance}, {form.weighting} weights, {form.laplacian} Laplacian",
-        ),
-        (
-            "for display",
-            "the form is rotated or reflected as a whole to align with the shape; its surface is "
-            "drawn thicker on each side by the chosen number of pixels",
-        ),
-        (
-            "distances here",
-            f"biharmonic, at unit area, summed over the first {_N_EIGENPAIRS} eigenfunctions at "
-            "most",
-        ),
+        ("form", kind),
+        ("for display", display),
+        ("distances here", distances),
     ]
     return how_made(rows, command)

@@ -16,10 +16,8 @@ from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError
 from unbend.mesh import Mesh
 from unbend.mesh.decimation import decimate
-from unbend.report.colors import places_in_box
 
 MOST_VERTICES = 60_000
-_GRID = 14.0
 # Positions are exact to 2^-14 of the longest side, a fraction of a pixel on any screen.
 _STEPS = 2**14
 
@@ -38,6 +36,11 @@ class Shown(NamedTuple):
         return self.mesh.vertices[self.ids]
 
     @property
+    def size(self) -> str:
+        """How large the whole mesh is."""
+        return f"{self.mesh.n_vertices:,} vertices, {self.mesh.n_faces:,} faces"
+
+    @property
     def facts(self) -> list[str]:
         """Sentences on what is not shown."""
         n, n_used = self.mesh.n_vertices, int((self.stand_ins >= 0).sum())
@@ -52,12 +55,11 @@ class Shown(NamedTuple):
         return facts
 
     def packed(self) -> dict[str, Any]:
-        """Pack positions with the faces and, where needed, the numbers of the vertices."""
-        everything = len(self.ids) == self.mesh.n_vertices
+        """Pack positions, faces, and the numbers that the vertices have in the mesh."""
         return {
             "places": pack_places(self.places),
             "faces": pack_whole(self.faces),
-            "ids": None if everything else pack_whole(self.ids),
+            "ids": pack_whole(self.ids),
         }
 
     def moved(self, places: FloatArray) -> dict[str, Any]:
@@ -66,15 +68,6 @@ class Shown(NamedTuple):
         inside = np.asarray(np.isfinite(places).all(axis=1))[self.faces].all(axis=1)
         faces = None if inside.all() else pack_whole(self.faces[inside])
         return {"places": pack_places(places), "faces": faces}
-
-    def colors(self, places: FloatArray) -> dict[str, Any]:
-        """Pack what colours places (k, 3): where they are in the box around what is shown."""
-        return pack_places(places_in_box(places, self.places))
-
-    def cells(self) -> list[float]:
-        """How often grid lines that make squares cross the longest and the middle side."""
-        sides = np.sort(np.ptp(self.places, axis=0))[::-1]
-        return [_GRID, float(_GRID * sides[1] / max(float(sides[0]), 1e-300))]
 
 
 def show(mesh: Mesh, most: int = MOST_VERTICES) -> Shown:
@@ -109,20 +102,18 @@ def checked_landmarks(landmarks: npt.ArrayLike | None, meshes: Sequence[Mesh]) -
     return found
 
 
-def pack_whole(numbers: IntArray) -> dict[str, Any]:
+def pack_whole(numbers: npt.NDArray[Any]) -> dict[str, Any]:
     """Pack whole numbers (n,) or (n, c) whose differences down the columns fit into 32 bits.
 
-    Each is stored as the difference from the one before, and bytes of equal weight are compressed.
-    The dictionary is for `data.js`: ``columns``, ``planes`` (bytes of a number) and ``data``.
+    Each is stored as the difference from the one before, signs folded into the lowest bit, and
+    bytes of equal weight together, which compresses well. For `unpack` in data.js.
     """
     table = numbers.reshape(len(numbers), -1).astype(np.int64)
     steps = np.diff(table, axis=0, prepend=0)
     folded = np.where(steps < 0, -2 * steps - 1, 2 * steps).astype("<u4")
-    planes = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
-    columns = np.ascontiguousarray(folded.T).view(np.uint8).reshape(table.shape[1], -1, 4)
-    data = np.ascontiguousarray(columns[:, :, :planes].transpose(0, 2, 1)).tobytes()
-    packed = base64.b64encode(zlib.compress(data, 9)).decode("ascii")
-    return {"columns": table.shape[1], "planes": planes, "data": packed}
+    planes = folded.T.reshape(-1, 1).view(np.uint8).T.tobytes()
+    data = base64.b64encode(zlib.compress(planes, 9)).decode("ascii")
+    return {"columns": table.shape[1], "data": data}
 
 
 def pack_places(places: FloatArray, step: float | None = None) -> dict[str, Any]:

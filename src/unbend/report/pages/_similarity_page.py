@@ -12,12 +12,12 @@ import numpy.typing as npt
 from unbend._arrays import array_of, numbers_of
 from unbend._display import table
 from unbend._text import plural
-from unbend._types import FloatArray, IntArray, Progress, StrPath
+from unbend._types import IntArray, Progress, StrPath
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh
 from unbend.mesh import Mesh
-from unbend.report.collection_figures import apart, checked_table, join_alike
+from unbend.report.collection_figures import checked_table, join_alike
 from unbend.report.pages._document import (
     Page,
     begin_page,
@@ -99,29 +99,40 @@ def similarity_page(
     """
     step = begin_page(path, up, progress)
     shapes = list(shapes)
-    array, numbers = _checked(len(shapes), values, measure, groups)
+    if measure not in get_args(Measure):
+        raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
+    array = checked_table(values, len(shapes))
+    numbers = None if groups is None else _checked_groups(groups, len(shapes))
     meshes, packed, said = _read_shapes(shapes, step)
     names = [one.name for one in meshes]
-    far = apart(array) if measure == "similarity" else np.nan_to_num(array, nan=1.0)
-    order, heights, places = join_alike(far)
+    order, heights, places = join_alike(array, alike=measure == "similarity")
     others = array[~np.eye(len(array), dtype=bool) & np.isfinite(array)]
     spread = "no pair is known"
     if len(others):
         spread = f"{others.min():.4f} to {others.max():.4f} between different shapes"
-    title = f"How alike {len(names)} shapes are"
-    if numbers is not None:
-        title = f"{len(names)} shapes in {plural(len(np.unique(numbers)), 'group')}"
     blocks = [_heat_map(measure)]
     if len(names) <= _MOST_TOLD:
         heads = (measure, *(names[j] for j in order))
         rows = [(names[i], *(_number_told(array[i, j]) for j in order)) for i in order]
         blocks.append(f"<details><summary>As a table</summary>{table(rows, heads)}</details>")
+    if numbers is None:
+        title = f"How alike {len(names)} shapes are"
+        blocks.append(section("Shapes", _cards(names, order)))
+    else:
+        found = np.unique(numbers)
+        title = f"{len(names)} shapes in {plural(len(found), 'group')}"
+        for number in found:
+            members = order[numbers[order] == number]
+            heading = f"Group {number}: {plural(len(members), 'shape')}"
+            blocks.append(section(heading, _cards(names, members)))
     facts = [
         ("values", f"{measure}, {_MEANING[measure]}"),
         ("dendrogram", "average linkage; the most alike stand beside each other"),
         ("for display", said),
     ]
-    blocks += _pictures(names, order, numbers)
+    known = np.where(np.isfinite(array), array, -1.0)
+    top = max(float(heights.max()), 1e-300)
+    brackets = np.column_stack([heights[:, [0, 3, 1]] / top, places[:, [0, 3]]])
     return make_page(
         title,
         f"{measure.capitalize()} is {spread}.",
@@ -129,9 +140,11 @@ def similarity_page(
         {
             "shapes": packed,
             "measure": measure,
-            "table": _packed(array),
+            # A millionth of the largest apart; -1 where they are unknown.
+            "table": pack_places(known.reshape(-1, 1), max(float(known.max()), 1.0) * 1e-6),
             "order": order.tolist(),
-            "tree": _brackets(heights, places),
+            # For each, two ends and the join's height, as shares, and two places.
+            "tree": np.round(brackets, 4).tolist(),
         },
         ("heat.js", "shapes.js"),
         path=path,
@@ -209,18 +222,11 @@ def search_page(
     )
 
 
-def _checked(
-    n: int, values: npt.ArrayLike, measure: str, groups: npt.ArrayLike | None
-) -> tuple[FloatArray, IntArray | None]:
-    if measure not in get_args(Measure):
-        raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
-    array = checked_table(values, n)
-    if groups is None:
-        return array, None
+def _checked_groups(groups: npt.ArrayLike, n: int) -> IntArray:
     numbers = array_of(groups, "groups")
     if numbers.shape != (n,) or numbers.dtype.kind not in "iu" or numbers.min() < 0:
         raise InputError(f"groups must be {n} whole numbers from 0")
-    return array, numbers.astype(np.int64)
+    return numbers.astype(np.int64)
 
 
 def _heat_map(measure: str) -> str:
@@ -237,31 +243,6 @@ def _heat_map(measure: str) -> str:
             "the arrow keys, and open both with Enter."
         ),
     )
-
-
-def _pictures(names: list[str], order: IntArray, groups: IntArray | None) -> list[str]:
-    if groups is None:
-        return [section("Shapes", _cards(names, order.tolist()))]
-    blocks = []
-    for number in np.unique(groups):
-        members = order[groups[order] == number].tolist()
-        heading = f"Group {number}: {plural(len(members), 'shape')}"
-        blocks.append(section(heading, _cards(names, members)))
-    return blocks
-
-
-def _packed(array: FloatArray) -> dict[str, Any]:
-    """Pack the values, a millionth of the largest apart; -1 where they are unknown."""
-    whole = np.where(np.isfinite(array), array, -1.0)
-    return pack_places(whole.reshape(-1, 1), step=max(float(whole.max()), 1.0) * 1e-6)
-
-
-def _brackets(heights: FloatArray, places: FloatArray) -> list[list[float]]:
-    """Brackets of the dendrogram: two ends and the join's height, as shares, and two places."""
-    top = max(float(heights.max()), 1e-300)
-    rows = np.column_stack([heights[:, [0, 3, 1]] / top, places[:, [0, 3]]])
-    found: list[list[float]] = np.round(rows, 4).tolist()
-    return found
 
 
 def check_count(n: int) -> None:
@@ -324,7 +305,7 @@ def _body(
     ]
 
 
-def _cards(names: Sequence[str], chosen: Sequence[int], below: Sequence[str] = ()) -> str:
+def _cards(names: Sequence[str], chosen: Iterable[int], below: Sequence[str] = ()) -> str:
     """Buttons with pictures of some shapes, their names and perhaps a line below each."""
     made = []
     for k, i in enumerate(chosen):

@@ -117,10 +117,7 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
     places = shown.places
     packed = shown.packed() | {
         "name": mesh.name,
-        "n": mesh.n_vertices,
         "places": pack_places(places, float(np.ptp(places, axis=0).max()) / _STEPS or None),
-        "colors": shown.colors(places),
-        "cells": shown.cells(),
         "standIns": pack_whole(shown.stand_ins),
     }
     size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"
@@ -130,7 +127,7 @@ def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], lis
         facts.append("values from {} to {}".format(*_told_apart(*limits)))
         seen = scalars[shown.ids, None]
         packed["values"] = pack_places(seen, (limits[1] - limits[0]) / _STEPS or None)
-        packed["known"] = pack_whole(np.isfinite(seen).astype(np.int64))
+        packed["known"] = pack_whole(np.isfinite(seen))
         packed["limits"] = limits
     return packed, facts
 

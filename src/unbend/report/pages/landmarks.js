@@ -82,7 +82,7 @@ class Landmarks {
   }
 
   check(vertex, side) {
-    const { name, n, seen } = this.shapes[side];
+    const { name, standIns: { length: n }, seen } = this.shapes[side];
     if (!(vertex < n)) throw Error(`vertex ${vertex} is not on ${name}, which has the vertices 0 to ${n - 1}`);
     if (seen(vertex) < 0) throw Error(`vertex ${vertex} of ${name} is in no face, and cannot be shown`);
   }

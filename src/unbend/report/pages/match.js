@@ -1,80 +1,69 @@
 // The match page: what is pointed at on one shape is marked on the other.
 "use strict";
 
-start(async (data) => {
-  const camera = new Camera(), sides = [data.source, data.target], names = ["source", "target"];
-  const room = roomFor(...sides.map((side) => side.places), ...data.maps[0].frames);
+start(async ({ sides, forms, maps, landmarks, worst }) => {
+  const camera = new Camera(), names = ["source", "target"];
+  const tint = colorOf("--target"), plain = colorOf("--source");
+  const room = roomFor(...sides.map(({ places }) => places), ...maps[0].frames);
+  const box = boxAround(sides[0].places);
   const views = sides.map((side, i) => {
-    Object.assign(side, numbering(side.ids, side.places.length / 3));
+    Object.assign(side, numbering(side.ids));
     const view = new View(part(names[i]), camera, room);
-    view.cells = data.cells;
-    view.add({ positions: side.places, faces: side.faces, place: side.colors });
+    view.cells = box.cells;
+    view.add({ positions: side.places, faces: side.faces, place: placesIn(box, side.places) });
+    view.landmarks = landmarks.map(({ label, at }) => (
+      { mesh: view.meshes[0], vertex: at[i], tint: plain, label }));
     return view;
   });
-  const [ours, theirs] = views, forms = showForms(data.forms, sides);
-  const all = [...views, ...forms.views];
+  const aligned = showForms(forms, sides), all = [...views, ...aligned.views];
   listenToControls(all, views);
-
-  views.forEach((view, i) => {
-    view.landmarks = data.landmarks.map((pair, k) => (
-      { mesh: view.meshes[0], vertex: pair[i], tint: colorOf("--source"), label: `${k + 1}${data.ignored.includes(k) ? " (ignored)" : ""}` }));
-  });
 
   // The map that is shown: for each side, per shown vertex, the partner's number on the other and
   // the shown vertex in whose place it is seen; -1 for none.
   let map = null;
-  for (const one of data.maps) {
-    for (const name of names) one[name].standIns = one[name].standIns || one[name].partners;
-  }
+  for (const { links } of maps) for (const one of links) one.standIns ||= one.partners;
 
   // Marks: what is pointed at, else what was clicked, as {side, vertex}.
   const readout = part("readout"), boxes = names.map((name) => part(`${name}-vertex`));
-  const tint = colorOf("--target"), hint = readout.textContent;
+  const hint = readout.textContent;
   let pinned = null;
 
   function mark(chosen) {
     const shown = [-1, -1], numbers = [-1, -1];
     if (chosen) {
-      const { side, vertex } = chosen, links = map[names[side]];
-      shown[side] = vertex;
-      numbers[side] = sides[side].number(vertex);
-      shown[1 - side] = links.standIns[vertex];
-      numbers[1 - side] = links.partners[vertex];
+      const { side, vertex } = chosen, { standIns, partners } = map.links[side];
+      [shown[side], shown[1 - side]] = [vertex, standIns[vertex]];
+      [numbers[side], numbers[1 - side]] = [sides[side].number(vertex), partners[vertex]];
     }
     readout.textContent = !chosen ? hint : names.map((name, i) =>
       numbers[i] < 0 ? `no ${name} vertex` : `${name} vertex ${numbers[i]}`).join("  \u2194  ");
-    boxes.forEach((box, i) => { box.value = numbers[i] < 0 ? "" : numbers[i]; });
+    boxes.forEach((one, i) => { one.value = numbers[i] < 0 ? "" : numbers[i]; });
     all.forEach((view, v) => {
       view.change({ marks: (v < 2 ? [v] : [0, 1]).filter((i) => shown[i] >= 0).map((i) => (
         { mesh: view.meshes[v < 2 ? 0 : i], vertex: shown[i], tint })) });
     });
   }
 
-  function pin(chosen) {
-    pinned = chosen;
+  function pin(side, vertex) {
+    pinned = vertex < 0 ? null : { side, vertex };
     mark(pinned);
   }
 
   all.forEach((view, v) => {
     const side = v === 1 ? 1 : 0;
     view.pointed = (vertex, clicked) => {
-      const chosen = vertex < 0 ? null : { side, vertex };
-      if (clicked) pin(chosen);
-      else mark(chosen || pinned);
+      if (clicked) pin(side, vertex);
+      else mark(vertex < 0 ? pinned : { side, vertex });
     };
   });
-  boxes.forEach((box, side) => box.addEventListener("change", () => {
-    const vertex = sides[side].shown(box.valueAsNumber);
-    pin(vertex < 0 ? null : { side, vertex });
-    if (vertex < 0) readout.textContent = "that vertex is not shown";
-  }));
+  boxes.forEach((one, side) => listenToBox(one, sides[side], (vertex) => pin(side, vertex)));
 
   const paint = part("paint");
   function color() {
     const measured = { 1: map.errors, expected: map.expected }[paint.value];
-    const errors = measured && measured.map((one) => (one > -0.5 ? one / data.worst : -1));
+    const errors = measured?.map((one) => (one > -0.5 ? one / worst : -1));
     views.forEach((view, i) => {
-      const { standIns, partners } = map[names[i]];
+      const { standIns, partners } = map.links[i];
       let known = Float32Array.from(partners, (one) => (one < 0 ? 0 : 1));
       if (errors) {
         // The target has no errors of its own: it shows those of what leads to it.
@@ -88,12 +77,12 @@ start(async (data) => {
   }
   paint.addEventListener("change", color);
 
-  const morph = listenToMorph((places) => ours.set("positions", places));
+  const morph = listenToMorph((places) => views[0].set("positions", places));
 
   function choose(index) {
-    map = data.maps[index];
-    theirs.set("place", map.target.colors);
-    forms.turn(map);
+    map = maps[index];
+    views[1].set("place", placesIn(box, map.carried));
+    aligned.turn(map);
     color();
     morph([sides[0].places, ...map.frames]);
     mark(pinned);
@@ -104,26 +93,24 @@ start(async (data) => {
 
 // Two views of both forms, one over the other: as they are, and the source's turned to the target's.
 function showForms(forms, sides) {
-  const camera = new Camera(20, 20, "y"), both = [forms.source, forms.target];
-  const colors = [colorOf("--source"), colorOf("--target")];
+  const camera = new Camera(20, 20, "y"), colors = [colorOf("--source"), colorOf("--target")];
   const views = ["before", "after"].map((id) => {
-    const view = new View(part(id), camera, roomFor(...both.map((form) => form.places)));
+    const view = new View(part(id), camera, roomFor(...forms.map(({ places }) => places)));
     view.paint = 2;
     view.fat = 1.5;
-    both.forEach(({ places, faces }, i) => {
+    forms.forEach(({ places, faces }, i) => {
       view.add({ positions: places, faces: faces || sides[i].faces, tint: colors[i] });
     });
     return view;
   });
-  const turned = new Float64Array(forms.source.places.length);
   function turn({ rotation: r, translation: t }) {
-    const from = forms.source.places;
+    const [from, to] = forms.map(({ places }) => places), turned = new Float64Array(from.length);
     for (let i = 0; i < turned.length; i += 3) {
       for (let k = 0; k < 3; k++) {
         turned[i + k] = r[k][0] * from[i] + r[k][1] * from[i + 1] + r[k][2] * from[i + 2] + t[k];
       }
     }
-    Object.assign(views[1], roomFor(turned, forms.target.places));
+    Object.assign(views[1], roomFor(turned, to));
     views[1].set("positions", turned);
   }
   return { views, turn };
@@ -135,7 +122,7 @@ function listenToMorph(show) {
   const slider = part("morph"), button = part("play");
   let frames = [], since = null;
   function move() {
-    const last = frames.length - 1, x = (slider ? +slider.value : 0) * last;
+    const last = frames.length - 1, x = slider ? slider.value * last : 0;
     const first = Math.max(0, Math.min(Math.floor(x) - 1, last - 3));
     const used = [0, 1, 2, 3].map((i) => first + i).filter((i) => i <= last);
     const places = new Float64Array(frames[0].length);
@@ -148,16 +135,16 @@ function listenToMorph(show) {
   }
   if (slider) {
     slider.addEventListener("input", move);
+    const tick = (now) => {
+      if (since === null) return;
+      slider.value = 0.5 - 0.5 * Math.cos((now - since) / 1200);
+      move();
+      requestAnimationFrame(tick);
+    };
     button.addEventListener("click", () => {
-      button.textContent = since === null ? "Stop" : "Play";
       since = since === null ? performance.now() : null;
-      const tick = (now) => {
-        if (since === null) return;
-        slider.value = 0.5 - 0.5 * Math.cos((now - since) / 1200);
-        move();
-        requestAnimationFrame(tick);
-      };
-      if (since !== null) requestAnimationFrame(tick);
+      button.textContent = since === null ? "Play" : "Stop";
+      tick(since);
     });
   }
   return (others) => {

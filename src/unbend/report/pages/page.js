@@ -1,33 +1,48 @@
 // What all pages do: find their parts, unpack their data, name what goes wrong.
 "use strict";
 
+const GRID = 14; // lines across the longest side
+
 const part = (id) => document.getElementById(id);
+
+// The box around some places: its lowest corner, its sides, its axes, the longest first, and how
+// often grid lines that make squares cross the longest and the middle side.
+function boxAround(...arrays) {
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  for (const places of arrays) {
+    for (let i = 0; i < places.length; i++) {
+      low[i % 3] = Math.min(low[i % 3], places[i]);
+      high[i % 3] = Math.max(high[i % 3], places[i]);
+    }
+  }
+  const sides = high.map((value, k) => value - low[k]);
+  const axes = [0, 1, 2].sort((i, j) => sides[j] - sides[i]);
+  return { low, sides, axes, cells: [GRID, GRID * sides[axes[1]] / (sides[axes[0]] || 1)] };
+}
+
+// What colours places: their shares of a box's sides, the longest first.
+function placesIn({ low, sides, axes }, places) {
+  return Float32Array.from(places, (_, i) => {
+    const k = axes[i % 3];
+    return (places[i - i % 3 + k] - low[k]) / (sides[k] || 1);
+  });
+}
 
 // The room that some places take: the middle of the box around them, the distance from it of the
 // farthest, and for each axis the farthest across it and along it.
 function roomFor(...arrays) {
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-  const each = (use) => arrays.forEach((places) => {
-    for (let i = 0; i < places.length; i += 3) use(places[i], places[i + 1], places[i + 2]);
-  });
-  each((...place) => place.forEach((value, k) => {
-    low[k] = Math.min(low[k], value);
-    high[k] = Math.max(high[k], value);
-  }));
-  const centre = low.map((value, k) => (value + high[k]) / 2);
+  const box = boxAround(...arrays), centre = box.low.map((value, k) => value + box.sides[k] / 2);
   const squares = [0, 0, 0];
   let most = 0;
-  each((...place) => {
-    const [x, y, z] = place.map((value, k) => (value - centre[k]) ** 2);
-    most = Math.max(most, x + y + z);
-    squares[0] = Math.max(squares[0], y + z);
-    squares[1] = Math.max(squares[1], x + z);
-    squares[2] = Math.max(squares[2], x + y);
-  });
-  const sides = squares.map((across, k) => ({
-    across: Math.sqrt(across) || 1,
-    along: (high[k] - low[k]) / 2,
-  }));
+  for (const places of arrays) {
+    for (let i = 0; i < places.length; i += 3) {
+      const [x, y, z] = centre.map((value, k) => (places[i + k] - value) ** 2);
+      most = Math.max(most, x + y + z);
+      [y + z, x + z, x + y].forEach((across, k) => { squares[k] = Math.max(squares[k], across); });
+    }
+  }
+  const sides = squares.map((across, k) => (
+    { across: Math.sqrt(across) || 1, along: box.sides[k] / 2 }));
   return { centre, radius: Math.sqrt(most) || 1, sides };
 }
 
@@ -46,24 +61,28 @@ function colorOf(name) {
 }
 
 // The number that a shown vertex has in its file, and the shown vertex of a number, or -1.
-function numbering(ids, shown) {
-  if (!ids) return { number: (i) => i, shown: (id) => (Number.isInteger(id) && id >= 0 && id < shown ? id : -1) };
+function numbering(ids) {
   const places = new Map(Array.from(ids, (id, i) => [id, i]));
-  return { number: (i) => ids[i], shown: (id) => (places.has(id) ? places.get(id) : -1) };
+  return { number: (i) => ids[i], shown: (id) => places.get(id) ?? -1 };
+}
+
+// Where the number of a vertex is typed, use the vertex that is shown, or -1.
+function listenToBox(box, { shown }, use) {
+  box.addEventListener("change", () => {
+    const vertex = shown(box.valueAsNumber);
+    use(vertex);
+    if (vertex < 0) part("readout").textContent = "that vertex is not shown";
+  });
 }
 
 // Tick boxes and buttons that every page has; the upward axis is of what `shapes` show.
-function listenToControls(views, shapes) {
+function listenToControls(views, shapes = views) {
   const cameras = views.map((view) => view.camera);
   part("reset").addEventListener("click", () => views.forEach((view) => view.camera.reset()));
   part("linked")?.addEventListener("change", (event) => {
     views.forEach((view, i) => {
-      const before = view.camera;
-      before.views = before.views.filter((one) => one !== view);
-      view.camera = cameras[i];
-      if (!event.target.checked) view.camera = Object.assign(new Camera(), before, { views: [] });
-      view.camera.views.push(view);
-      view.draw();
+      const camera = event.target.checked ? cameras[i] : Object.assign(new Camera(), cameras[i]);
+      view.change({ camera });
     });
   });
   part("up").addEventListener("change", () => shapes.forEach((view) => view.draw()));

@@ -13,7 +13,6 @@ class Camera {
   constructor(azimuth = 50, elevation = 15, fixed) {
     this.home = { azimuth, elevation, zoom: 1, x: 0, y: 0 };
     this.fixed = fixed;
-    this.views = [];
     this.reset();
   }
   get up() {
@@ -38,7 +37,7 @@ class Camera {
     this.changed();
   }
   changed() {
-    for (const view of this.views) view.draw();
+    for (const view of View.all) if (view.camera === this) view.draw();
   }
   matrix() { // by rows: right, up, towards the viewer
     const a = this.azimuth * Math.PI / 180, e = this.elevation * Math.PI / 180;
@@ -54,6 +53,8 @@ class Camera {
 // One canvas. `meshes` are drawn, and on them marks: {mesh, vertex, tint, label}. `pointed(vertex,
 // clicked)` is called with the vertex of the first mesh under the pointer, or -1.
 class View {
+  static all = [];
+
   // `room` is what roomFor says of everything that will be drawn.
   constructor(canvas, camera, room) {
     this.canvas = canvas;
@@ -66,10 +67,10 @@ class View {
     this.paint = 0;
     this.grid = true;
     this.wire = false;
-    this.cells = [14, 10]; // of the grid, along the longest side and the middle one
+    this.cells = [0, 0]; // of the grid, along the longest side and the middle one
     this.pointed = () => {};
     openStage();
-    camera.views.push(this);
+    View.all.push(this);
     canvas.view = this; // for tests
     canvas.addEventListener("contextrestored", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);

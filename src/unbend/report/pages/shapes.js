@@ -87,7 +87,7 @@ start(async (data) => {
   choices.forEach((choice, k) => choice.addEventListener("change", () => {
     open(...chosen.map((i, other) => (other === k ? +choice.value : i)));
   }));
-  listenToControls(views, views);
+  listenToControls(views);
 
   let heat = null;
   if (data.table) {

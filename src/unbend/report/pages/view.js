@@ -11,16 +11,16 @@ start(async ({ shapes, landmarks: given }) => {
   const readout = part("readout"), paint = part("paint");
   const tint = colorOf("--target"), plain = colorOf("--source"), camera = new Camera();
   const views = shapes.map((shape, side) => {
-    const room = roomFor(shape.places);
-    Object.assign(shape, numbering(shape.ids, shape.places.length / 3), { size: 2 * room.radius, cursor: -1 });
-    shape.seen = (id) => (id < shape.n ? shape.standIns[id] : -1);
-    const view = new View(part(`shape-${side}`), camera, room), { places, faces, colors, values, limits } = shape;
+    const { places, faces, values, known, limits } = shape, room = roomFor(places), box = boxAround(places);
+    Object.assign(shape, numbering(shape.ids), { size: 2 * room.radius, cursor: -1 });
+    shape.seen = (id) => shape.standIns[id] ?? -1;
     const value = values?.map((one) => (one - limits[0]) / (limits[1] - limits[0] || 1));
-    view.cells = shape.cells;
-    view.add({ positions: places, faces, place: colors, value, known: shape.known });
+    const view = new View(part(`shape-${side}`), camera, room);
+    view.cells = box.cells;
+    view.add({ positions: places, faces, place: placesIn(box, places), value, known });
     return view;
   });
-  listenToControls(views, views);
+  listenToControls(views);
   function color() {
     views.forEach((view, side) => {
       view.change({ paint: paint.value === "1" && !shapes[side].values ? 2 : +paint.value });
@@ -147,7 +147,7 @@ start(async ({ shapes, landmarks: given }) => {
   });
 
   views.forEach((view, side) => {
-    const shape = shapes[side], { canvas } = view, box = part(`vertex-${side}`);
+    const shape = shapes[side], { canvas } = view;
     part(`markups-${side}`).addEventListener("click", () => {
       const count = landmarks.list.filter(({ at }) => at[side] >= 0).length;
       if (!count) return say(`There is no landmark on ${shape.name}.`);
@@ -155,11 +155,9 @@ start(async ({ shapes, landmarks: given }) => {
       say(`Saved landmarks on ${shape.name}: ${count}.`);
     });
     chosen(part(`load-${side}`), side);
-    box.addEventListener("change", () => {
-      const vertex = shape.shown(box.valueAsNumber);
+    listenToBox(part(`vertex-${side}`), shape, (vertex) => {
       shape.cursor = vertex;
       mark(side, vertex);
-      if (vertex < 0) readout.textContent = "that vertex is not shown";
     });
     view.pointed = (vertex, clicked) => {
       if (clicked && vertex >= 0) place(side, vertex);
@@ -168,25 +166,24 @@ start(async ({ shapes, landmarks: given }) => {
 
     // A landmark under the pointer is dragged instead of the shape.
     let held = null;
-    const local = (event) => [event.offsetX, event.offsetY];
     canvas.addEventListener("pointerdown", (event) => {
-      const [x, y] = local(event), project = view.projection();
+      const { offsetX: x, offsetY: y, pointerId: id } = event, project = view.projection();
+      const reach = GRASP[event.pointerType || "mouse"];
       const near = view.landmarks.map((landmark) => {
         const [right, down] = project(...row(shape.places, landmark.vertex));
         return { landmark, apart: Math.hypot(right - x, down - y) };
-      }).filter(({ landmark, apart }) => apart < GRASP[event.pointerType || "mouse"]
-        && view.facing(landmark.mesh, landmark.vertex) > HIDDEN).sort((a, b) => a.apart - b.apart)[0];
-      if (!near || event.button || event.shiftKey) return;
+      }).filter(({ landmark: { mesh, vertex }, apart }) => apart < reach && view.facing(mesh, vertex) > HIDDEN);
+      if (!near.length || event.button || event.shiftKey) return;
       event.stopImmediatePropagation();
-      canvas.setPointerCapture(event.pointerId);
-      held = { ...near, id: event.pointerId, x, y, moved: false };
-      landmarks.selected = near.landmark.one;
+      canvas.setPointerCapture(id);
+      const { landmark } = near.sort((a, b) => a.apart - b.apart)[0];
+      held = { landmark, id, x, y, moved: false };
+      landmarks.selected = landmark.one;
     }, true);
     canvas.addEventListener("pointermove", (event) => {
-      if (!held || event.pointerId !== held.id) return;
+      if (event.pointerId !== held?.id) return;
       event.stopImmediatePropagation();
-      const [x, y] = local(event);
-      held.moved = held.moved || Math.hypot(x - held.x, y - held.y) > 3;
+      held.moved ||= Math.hypot(event.offsetX - held.x, event.offsetY - held.y) > 3;
       const vertex = held.moved ? view.vertexAt(event.clientX, event.clientY) : -1;
       if (vertex < 0) return;
       held.landmark.vertex = vertex;
@@ -194,12 +191,12 @@ start(async ({ shapes, landmarks: given }) => {
     }, true);
     for (const kind of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(kind, (event) => {
-        if (!held || event.pointerId !== held.id) return;
+        if (event.pointerId !== held?.id) return;
         event.stopImmediatePropagation();
         const { landmark: { one, vertex }, moved } = held;
         held = null;
-        if (!moved) return say(`Landmark ${one.name} selected.`);
-        if (kind === "pointerup") move(one, vertex);
+        if (!moved) say(`Landmark ${one.name} selected.`);
+        else if (kind === "pointerup") move(one, vertex);
         else show();
       }, true);
     }
