@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,10 @@ from unbend.mesh import Mesh, used_vertices
 from unbend.report.colors import position_colors
 from unbend.report.figures import draw_mesh, new_figure
 from unbend.report.match_figures import error_curves
+from unbend.report.shape_figures import in_space
 
 
-@singledispatch
-def plot(thing: Any) -> Any:
+def plot(thing: Mesh | CanonicalForm | Match | Evaluation) -> Any:
     """Draw a result with matplotlib; notebooks show the figure, ``savefig`` writes it.
 
     A mesh as it looks, a form as its points, a match as its functional map, an evaluation as the
@@ -46,48 +45,31 @@ def plot(thing: Any) -> Any:
     >>> len(plot(make_sphere(2)).axes)
     1
     """
-    kind = type(thing).__name__
-    raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
-
-
-@plot.register
-def _(mesh: Mesh) -> Any:
-    figure = new_figure(5, 5)
-    ax = figure.add_axes((0, 0, 1, 1))
-    colors = position_colors(used_vertices(mesh))
-    if mesh.is_point_cloud:
-        ax.scatter(mesh.vertices[:, 0], mesh.vertices[:, 1], s=2, c=colors)
-        ax.set_aspect("equal")
-        ax.set_axis_off()
+    if isinstance(thing, Evaluation):
+        return error_curves({"map": thing})
+    if not isinstance(thing, (Mesh, CanonicalForm, Match)):
+        kind = type(thing).__name__
+        raise InputError(f"plot draws a Mesh, CanonicalForm, Match or Evaluation, not {kind}")
+    figure = new_figure(5, 4.4 if isinstance(thing, Match) else 5)
+    if isinstance(thing, Match):
+        ax = figure.add_subplot()
+        most = float(np.abs(thing.functional_map).max()) or 1.0
+        picture = ax.imshow(thing.functional_map, cmap="RdBu", vmin=-most, vmax=most)
+        ax.set(xlabel="eigenfunction of the target", ylabel="eigenfunction of the source")
+        figure.colorbar(picture, ax=ax)
+    elif isinstance(thing, CanonicalForm):
+        ax = figure.add_subplot(aspect="equal")
+        points = in_space(thing.points)
+        order = np.argsort(points[:, 2])
+        ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
+        ax.set(xlabel="first coordinate", ylabel="second coordinate")
     else:
-        draw_mesh(ax, mesh, colors=colors)
+        ax = figure.add_axes((0, 0, 1, 1))
+        colors = position_colors(used_vertices(thing))
+        if thing.is_point_cloud:
+            ax.scatter(*thing.vertices[:, :2].T, s=2, c=colors)
+            ax.set_aspect("equal")
+            ax.set_axis_off()
+        else:
+            draw_mesh(ax, thing, colors=colors)
     return figure
-
-
-@plot.register
-def _(form: CanonicalForm) -> Any:
-    figure = new_figure(5, 5)
-    ax = figure.add_subplot()
-    points = np.zeros((len(form.points), 3))
-    points[:, : form.points.shape[1]] = form.points[:, :3]
-    order = np.argsort(points[:, 2])
-    ax.scatter(*points[order, :2].T, s=3, c=position_colors(points)[order])
-    ax.set_aspect("equal")
-    ax.set(xlabel="first coordinate", ylabel="second coordinate")
-    return figure
-
-
-@plot.register
-def _(match: Match) -> Any:
-    figure = new_figure(5, 4.4)
-    ax = figure.add_subplot()
-    most = float(np.abs(match.functional_map).max()) or 1.0
-    picture = ax.imshow(match.functional_map, cmap="RdBu", vmin=-most, vmax=most)
-    ax.set(xlabel="eigenfunction of the target", ylabel="eigenfunction of the source")
-    figure.colorbar(picture, ax=ax)
-    return figure
-
-
-@plot.register
-def _(found: Evaluation) -> Any:
-    return error_curves({"map": found})

@@ -21,11 +21,7 @@ from unbend.report.colors import position_colors
 from unbend.report.raster import rasterize, rgb_of, view_rotation
 
 # Formats of pictures, and the metadata that keeps matplotlib from writing the time into them.
-_UNDATED: dict[str, dict[str, None]] = {
-    ".png": {},
-    ".pdf": {"CreationDate": None},
-    ".svg": {"Date": None},
-}
+_UNDATED = {".png": {}, ".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 # Pixels added to the outline of canonical forms, whose limbs are thin as threads.
 FORM_THICKER = 2.5
 # Views from which all of a shape is seen: azimuth and elevation in degrees.
@@ -159,17 +155,18 @@ def draw_canonical_forms(
     if not columns:
         raise InputError("a figure of canonical forms needs at least one column")
     filled = [(*column, None, None)[:5] for column in columns]
-    detailed = [surface is not None for *_, surface in filled]
-    if any(detailed) != all(detailed):
+    if len({surface is None for *_, surface in filled}) > 1:
         raise InputError("give the surface in the form's pose for all columns or for none")
     cells: list[list[tuple[Any, ...]]] = []
     first_colors: Any = None
     for caption, original, canonical, colors, surface in filled:
         mesh = drawable(original)
-        if colors is None:
-            fits = first_colors is not None and len(first_colors) == mesh.n_vertices
-            colors = first_colors if fits else position_colors(used_vertices(mesh))
-        first_colors = colors if first_colors is None else first_colors
+        if colors is None and first_colors is not None and len(first_colors) == mesh.n_vertices:
+            colors = first_colors
+        elif colors is None:
+            colors = position_colors(used_vertices(mesh))
+        if first_colors is None:
+            first_colors = colors
         points = _places(canonical, mesh, f"the canonical form of {caption!r}")
         column = [
             (mesh.vertices, mesh, colors),
@@ -178,8 +175,8 @@ def draw_canonical_forms(
         if surface is not None:
             column.append((_places(surface, mesh, f"the surface of {caption!r}"), mesh, colors))
         cells.append(column)
-    rows = list(zip(*cells, strict=True))
-    figure, axes = draw_grid(rows, [caption for caption, *_ in filled], 2.4, 2.4)
+    captions = [caption for caption, *_ in filled]
+    figure, axes = draw_grid(list(zip(*cells, strict=True)), captions, 2.4, 2.4)
     for row in axes:
         same_scale(row)
     save_figure(figure, path)
@@ -210,9 +207,10 @@ def draw_grid(
     """
     across, tall = width * len(captions) + right, (height + above) * len(rows) + _BELOW
     figure = new_figure(across, tall)
-    axes: list[list[Any]] = [[] for _ in rows]
+    axes: list[list[Any]] = []
     for i, row in enumerate(rows):
         bottom = _BELOW + (height + above) * (len(rows) - 1 - i)
+        axes.append([])
         for j, picture in enumerate(row):
             left = width * (j + 0.02)
             place = (left / across, bottom / tall, 0.96 * width / across, height / tall)
@@ -264,10 +262,7 @@ def upright(up: str) -> FloatArray:
 
 
 def check_values(values: npt.ArrayLike, mesh: Mesh) -> FloatArray:
-    """Turn a number per vertex into an array, NaN where there is no face or no finite number.
-
-    InputError if they do not fit or nothing is left.
-    """
+    """Numbers (n,), NaN where there is no face or none that is finite; InputError if none is."""
     array = numbers_of(values, "values")
     if array.shape != (mesh.n_vertices,):
         raise InputError(

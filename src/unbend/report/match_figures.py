@@ -120,10 +120,8 @@ def draw_match(
 
     Parameters
     ----------
-    source, target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-    match : Match or (n_source,) array_like of int
-        From source to target; or the target vertex of each source vertex, -1 where there is none.
+    source, target, match
+        As for :func:`match_colors`.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
     up : {"x", "y", "z"}, default="y"
@@ -171,7 +169,7 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: StrPath) -> N
         By the name of each map. Where there is a mirrored ground truth, ``map-min`` is drawn too,
         dashed.
     path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
+        As for :func:`draw_match`.
 
     Raises
     ------
@@ -204,7 +202,8 @@ def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
     """Draw the curves of :func:`draw_error_curves`, as a matplotlib figure."""
     figure = new_figure(5.2, 3.8)
     figure.set_layout_engine("constrained")
-    ax = figure.add_subplot()
+    x, y = "geodesic error / sqrt(target area)", "points within that error, %"
+    ax = figure.add_subplot(xlim=(0, 0.2), ylim=(0, 102), xlabel=x, ylabel=y)
     for i, (given, found) in enumerate(evaluations.items()):
         name = as_written(given)
         label = f"{name}, mean {found.mean():.3f}"
@@ -212,9 +211,6 @@ def error_curves(evaluations: Mapping[str, Evaluation]) -> Any:
         if found.map_min is not None:
             label = f"{name}, mirror allowed, mean {found.mean('map-min'):.3f}"
             ax.plot(THRESHOLDS, found.curve("map-min"), color=f"C{i}", lw=1.2, ls="--", label=label)
-    ax.set(xlim=(0, 0.2), ylim=(0, 102))
-    ax.set_xlabel("geodesic error / sqrt(target area)")
-    ax.set_ylabel("points within that error, %")
     ax.grid(color="0.9")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", frameon=False, fontsize=9)

@@ -78,19 +78,14 @@ def draw_form(
     turn = upright(up)
     inside = np.asarray(np.isfinite(form.points).all(axis=1, keepdims=True))
     colors = position_colors(np.where(inside, mesh.vertices, np.nan))
-    row: list[tuple[object, ...]] = [
-        (mesh.vertices @ turn.T, mesh, colors, FRONT_AND_BACK[0]),
-        (
-            turned_to_fit(form.points, mesh) @ turn.T,
-            *(mesh, colors, FRONT_AND_BACK[0], FORM_THICKER),
-        ),
+    drawn = [
+        (mesh.name, mesh.vertices, 0.0),
+        ("its canonical form", turned_to_fit(form.points, mesh), FORM_THICKER),
     ]
-    captions = [mesh.name, "its canonical form"]
     if posed is not None:
-        fitted = posed_to_fit(posed, inside, mesh)
-        row.append((fitted @ turn.T, mesh, colors, FRONT_AND_BACK[0]))
-        captions.append("the surface in its form's pose")
-    figure, _ = draw_grid([row], captions, 4.0, 3.45)
+        drawn.append(("the surface in its form's pose", posed_to_fit(posed, inside, mesh), 0.0))
+    row = [(one @ turn.T, mesh, colors, FRONT_AND_BACK[0], thicker) for _, one, thicker in drawn]
+    figure, _ = draw_grid([row], [caption for caption, *_ in drawn], 4.0, 3.45)
     save_figure(figure, path)
 
 
@@ -106,12 +101,10 @@ def draw_values(
     values : (n,) array_like of float
         Drawn in the viridis colours from the least to the greatest on a face; grey where not
         finite.
-    path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
     label : str, default=""
         What the values are, beside the scale of colours.
-    up : {"x", "y", "z"}, default="y"
-        The shape's axis that points upward.
+    path, up
+        As for :func:`draw_form`.
 
     Raises
     ------
@@ -157,7 +150,7 @@ def draw_variation(
     captions : sequence of str
         One for each column.
     path : path
-        The file to write; its ending decides the format (.png, .pdf, .svg).
+        As for :func:`draw_form`.
 
     Raises
     ------
@@ -203,9 +196,15 @@ def posed_to_fit(posed: npt.ArrayLike, inside: BoolArray, mesh: Mesh) -> FloatAr
     return turned_to_fit(np.where(inside, places, np.nan), mesh, reflect=False)
 
 
-def turned_to_fit(points: FloatArray, mesh: Mesh, *, reflect: bool = True) -> FloatArray:
-    """Rotate the first three dimensions onto the shape, with a reflection if that fits better."""
+def in_space(points: FloatArray) -> FloatArray:
+    """Places (n, 3): the first three coordinates of points, 0 where they have fewer."""
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = points[:, :3]
+    return places
+
+
+def turned_to_fit(points: FloatArray, mesh: Mesh, *, reflect: bool = True) -> FloatArray:
+    """Rotate the first three dimensions onto the shape, with a reflection if that fits better."""
+    places = in_space(points)
     turn, _ = fit_rigidly(places, mesh.vertices, reflect=reflect)
     return np.asarray(places @ turn.T)

@@ -140,7 +140,7 @@ def test_arrow_keys_go_around_the_shape(page) -> None:
     for _ in range(60):
         page.press("ArrowRight")
         normal = page.run(
-            "(v => row(v.meshes[0].columns.normals, v.marks[0].vertex))(part('shape-0').view)"
+            "(v => row(v.meshes[0].normals, v.marks[0].vertex))(part('shape-0').view)"
         )
         sides.add(tuple(np.sign(np.round(normal, 1)[[0, 2]])))
         if {(1, 1), (-1, -1)} <= sides or {(1, -1), (-1, 1)} <= sides:
@@ -369,10 +369,10 @@ def test_colours_are_those_of_the_legend(browser, dogs, tmp_path) -> None:
     page = view(loose, values=values, path=tmp_path / "values.html")
     assert "values from 0 to 899" in page.html
     browser.open(tmp_path / "values.html")
-    shares = browser.run("[...part('shape-0').view.meshes[0].columns.value]")
+    shares = browser.run("[...part('shape-0').view.meshes[0].value]")
     known = np.arange(900) != 3
     np.testing.assert_allclose(np.array(shares)[known], values[:900][known] / 899, atol=1e-5)
-    assert browser.run("[...part('shape-0').view.meshes[0].columns.known]") == known.tolist()
+    assert browser.run("[...part('shape-0').view.meshes[0].known]") == known.tolist()
 
 
 def test_thinned_shapes_have_the_numbers_of_the_files(

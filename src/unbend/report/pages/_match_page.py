@@ -261,12 +261,13 @@ def _links(partners: IntArray, other: Shown) -> dict[str, Any]:
 
 def _frames(ours: Shown, target: Mesh, match: _Map, shares: Sequence[float]) -> list[FloatArray]:
     """Positions of the shown vertices along the morph; none if fewer than three have an image."""
-    along: _Map = as_point_map(match)[ours.ids]
-    if (along >= 0).sum() < 3:
+    images = as_point_map(match)[ours.ids]
+    if (images >= 0).sum() < 3:
         return []
+    along: _Map = images
     if isinstance(match, Match) and match.faces is not None and match.weights is not None:
         faces, weights = match.faces[ours.ids], match.weights[ours.ids]
-        along = replace(match, source_to_target=along, faces=faces, weights=weights)
+        along = replace(match, source_to_target=images, faces=faces, weights=weights)
     thin = Mesh(ours.places, ours.faces)
     return [morph(thin, target, along, share).vertices for share in shares]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, get_args
@@ -15,7 +16,7 @@ from unbend._text import plural
 from unbend._types import IntArray, Progress, StrPath
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh
+from unbend.io import MeshLike, as_mesh, value_colors
 from unbend.mesh import Mesh
 from unbend.report.collection_figures import checked_table, join_alike
 from unbend.report.pages._document import (
@@ -110,7 +111,16 @@ def similarity_page(
     spread = "no pair is known"
     if len(others):
         spread = f"{others.min():.4f} to {others.max():.4f} between different shapes"
-    blocks = [_heat_map(measure)]
+    # Alike shapes are yellow.
+    alike = array if measure == "similarity" else -array
+    low, high = (
+        (others.min(initial=1.0), 1.0) if alike is array else (-others.max(initial=0.0), 0.0)
+    )
+    if high - low < 1e-9:
+        low = high - 1
+    cells = np.full((array.size, 4), 255)  # red, green, blue and opacity
+    cells[:, :3] = value_colors(alike[np.ix_(order, order)].ravel(), limits=(low, high))
+    blocks = [_heat_map(measure, abs(low), abs(high))]
     if len(names) <= _MOST_TOLD:
         heads = (measure, *(names[j] for j in order))
         rows = [(names[i], *(_number_told(array[i, j]) for j in order)) for i in order]
@@ -142,6 +152,9 @@ def similarity_page(
             "measure": measure,
             # A millionth of the largest apart; -1 where they are unknown.
             "table": pack_places(known.reshape(-1, 1), max(float(known.max()), 1.0) * 1e-6),
+            "cells": pack_whole(cells),
+            # What tells values apart.
+            "digits": min(math.ceil(-math.log10((high - low) / 50)), 4),
             "order": order.tolist(),
             # For each, two ends and the join's height, as shares, and two places.
             "tree": np.round(brackets, 4).tolist(),
@@ -229,7 +242,7 @@ def _checked_groups(groups: npt.ArrayLike, n: int) -> IntArray:
     return numbers.astype(np.int64)
 
 
-def _heat_map(measure: str) -> str:
+def _heat_map(measure: str, least: float, most: float) -> str:
     described = (
         f"The {measure} of each shape to each other as colours, with a dendrogram beside it. Arrow "
         "keys go from cell to cell, Enter opens both shapes; names and value are told beside it."
@@ -238,7 +251,7 @@ def _heat_map(measure: str) -> str:
         measure.capitalize(),
         f'<canvas id="heat" tabindex="0" role="application" aria-label="{described}"></canvas>',
         hint(
-            '<span id="least"></span> <span class="scale viridis"></span> <span id="most"></span>. '
+            f'{measure} {least:.3f} <span class="scale viridis"></span> {most:.3f}. '
             "Point at a cell to read it, click it to see both shapes; or go from cell to cell with "
             "the arrow keys, and open both with Enter."
         ),

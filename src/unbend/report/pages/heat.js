@@ -1,45 +1,19 @@
 // A heat map with its dendrogram: a cell for each two shapes, pointed at, clicked, or gone to by keys.
 "use strict";
 
-// Viridis of matplotlib, at every tenth.
-const VIRIDIS = [
-  [68, 1, 84], [72, 40, 120], [62, 73, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137],
-  [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37],
-];
-function viridis(share) {
-  const at = Math.max(0, Math.min(1, share)) * (VIRIDIS.length - 1);
-  const i = Math.min(Math.floor(at), VIRIDIS.length - 2);
-  return VIRIDIS[i].map((value, k) => value + (at - i) * (VIRIDIS[i + 1][k] - value));
-}
-
 const LARGEST_CELL = 84, READABLE = 34, NAMED = 13, PICTURED = 30; // sides of a cell in pixels
+const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 
 // `pointed(i, j, clicked)` is called with two shapes, or -1 twice. `pictures` are canvases by shape.
 class HeatMap {
-  constructor(canvas, { shapes, table, order, tree, measure }, pictures, pointed) {
-    Object.assign(this, { canvas, shapes, table, order, tree, measure, pictures, pointed });
-    this.n = order.length;
+  constructor(canvas, { shapes, table, cells, digits, order, tree }, pictures, pointed) {
+    const n = order.length, pixels = Object.assign(document.createElement("canvas"), { width: n, height: n });
+    pixels.getContext("2d").putImageData(new ImageData(Uint8ClampedArray.from(cells), n, n), 0, 0);
+    Object.assign(this, { canvas, shapes, table, cells, pixels, digits, order, tree, pictures, pointed, n });
     canvas.shown = this; // for whoever asks where cells are
     this.at = this.kept = null; // row and column of the cell that is told, and of the one kept
-    const others = table.filter((value, k) => value >= 0 && k % (this.n + 1));
-    this.low = measure === "similarity" ? others.reduce((a, b) => Math.min(a, b), 1) : 0;
-    this.high = measure === "similarity" ? 1 : others.reduce((a, b) => Math.max(a, b), 0);
-    if (this.high - this.low < 1e-9) this.low = this.high - 1;
-    const ends = [this.low, this.high].map((value) => value.toFixed(3));
-    if (measure === "distance") ends.reverse();
-    [part("least").textContent, part("most").textContent] = [`${measure} ${ends[0]}`, ends[1]];
     new ResizeObserver(() => this.draw()).observe(canvas.parentElement);
     this.listen();
-  }
-
-  value(row, column) {
-    return this.table[this.order[row] * this.n + this.order[column]];
-  }
-
-  color(value) {
-    if (value < 0) return [160, 160, 160]; // unknown
-    const share = (value - this.low) / (this.high - this.low);
-    return viridis(this.measure === "similarity" ? share : 1 - share);
   }
 
   measureOut(context) {
@@ -69,18 +43,17 @@ class HeatMap {
     const style = getComputedStyle(document.documentElement);
     const [ink, soft, accent] = ["--ink", "--soft", "--target"].map((name) => style.getPropertyValue(name));
     const { tall, top, cell } = this;
-    context.drawImage(this.colors(), tall, top, this.side, this.side);
+    context.imageSmoothingEnabled = false;
+    context.drawImage(this.pixels, tall, top, this.side, this.side);
     context.font = FONT;
     context.textBaseline = "middle";
     if (cell >= READABLE) {
-      // As many digits as tell values apart, if there is room for them.
-      const apart = Math.ceil(-Math.log10((this.high - this.low) / 50));
-      const digits = Math.max(2, Math.min(apart, 4, Math.floor(cell / 8) - 2));
+      const digits = Math.max(2, Math.min(this.digits, Math.floor(cell / 8) - 2));
       context.textAlign = "center";
       for (let row = 0; row < n; row++) {
         for (let column = 0; column < n; column++) {
-          const value = this.value(row, column);
-          const [r, g, b] = this.color(value);
+          const value = this.table[order[row] * n + order[column]], at = 4 * (row * n + column);
+          const [r, g, b] = this.cells.subarray(at, at + 3);
           context.fillStyle = 0.3 * r + 0.59 * g + 0.11 * b > 125 ? "#000" : "#fff";
           const told = value < 0 ? "?" : value.toFixed(digits);
           context.fillText(told, tall + (column + 0.5) * cell, top + (row + 0.5) * cell);
@@ -117,23 +90,6 @@ class HeatMap {
     context.strokeRect(tall + column * cell, top, cell, this.side);
     context.lineWidth = 3;
     context.strokeRect(tall + column * cell, top + row * cell, cell, cell);
-  }
-
-  // The cells as a picture of a pixel each, made larger without blur.
-  colors() {
-    if (!this.pixels) {
-      const { n } = this, small = Object.assign(document.createElement("canvas"), { width: n, height: n });
-      const image = new ImageData(n, n);
-      for (let row = 0; row < n; row++) {
-        for (let column = 0; column < n; column++) {
-          image.data.set([...this.color(this.value(row, column)), 255], 4 * (row * n + column));
-        }
-      }
-      small.getContext("2d").putImageData(image, 0, 0);
-      this.pixels = small;
-    }
-    this.canvas.getContext("2d").imageSmoothingEnabled = false;
-    return this.pixels;
   }
 
   drawPicture(context, i, x, y) {
@@ -182,8 +138,6 @@ class HeatMap {
     });
   }
 }
-
-const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 
 function shortened(context, text, width) {
   if (context.measureText(text).width <= width) return text;

@@ -92,7 +92,6 @@ function listenToControls(views, shapes = views) {
     });
   }
   part("picture").addEventListener("click", () => savePicture(shapes));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => views.forEach((view) => view.draw()));
 }
 
 // Views side by side as a picture on nothing, with twice the pixels of the screen.

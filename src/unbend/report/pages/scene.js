@@ -3,9 +3,9 @@
 
 const HIDDEN = -0.3; // how little a vertex may face the viewer while its mark is still seen
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
-// Without a graphics processor, larger meshes have fewer faces until nothing moved for so many
-// milliseconds.
-const MANY_FACES = 20000, STILL = 300;
+// Without a graphics processor, larger meshes have fewer pixels, this share of them in a row, until
+// nothing moved for so many milliseconds.
+const MANY_FACES = 20000, COARSE = 0.3, STILL = 300;
 
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
 // share one turn together. The axis that points upward is what is chosen on the page, or `fixed`.
@@ -103,17 +103,16 @@ class View {
 
   draw() {
     this.resting = 0;
-    if (this.waiting) return;
-    this.waiting = requestAnimationFrame(() => {
+    this.waiting ||= requestAnimationFrame(() => {
       this.waiting = 0;
       const many = stage.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
-      this.paintNow(many);
+      this.paintNow(many ? COARSE : 1);
       this.painted = true;
       if (many) this.rest();
     });
   }
 
-  // Draw all faces once nothing has moved, counted from when this frame is through.
+  // Draw all pixels once nothing has moved, counted from when this frame is through.
   rest() {
     const mine = this.resting = performance.now();
     requestAnimationFrame(() => setTimeout(() => {
@@ -129,17 +128,17 @@ class View {
     return [2 * EYE * pixels / Math.max(width, 1), 2 * EYE * pixels / Math.max(height, 1)];
   }
 
-  paintNow(moving = false) {
-    const { canvas } = this, ratio = window.devicePixelRatio || 1;
+  // Draw into the canvas, with a share of the pixels in a row.
+  paintNow(share = 1) {
     try {
-      this.paintInto(canvas, ratio, moving);
+      this.paintInto(this.canvas, share * (window.devicePixelRatio || 1));
     } catch (error) {
       complain(error.message);
     }
   }
 
   // Draw into a canvas, so many pixels to a pixel of the style sheet.
-  paintInto(canvas, ratio, moving = false) {
+  paintInto(canvas, ratio) {
     const width = Math.round(this.canvas.clientWidth * ratio);
     const height = Math.round(this.canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -147,26 +146,25 @@ class View {
     const { canvas: from } = openStage(), context = canvas.getContext("2d");
     if (from.width < width) from.width = width;
     if (from.height < height) from.height = height;
-    this.render(stage, width, height, ratio, moving);
+    this.render(stage, width, height, ratio);
     context.clearRect(0, 0, width, height);
     context.drawImage(from, 0, from.height - height, width, height, 0, 0, width, height);
     this.writeLabels(context, ratio);
   }
 
-  render({ gl, mesh: faces, mark: disc }, width, height, ratio, moving) {
-    const { camera } = this;
+  render({ gl, mesh: faces, mark: disc }, width, height, ratio) {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
-    const focal = this.focal();
+    const { camera, radius } = this, focal = this.focal();
     const share = ({ uniforms }, origin) => { // places count from there: 32 bits hold few digits
       gl.uniformMatrix3fv(uniforms.turn, true, camera.matrix());
       gl.uniform3fv(uniforms.centre, this.centre.map((x, k) => x - origin[k]));
       gl.uniform2fv(uniforms.focal, focal);
       gl.uniform2f(uniforms.pan, camera.x, camera.y);
-      gl.uniform1f(uniforms.size, 1 / this.radius);
+      gl.uniform1f(uniforms.size, 1 / radius);
     };
     gl.useProgram(faces.made);
     gl.polygonOffset(1, 1); // edges lie in front of the faces
@@ -179,12 +177,10 @@ class View {
       gl.uniform1i(uniforms.grid, this.grid);
       gl.uniform2fv(uniforms.cells, this.cells);
       gl.uniform3fv(uniforms.tint, mesh.tint);
-      const few = moving && mesh.faces.length > 3 * MANY_FACES, wire = this.wire && !few;
-      if (wire) gl.enable(gl.POLYGON_OFFSET_FILL);
-      if (few) mesh.draw(gl, "few", gl.TRIANGLES, () => fewerFaces(mesh.positions, mesh.faces, this.radius / 20));
-      else mesh.draw(gl, "all", gl.TRIANGLES, () => mesh.faces);
+      if (this.wire) gl.enable(gl.POLYGON_OFFSET_FILL);
+      mesh.draw(gl, "all", gl.TRIANGLES, () => mesh.faces);
       gl.disable(gl.POLYGON_OFFSET_FILL);
-      if (!wire) continue;
+      if (!this.wire) continue;
       gl.uniform1i(uniforms.paint, 2);
       gl.uniform3f(uniforms.tint, 0.1, 0.11, 0.13);
       mesh.draw(gl, "edges", gl.LINES, () => edgesOf(mesh.faces));
@@ -228,7 +224,7 @@ class View {
 
   // How much a vertex faces the viewer: 1 straight on, below 0 on the far side.
   facing(mesh, vertex) {
-    const m = this.camera.matrix(), normal = row(mesh.columns.normals, vertex);
+    const m = this.camera.matrix(), normal = row(mesh.normals, vertex);
     return m[6] * normal[0] + m[7] * normal[1] + m[8] * normal[2];
   }
 
@@ -251,21 +247,21 @@ class View {
     const mesh = this.meshes[0], box = this.canvas.getBoundingClientRect();
     if (!mesh) return -1;
     const x = 2 * (clientX - box.left) / box.width - 1, y = 1 - 2 * (clientY - box.top) / box.height;
-    const m = this.camera.matrix(), [fx, fy] = this.focal();
+    const m = this.camera.matrix(), [fx, fy] = this.focal(), p = mesh.positions;
     const seen = [(x - this.camera.x) / fx, (y - this.camera.y) / fy, -1];
     const back = ([a, b, c]) => [0, 1, 2].map((i) => m[i] * a + m[3 + i] * b + m[6 + i] * c);
     const eye = back([0, 0, EYE * this.radius]).map((value, i) => value + this.centre[i]);
-    const hit = firstHit(mesh.positions, mesh.faces, eye, back(seen));
+    const hit = firstHit(p, mesh.faces, eye, back(seen));
+    let best = -1, least = Infinity;
     if (hit.face >= 0) {
-      let best = -1, least = Infinity;
       for (const corner of mesh.faces.subarray(hit.face, hit.face + 3)) {
-        const apart = Math.hypot(...[0, 1, 2].map((i) => mesh.positions[3 * corner + i] - hit.spot[i]));
+        const apart = Math.hypot(...row(p, corner).map((value, k) => value - hit.spot[k]));
         if (apart < least) [best, least] = [corner, apart];
       }
       return best;
     }
-    const project = this.projection(), p = mesh.positions;
-    let best = -1, least = NEAREST;
+    const project = this.projection();
+    least = NEAREST;
     for (let i = 0; i < p.length; i += 3) {
       const [right, down] = project(p[i], p[i + 1], p[i + 2]);
       const apart = Math.hypot(right - (clientX - box.left), down - (clientY - box.top));
@@ -285,12 +281,10 @@ class View {
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
       if (!before) {
-        if (!this.looking) {
-          this.looking = requestAnimationFrame(() => {
-            this.looking = 0;
-            this.pointed(this.vertexAt(event.clientX, event.clientY), false);
-          });
-        }
+        this.looking ||= requestAnimationFrame(() => {
+          this.looking = 0;
+          this.pointed(this.vertexAt(event.clientX, event.clientY), false);
+        });
         return;
       }
       const dx = event.clientX - before.clientX, dy = event.clientY - before.clientY;

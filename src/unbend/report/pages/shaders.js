@@ -8,13 +8,13 @@ uniform mat3 turn;
 uniform vec3 centre;
 uniform vec2 focal, pan;
 uniform float size, fat;
-in vec3 position, normal, place;
+in vec3 positions, normals, place;
 in float value, known;
 out vec3 facing, where;
 out float amount, sure;
 void main() {
-  vec3 p = turn * ((position - centre) * size);
-  facing = turn * normal;
+  vec3 p = turn * ((positions - centre) * size);
+  facing = turn * normals;
   float w = ${EYE}.0 - p.z;
   p += facing * fat * w;
   where = place;

@@ -6,7 +6,7 @@ start(async (data) => {
   const readout = part("readout"), hint = readout.textContent;
   const names = ["first", "second"], choices = names.map((name) => part(`${name}-choice`));
   const camera = new Camera(), chosen = [0, 0];
-  const nothing = { centre: [0, 0, 0], radius: 1, sides: [0, 1, 2].map(() => ({ across: 1, along: 1 })) };
+  const nothing = roomFor([0, 0, 0]);
   for (const { drawn } of shapes) if (drawn) drawn.room = roomFor(drawn.places);
   const views = names.map((name) => new View(part(name), camera, nothing));
   for (const view of views) view.paint = 2;
@@ -23,17 +23,13 @@ start(async (data) => {
   }
   function drawPictures() {
     for (const button of buttons) {
-      const picture = button.querySelector("canvas"), shape = shapes[+button.dataset.shape];
-      pictures[+button.dataset.shape] = picture;
-      if (!shape.drawn) {
-        picture.width = 0; // nothing to draw
-        continue;
-      }
-      show(maker, shape);
+      const i = +button.dataset.shape, picture = pictures[i] = button.querySelector("canvas");
+      picture.width = 0;
+      if (!shapes[i].drawn) continue;
+      show(maker, shapes[i]);
       maker.paintNow();
-      picture.width = maker.canvas.width;
-      picture.height = maker.canvas.height;
-      picture.getContext("2d").drawImage(maker.canvas, 0, 0);
+      const { width, height } = maker.canvas;
+      Object.assign(picture, { width, height }).getContext("2d").drawImage(maker.canvas, 0, 0);
     }
   }
   drawPictures();

@@ -3,6 +3,7 @@
 // drawing; until then the copies stay.
 "use strict";
 
+const COLUMNS = { positions: 3, normals: 3, place: 3, value: 1, known: 1 }; // numbers per vertex
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 let stage = null;
@@ -34,8 +35,7 @@ function program(gl, vertex, fragment) {
     gl.compileShader(shader);
     gl.attachShader(made, shader);
   }
-  ["position", "normal", "place", "value", "known"].forEach((name, i) =>
-    gl.bindAttribLocation(made, i, name));
+  Object.keys(COLUMNS).forEach((name, i) => gl.bindAttribLocation(made, i, name));
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw Error(gl.getProgramInfoLog(made));
   const uniforms = {};
@@ -50,42 +50,39 @@ function program(gl, vertex, fragment) {
 class Surface {
   constructor({ positions, faces, place, value, known, tint = [0.74, 0.77, 0.82] }) {
     const n = positions.length / 3;
-    Object.assign(this, { positions, faces, tint, n, origin: row(positions, 0), copy: null });
-    this.columns = {
-      positions, normals: normalsOf(positions, faces), place: place || new Float32Array(3 * n),
+    Object.assign(this, {
+      positions, faces, tint, normals: normalsOf(positions, faces), place: place || new Float32Array(3 * n),
       value: value || new Float32Array(n), known: known || new Float32Array(n).fill(1),
-    };
+      origin: row(positions, 0), copy: null,
+    });
   }
 
   // Change a column: positions, place, value or known.
   set(name, values) {
     const changed = { [name]: values };
-    if (name === "positions") {
-      this.positions = values;
-      changed.normals = normalsOf(values, this.faces);
-    }
-    Object.assign(this.columns, changed);
+    if (name === "positions") changed.normals = normalsOf(values, this.faces);
+    Object.assign(this, changed);
     const { copy } = this;
     if (!copy || copy.gl.isContextLost()) return;
-    for (const [one, column] of Object.entries(changed)) {
+    for (const one in changed) {
       copy.gl.bindBuffer(copy.gl.ARRAY_BUFFER, copy.buffers[one]);
-      copy.gl.bufferSubData(copy.gl.ARRAY_BUFFER, 0, this.packed(one, column));
+      copy.gl.bufferSubData(copy.gl.ARRAY_BUFFER, 0, this.packed(one));
     }
   }
 
-  packed(name, column) {
-    return Float32Array.from(column, name === "positions" ? (x, i) => x - this.origin[i % 3] : undefined);
+  packed(name) {
+    return Float32Array.from(this[name], name === "positions" ? (x, i) => x - this.origin[i % 3] : undefined);
   }
 
   open(gl) {
-    if (this.copy && this.copy.gl === gl) return;
+    if (this.copy?.gl === gl) return;
     this.copy = { gl, array: gl.createVertexArray(), buffers: {} };
     gl.bindVertexArray(this.copy.array);
-    Object.entries(this.columns).forEach(([name, column], i) => {
+    Object.entries(COLUMNS).forEach(([name, size], i) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, this.copy.buffers[name] = gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, this.packed(name, column), gl.DYNAMIC_DRAW);
+      gl.bufferData(gl.ARRAY_BUFFER, this.packed(name), gl.DYNAMIC_DRAW);
       gl.enableVertexAttribArray(i);
-      gl.vertexAttribPointer(i, column.length / this.n, gl.FLOAT, false, 0, 0);
+      gl.vertexAttribPointer(i, size, gl.FLOAT, false, 0, 0);
     });
     gl.bindVertexArray(null);
   }
@@ -94,14 +91,14 @@ class Surface {
   draw(gl, name, kind, make) {
     const { copy } = this;
     gl.bindVertexArray(copy.array);
-    if (!copy.buffers[name]) {
+    const made = !copy.buffers[name], buffer = copy.buffers[name] ||= gl.createBuffer();
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
+    if (made) {
       const corners = make();
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, copy.buffers[name] = gl.createBuffer());
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(corners), gl.STATIC_DRAW);
-      copy.buffers[name].size = corners.length;
+      buffer.size = corners.length;
     }
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, copy.buffers[name]);
-    gl.drawElements(kind, copy.buffers[name].size, gl.UNSIGNED_INT, 0);
+    gl.drawElements(kind, buffer.size, gl.UNSIGNED_INT, 0);
     gl.bindVertexArray(null);
   }
 
