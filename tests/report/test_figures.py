@@ -48,12 +48,8 @@ def test_the_nearer_square_hides_the_farther(order):
 
 def test_crossing_triangles_are_hidden_pixel_by_pixel():
     tilted = SQUARE @ np.array([[1, 0, 0.5], [0, 1, 0], [0, 0, 1]])  # nearer on the right
-    picture, _ = rasterize(
-        np.concatenate([SQUARE, tilted]),
-        np.concatenate([TWO, TWO + 4]),
-        np.array([RED] * 4 + [BLUE] * 4),
-        (40, 40),
-    )
+    vertices, faces = np.concatenate([SQUARE, tilted]), np.concatenate([TWO, TWO + 4])
+    picture, _ = rasterize(vertices, faces, np.array([RED] * 4 + [BLUE] * 4), (40, 40))
     row = picture[picture.shape[0] // 2]
     assert row[len(row) // 4, 0] > row[len(row) // 4, 2]
     assert row[3 * len(row) // 4, 2] > row[3 * len(row) // 4, 0]
@@ -104,11 +100,9 @@ def test_unreferenced_nan_vertices_are_no_trouble():
 
 
 def test_position_colors_tell_points_apart():
-    rest = make_octopus(n_vertices=600).rest
-    colors = position_colors(rest)
-    assert colors.min() >= 0
-    assert colors.max() <= 1
-    assert len(np.unique(colors.round(6), axis=0)) == len(rest)
+    colors = position_colors(make_octopus(n_vertices=600).rest)
+    assert 0 <= colors.min() < colors.max() <= 1
+    assert len(np.unique(colors.round(6), axis=0)) == len(colors)
 
 
 @pytest.mark.parametrize("places", [5, [0, 1, 2], np.zeros((4, 2)), [["a", "b", "c"]]])

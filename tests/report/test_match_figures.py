@@ -66,11 +66,6 @@ def test_curves_end_where_the_evaluation_says(blob: Mesh, drawn: list) -> None:
     np.testing.assert_array_equal(lines[2].get_ydata(), mirrored.curve("map-min"))
 
 
-def test_a_file_is_written(blob: Mesh, tmp_path) -> None:
-    draw_match(blob, blob, np.arange(642), tmp_path / "match.png")
-    assert (tmp_path / "match.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_what_does_not_fit(blob: Mesh) -> None:
     with pytest.raises(InputError, match="no evaluations"):
         draw_error_curves({}, "a.png")
@@ -101,4 +96,4 @@ def test_drawing_does_not_warn_of_a_map_in_disorder(blob: Mesh, tmp_path) -> Non
     ours, theirs = match_colors(blob, blob, wrong)  # warnings are errors
     np.testing.assert_array_equal(ours, theirs)
     draw_match(blob, blob, wrong, tmp_path / "match.png")
-    assert (tmp_path / "match.png").exists()
+    assert (tmp_path / "match.png").read_bytes().startswith(b"\x89PNG")

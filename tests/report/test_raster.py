@@ -38,7 +38,7 @@ def test_rounding_does_not_change_the_size_of_a_picture():
 def test_outlines_move_outward_by_pixels_in_every_direction():
     ball = make_sphere(3)
     plain, thick = (
-        rasterize(ball.vertices, ball.faces, np.ones((642, 3)), (100, 100), thicker)
+        rasterize(ball.vertices, ball.faces, np.ones((642, 3)), (100, 100), thicker=thicker)
         for thicker in (0.0, 5.0)
     )
     radii = []

@@ -29,10 +29,9 @@ def draw_distances(names: Sequence[str], distances: npt.ArrayLike, path: StrPath
 
     Raises
     ------
-    InputError
-        If the table does not fit the names.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If the table does not fit the names, the file cannot be written, or matplotlib is not
+        installed.
 
     Examples
     --------
@@ -54,10 +53,8 @@ def draw_similarities(names: Sequence[str], similarities: npt.ArrayLike, path: S
 
     Raises
     ------
-    InputError
-        If the table does not fit the names, or there are fewer than two.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        As by :func:`draw_distances`.
 
     Examples
     --------

@@ -61,7 +61,7 @@ def position_colors(vertices: Any) -> FloatArray:
     finite = np.isfinite(vertices).all(axis=1)
     colors = np.full(vertices.shape, 0.6)
     if finite.any():
-        x, y, z = places_in_box(vertices[finite], vertices[finite]).T
+        x, y, z = places_in_box(vertices[finite]).T
         # The same as ofPlace in pages/shaders.js.
         hue = np.deg2rad(325 - 240 * x + 70 * (z - 0.5))
         light = 0.6 + 0.2 * x + 0.2 * (y - 0.5)
@@ -71,8 +71,8 @@ def position_colors(vertices: Any) -> FloatArray:
     return colors
 
 
-def places_in_box(points: FloatArray, others: FloatArray) -> FloatArray:
-    """Places (n, 3) of points in the box around others, 0 to 1, along its longest side first."""
-    sides = np.ptp(others, axis=0)
-    shares = (points - others.min(axis=0)) / np.maximum(sides, 1e-300)
+def places_in_box(points: FloatArray) -> FloatArray:
+    """Places (n, 3) in the box around finite points, 0 to 1, along its longest side first."""
+    sides = np.ptp(points, axis=0)
+    shares = (points - points.min(axis=0)) / np.maximum(sides, 1e-300)
     return np.asarray(shares[:, np.argsort(-sides, kind="stable")])

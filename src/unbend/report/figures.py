@@ -18,7 +18,7 @@ from unbend.io import MeshLike, as_mesh, atomic_write, check_writable
 from unbend.mesh import Mesh, used_vertices
 from unbend.preparation import triangulate_points
 from unbend.report.colors import position_colors
-from unbend.report.raster import rasterize, rgb_of, view_rotation
+from unbend.report.raster import rasterize, view_rotation
 
 # Formats of pictures, and the metadata that keeps matplotlib from writing the time into them.
 _UNDATED = {".png": {}, ".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
@@ -87,8 +87,7 @@ def draw_mesh(
     ax : matplotlib.axes.Axes
         Its place in the figure decides the resolution; the shape fills it.
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts. Vertices that are not finite are
-        left out. y is up.
+        Anything :func:`unbend.as_mesh` accepts. y is up.
     colors : (n,) or (n, 3) array_like, optional
         Per vertex: a number (drawn with the viridis colours from the least to the greatest;
         grey where not finite) or red, green and blue from 0 to 1. None: clay.
@@ -128,7 +127,7 @@ def draw_canonical_forms(
         The shapes, left to right: a mesh, the points (n, 3) of its form, colours as for
         :func:`draw_mesh` (by default those of the first column, or by position), and perhaps the
         surface in the form's pose (n, 3), drawn below it, for all columns or for none. Forms are
-        drawn 2.5 pixels thicker on each side than they are, for their limbs are threads.
+        drawn thicker, as by :func:`draw_form`.
     path : path
         The file to write; its ending decides the format (.png, .pdf, .svg).
     canonical_view : str or (azimuth, elevation), default="front"
@@ -136,10 +135,9 @@ def draw_canonical_forms(
 
     Raises
     ------
-    InputError
-        If there are no columns, or a canonical form does not fit its original.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If there are no columns, a canonical form does not fit its original, the file cannot be
+        written, or matplotlib is not installed.
 
     References
     ----------
@@ -321,8 +319,7 @@ def draw_places(
     """Draw a mesh with its vertices at other positions, its outline some pixels thicker."""
     box = ax.get_window_extent()
     size = max(16, int(box.width)), max(16, int(box.height))
-    seen, rgb = vertices @ view_rotation(view).T, rgb_of(colors, mesh.n_vertices)
-    picture, extent = rasterize(seen, mesh.faces, rgb, size, thicker)
+    picture, extent = rasterize(vertices, mesh.faces, colors, size, view, thicker)
     smooth = {"interpolation": "bilinear", "interpolation_stage": "rgba"}
     ax.imshow(picture, extent=extent, origin="lower", **smooth)
     ax.set_aspect("equal")

@@ -55,7 +55,7 @@ def pattern_colors(vertices: npt.ArrayLike) -> FloatArray:
     colors = position_colors(points)
     finite = np.isfinite(points).all(axis=1)
     if finite.any():
-        along = places_in_box(points[finite], points[finite])[:, 0]
+        along = places_in_box(points[finite])[:, 0]
         stripes = np.cos(2 * np.pi * _STRIPES * along)
         colors[finite] *= 1 - _STRIPE_DEPTH * (0.5 - 0.5 * np.tanh(3 * stripes))[:, None]
     return colors
@@ -66,8 +66,7 @@ def match_colors(
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Give corresponding points of both shapes one colour, for :func:`unbend.write_mesh`.
 
-    Colours change with the place on the source, and faint stripes across it show small slips.
-    What has no partner is grey.
+    These are the :func:`pattern_colors` of the source. What has no partner is grey.
 
     Parameters
     ----------
@@ -129,10 +128,9 @@ def draw_match(
 
     Raises
     ------
-    InputError
-        If the map does not fit, or there is no such axis.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If the map does not fit, there is no such axis, the file cannot be written, or matplotlib is
+        not installed.
 
     Examples
     --------
@@ -173,10 +171,9 @@ def draw_error_curves(evaluations: Mapping[str, Evaluation], path: StrPath) -> N
 
     Raises
     ------
-    InputError
-        If there is nothing to draw, or something is no Evaluation.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If there is nothing to draw, something is no Evaluation, the file cannot be written, or
+        matplotlib is not installed.
 
     References
     ----------

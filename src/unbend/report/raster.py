@@ -29,7 +29,7 @@ VIEWS: dict[str, tuple[float, float]] = {
 _CLAY = (0.74, 0.77, 0.82)
 
 
-def rgb_of(colors: Any, n: int) -> FloatArray:
+def _rgb_of(colors: Any, n: int) -> FloatArray:
     """Turn the colours that a caller gave into red, green and blue of n vertices."""
     if colors is None:
         return np.tile(_CLAY, (n, 1))
@@ -58,16 +58,22 @@ def view_rotation(view: str | tuple[float, float]) -> FloatArray:
 
 
 def rasterize(
-    seen: FloatArray, faces: IntArray, rgb: FloatArray, size: tuple[int, int], thicker: float = 0.0
+    vertices: FloatArray,
+    faces: IntArray,
+    colors: Any,
+    size: tuple[int, int],
+    view: str | tuple[float, float] = "front",
+    thicker: float = 0.0,
 ) -> tuple[FloatArray, tuple[float, float, float, float]]:
     """Draw triangles, the nearest in front, fitted into a size in pixels (width, height).
 
-    Vertices `seen` (n, 3) are in the viewer's axes: right, up, towards the viewer. Faces with a
-    corner that is not finite are left out. Outlines are moved outward by `thicker` pixels, so that
-    threads can be seen. Returns the picture (rows, columns, 4), its first row the lowest, with red,
-    green, blue and opacity from 0 to 1; and what it covers in the units of `seen`: left, right,
-    bottom, top.
+    Faces with a corner that is not finite are left out. Outlines are moved outward by `thicker`
+    pixels, so that threads can be seen. Returns the picture (rows, columns, 4), its first row the
+    lowest, with red, green, blue and opacity from 0 to 1; and what it covers in the units of the
+    vertices: left, right, bottom, top.
     """
+    rgb = _rgb_of(colors, len(vertices))
+    seen = vertices @ view_rotation(view).T  # right, up, towards the viewer
     faces = faces[np.isfinite(seen[faces]).all(axis=(1, 2))]
     if len(faces) == 0:
         return np.zeros((1, 1, 4)), (0.0, 1.0, 0.0, 1.0)
@@ -102,34 +108,33 @@ def rasterize(
     image = image.reshape(counts[1] // 2, 2, counts[0] // 2, 2, 4)
     alpha = image[..., 3:].mean(axis=(1, 3))
     blended = (image[..., :3] * image[..., 3:]).mean(axis=(1, 3)) / np.maximum(alpha, 1e-12)
-    end = origin + counts * pixel
-    return np.concatenate([np.clip(blended, 0, 1), alpha], axis=2), (
-        float(origin[0]), float(end[0]), float(origin[1]), float(end[1]),
-    )  # fmt: skip
+    (left, bottom), (right, top) = origin.tolist(), (origin + counts * pixel).tolist()
+    picture = np.concatenate([np.clip(blended, 0, 1), alpha], axis=2)
+    return picture, (left, right, bottom, top)
 
 
 def thumbnail(mesh: Mesh, size: int, colors: Any = None) -> bytes:
     """Draw a shape as a small square PNG; empty for a point cloud."""
     if not mesh.n_faces:
         return b""
-    seen = mesh.vertices @ view_rotation("three-quarter").T
-    picture, _ = rasterize(seen, mesh.faces, rgb_of(colors, mesh.n_vertices), (size, size))
-    pixels = np.round(255 * np.clip(picture[::-1], 0, 1)).astype(np.uint8)
-    return _png(pixels)
+    picture, _ = rasterize(mesh.vertices, mesh.faces, colors, (size, size), "three-quarter")
+    return _png(np.round(255 * np.clip(picture[::-1], 0, 1)).astype(np.uint8))
 
 
 def _png(pixels: npt.NDArray[np.uint8]) -> bytes:
     """Encode (rows, columns, 4) pixels; the format's specification is RFC 2083."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        named = kind + data
-        return struct.pack(">I", len(data)) + named + struct.pack(">I", zlib.crc32(named))
-
     rows, columns, _ = pixels.shape
-    lines = np.concatenate([np.zeros((rows, 1), np.uint8), pixels.reshape(rows, -1)], axis=1)
+    lines = np.pad(pixels.reshape(rows, -1), ((0, 0), (1, 0)))  # a 0 first: none is filtered
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
-    body = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(lines.tobytes()))
-    return b"\x89PNG\r\n\x1a\n" + body + chunk(b"IEND", b"")
+    encoded = b"\x89PNG\r\n\x1a\n"
+    for kind, data in (
+        (b"IHDR", header),
+        (b"IDAT", zlib.compress(lines.tobytes())),
+        (b"IEND", b""),
+    ):
+        encoded += struct.pack(">I", len(data)) + kind + data
+        encoded += struct.pack(">I", zlib.crc32(kind + data))
+    return encoded
 
 
 @compiled

@@ -60,10 +60,9 @@ def draw_form(
 
     Raises
     ------
-    InputError
-        If the form has another number of vertices, or there is no such axis.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If the form is of another mesh, there is no such axis, the file cannot be written, or
+        matplotlib is not installed.
 
     Examples
     --------
@@ -108,10 +107,8 @@ def draw_values(
 
     Raises
     ------
-    InputError
-        If there is not one value per vertex, none is finite, or there is no such axis.
-    FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+    InputError, FileError, MissingExtraError
+        If there is not one value per vertex, none is finite, or as by :func:`draw_form`.
 
     Examples
     --------
@@ -158,7 +155,7 @@ def draw_variation(
         If there are no rows, a row has not one shape for each caption, or the numbers of their
         vertices differ.
     FileError, MissingExtraError
-        If the file cannot be written, or matplotlib is not installed.
+        As by :func:`draw_form`.
 
     Examples
     --------

@@ -25,8 +25,7 @@ def test_straight_in_the_embedding_is_the_truncated_distance(blob: Mesh) -> None
     assert np.abs(straight - exact).max() < 0.06 * exact.max()
 
 
-def test_the_page_tells_of_the_form(blob: Mesh, tmp_path: Path) -> None:
-    page = tmp_path / "form.html"
+def test_the_page_tells_of_the_form(blob: Mesh) -> None:
     two = Mesh(
         np.vstack([blob.vertices, make_sphere(1).vertices + 9]),
         np.vstack([blob.faces, make_sphere(1).faces + 642]),
@@ -34,8 +33,7 @@ def test_the_page_tells_of_the_form(blob: Mesh, tmp_path: Path) -> None:
     )
     with pytest.warns(match="component 0 of 2"):
         form = canonical_form(two, component="largest", n_components=2)
-    form_page(two, form, page, command="unbend canonical 'two <i>'")
-    text = page.read_text(encoding="utf-8")
+    text = form_page(two, form, command="unbend canonical 'two <i>'").html
     assert "two <i>" not in text
     assert f"form of 642 vertices; stress {form.stress:.3f}" in text
     assert "component 0 of 2 was kept" in text
@@ -43,13 +41,11 @@ def test_the_page_tells_of_the_form(blob: Mesh, tmp_path: Path) -> None:
     assert text.count("<circle") == 61
 
 
-def test_the_scale_that_was_kept_is_no_part_of_distances(blob: Mesh, tmp_path: Path) -> None:
+def test_the_scale_that_was_kept_is_no_part_of_distances(blob: Mesh) -> None:
     kept = canonical_form(blob, keep_scale=True)
-    form_page(blob, kept, tmp_path / "a.html", keep_scale=True)
     unit = f'"unit": {float(np.sqrt(kept.area))!r}'
-    assert unit in (tmp_path / "a.html").read_text(encoding="utf-8")
-    form_page(blob, canonical_form(blob, distance="diffusion"), tmp_path / "b.html")
-    assert '"unit": null' in (tmp_path / "b.html").read_text(encoding="utf-8")
+    assert unit in form_page(blob, kept, keep_scale=True).html
+    assert '"unit": null' in form_page(blob, canonical_form(blob, distance="diffusion")).html
 
 
 def test_what_does_not_fit_is_refused(blob: Mesh, tmp_path: Path) -> None:

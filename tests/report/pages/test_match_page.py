@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unbend import Mesh, evaluate, match
+from unbend import Match, Mesh, evaluate, match
 from unbend.errors import FileError, InputError
 from unbend.matching import Hypothesis
 from unbend.report import match_page
@@ -20,74 +20,72 @@ from unbend.report.pages._shown import show
 EVIL = "<script>alert('x')</script>&\"</title>"
 
 
-def data_of(page: Path) -> dict:
-    text = page.read_text(encoding="utf-8")
-    (found,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text)
+def data_of(html: str) -> dict:
+    (found,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', html)
     return json.loads(found)
 
 
-def test_a_name_is_never_html(blob: Mesh, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def found(blob: Mesh) -> Match:
+    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8, 0.25))
+    one = replace(match(blob, blob, refine=False), alternatives=(), hypotheses=tried)
+    return replace(one, confidence=0.75)
+
+
+def test_a_page_is_of_one_file_that_asks_no_network_and_no_name_is_html(
+    blob: Mesh, tmp_path: Path
+) -> None:
     page = tmp_path / "match.html"
     mesh = Mesh(blob.vertices, blob.faces, name=EVIL, notes=(EVIL,))
-    match_page(mesh, mesh, np.arange(642), page, command=f"unbend match '{EVIL}'")
-    text = page.read_text(encoding="utf-8")
-    assert "<script>alert" not in text
-    assert text.count("</title>") == 1
-    assert text.count("&lt;script&gt;alert") >= 5
+    command = f"unbend match '{EVIL}'"
+    html = match_page(mesh, mesh, np.arange(642), page, command=command).html
+    assert page.read_text(encoding="utf-8") == html
+    assert match_page(mesh, mesh, np.arange(642), command=command).html == html
+    assert "<script>alert" not in html
+    assert html.count("</title>") == 1
+    assert html.count("&lt;script&gt;alert") >= 5
+    assert "default-src 'none'" in html
+    assert not re.search(r"(src|href)\s*=|url\(|https?://", html)
 
 
 def test_a_page_shows_itself_and_can_be_written_later(blob: Mesh, tmp_path: Path) -> None:
     page = match_page(blob, blob, np.arange(642))
     assert repr(page) == "Page('blob to blob', 0.1 MB)"
     page.write(tmp_path / "later.html")
-    match_page(blob, blob, np.arange(642), tmp_path / "now.html")
-    assert (tmp_path / "later.html").read_bytes() == (tmp_path / "now.html").read_bytes()
+    assert (tmp_path / "later.html").read_text("utf-8") == page.html
     (shown,) = re.findall(r'^<iframe [^>]* srcdoc="([^"]*)"></iframe>$', page._repr_html_())
     assert unescape(shown) == page.html
     with pytest.raises(FileError, match=r"\.html"):
         page.write(tmp_path / "page.txt")
+    with pytest.raises(FileError, match=r"\.html"):
+        match_page(blob, blob, np.arange(642), tmp_path / "match.pdf")
 
 
-def test_nothing_is_asked_of_the_network(blob: Mesh, tmp_path: Path) -> None:
-    page = tmp_path / "match.html"
-    match_page(blob, blob, np.arange(642), page)
-    text = page.read_text(encoding="utf-8")
-    assert "default-src 'none'" in text
-    assert not re.search(r"(src|href)\s*=|url\(|https?://", text)
+def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, found: Match) -> None:
+    every = np.arange(642)
+    truth = every[::2], every[::2]
+    html = match_page(blob, blob, found, truth=truth, command="unbend match a b").html
+    assert "642 vertices matched to a shape of 642; confidence 0.75." in html
+    assert "mean error" in html
+    assert "points counted</th><td>321" in html
+    assert "unbend match a b" in html
+    assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>25.0%</td><td>10%</td></tr>" in html
+    assert data_of(html)["maps"][0]["errors"] is not None
+    assert data_of(html)["maps"][0]["expected"] is not None
+    assert "by expected error" in html
+    assert "expected error" not in match_page(blob, blob, replace(found, expected_error=None)).html
 
 
-def test_the_same_match_makes_the_same_page(blob: Mesh, tmp_path: Path) -> None:
-    for name in ("a.html", "b.html"):
-        match_page(blob, blob, np.arange(642), tmp_path / name)
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
-
-
-def test_the_page_tells_of_the_match_and_its_errors(blob: Mesh, tmp_path: Path) -> None:
-    page, every = tmp_path / "match.html", np.arange(642)
-    tried = (Hypothesis(0.2, 0.9), Hypothesis(0.3, -0.8, 0.25))
-    found = replace(match(blob, blob, refine=False), confidence=0.75, hypotheses=tried)
-    match_page(blob, blob, found, page, truth=(every[::2], every[::2]), command="unbend match a b")
-    text = page.read_text(encoding="utf-8")
-    assert "642 vertices matched to a shape of 642; confidence 0.75." in text
-    assert "mean error" in text
-    assert "points counted</th><td>321" in text
-    assert "unbend match a b" in text
-    assert "<tr><td>2</td><td>30.00%</td><td>+10.00%</td><td>25.0%</td><td>10%</td></tr>" in text
-    assert data_of(page)["maps"][0]["errors"] is not None
-    assert data_of(page)["maps"][0]["expected"] is not None
-    assert "by expected error" in text
-    match_page(blob, blob, replace(found, expected_error=None), page)
-    assert "expected error" not in page.read_text(encoding="utf-8")
-
-
-def test_each_map_is_evaluated_once(blob: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_map_is_evaluated_once(
+    blob: Mesh, found: Match, monkeypatch: pytest.MonkeyPatch
+) -> None:
     every, seen = np.arange(642), []
     monkeypatch.setattr(
         _match_page, "evaluate", lambda *given: seen.append(given[0]) or evaluate(*given)
     )
-    found = replace(match(blob, blob, refine=False), alternatives=(), mirrored=every)
-    match_page(blob, blob, found, truth=(every, every))
-    assert seen == [found, every]
+    mirrored = replace(found, mirrored=every)
+    match_page(blob, blob, mirrored, truth=(every, every))
+    assert seen == [mirrored, every]
 
 
 def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
@@ -99,43 +97,38 @@ def test_rows_without_a_mirrored_truth_have_errors(blob: Mesh) -> None:
     np.testing.assert_allclose(errors, np.minimum(expected, 1))
 
 
-def test_several_maps_can_be_chosen_from(blob: Mesh, tmp_path: Path) -> None:
-    page = tmp_path / "match.html"
-    one = replace(match(blob, blob, refine=False), confidence=np.nan)
+def test_several_maps_can_be_chosen_from(blob: Mesh, found: Match) -> None:
+    one = replace(found, confidence=np.nan)
     worse = replace(one, confidence_bound=0.5)  # of which the page does not warn
     two = replace(one, confidence=0.6, alternatives=(worse,), mirrored=np.arange(642))
-    match_page(blob, blob, two, page)
-    assert len(data_of(page)["maps"]) == 3
-    text = page.read_text(encoding="utf-8")
-    choices = ("1, confidence 0.60", "2", "reflection")
-    for i, name in enumerate(choices):
-        assert f'<option value="{i}">{name}</option>' in text
-    match_page(blob, blob, one, page)
-    assert 'id="map"' not in page.read_text(encoding="utf-8")
+    html = match_page(blob, blob, two).html
+    assert len(data_of(html)["maps"]) == 3
+    for i, name in enumerate(("1, confidence 0.60", "2", "reflection")):
+        assert f'<option value="{i}">{name}</option>' in html
+    assert 'id="map"' not in match_page(blob, blob, one).html
 
 
 @pytest.mark.parametrize(("confidence", "doubtful"), [(0.21, True), (0.6, False), (np.nan, False)])
 def test_a_doubtful_match_has_a_warning_above_it(
-    blob: Mesh, confidence: float, doubtful: bool
+    blob: Mesh, found: Match, confidence: float, doubtful: bool
 ) -> None:
-    found = replace(match(blob, blob, refine=False), confidence=confidence, alternatives=())
-    html = match_page(blob, blob, found).html
+    one = replace(found, confidence=confidence)
+    html = match_page(blob, blob, one).html
     assert ('<p class="band"' in html) == doubtful
     if doubtful:
         assert "its confidence is 0.21" in html
         assert "place one to three landmarks" in html
-        several = match_page(blob, blob, replace(found, alternatives=(found,))).html
-        assert "menu Map" in several
+        assert "menu Map" in match_page(blob, blob, replace(one, alternatives=(one,))).html
         assert "menu Map" not in html
 
 
-def test_few_partners_leave_no_morph(blob: Mesh, tmp_path: Path) -> None:
-    page, nowhere = tmp_path / "match.html", np.full(642, -1)
+def test_few_partners_leave_no_morph(blob: Mesh) -> None:
+    nowhere = np.full(642, -1)
     nowhere[3] = 5
-    match_page(blob, blob, nowhere, page)
-    assert data_of(page)["maps"][0]["frames"] == []
-    assert 'id="morph"' not in page.read_text(encoding="utf-8")
-    assert "1 of 642 vertices matched" in page.read_text(encoding="utf-8")
+    html = match_page(blob, blob, nowhere).html
+    assert data_of(html)["maps"][0]["frames"] == []
+    assert 'id="morph"' not in html
+    assert "1 of 642 vertices matched" in html
 
 
 def test_large_shapes_are_thinned_for_the_eye_alone(blob: Mesh) -> None:
@@ -188,13 +181,7 @@ def test_what_does_not_fit_is_refused(
 
 def test_a_point_of_a_cloud_shows_its_partner(blob: Mesh) -> None:
     cloud = Mesh(blob.vertices @ np.diag([1, -1, -1]), name="cloud")
-    page = match_page(cloud, blob, np.arange(642))
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page.html)[1])
-    for links in data["maps"][0]["links"]:
+    html = match_page(cloud, blob, np.arange(642)).html
+    for links in data_of(html)["maps"][0]["links"]:
         assert links["standIns"] is None  # every partner is drawn
-    assert "a point cloud, drawn with triangles" in page.html
-
-
-def test_only_html_is_written(blob: Mesh, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"\.html"):
-        match_page(blob, blob, np.arange(642), tmp_path / "match.pdf")
+    assert "a point cloud, drawn with triangles" in html

@@ -9,7 +9,7 @@ import math
 import os
 import tempfile
 import webbrowser
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
@@ -25,9 +25,8 @@ from unbend.io import atomic_write, check_writable
 from unbend.report.figures import upright
 
 _SUFFIXES = (".html",)
-
 # Scripts that every page runs before its own.
-_SCRIPTS = ("data.js", "shaders.js", "geometry.js", "stage.js", "scene.js", "page.js")
+_SCRIPTS = ("shaders.js", "geometry.js", "stage.js", "scene.js", "page.js")
 
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -97,9 +96,8 @@ class Page:
         return f"Page({self.title!r}, {len(self.html) / 1e6:.1f} MB)"
 
     def _repr_html_(self) -> str:
-        frame = (
-            'sandbox="allow-scripts allow-downloads" style="width: 100%; height: 45rem; border: 0"'
-        )
+        sandbox, style = "allow-scripts allow-downloads", "width: 100%; height: 45rem; border: 0"
+        frame = f'sandbox="{sandbox}" style="{style}"'
         return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
@@ -131,7 +129,7 @@ def make_page(
     folder = files("unbend.report.pages")
     names = ("page.css", *_SCRIPTS, *scripts)
     style, *parts = (folder.joinpath(name).read_text("utf-8") for name in names)
-    script = "\n".join(parts)
+    script = "\n".join(['"use strict";', *parts])
     html = _PAGE.format(
         title=escape(title),
         heading=heading or escape(title),
@@ -201,11 +199,9 @@ def controls(own: str, up: str, *, grid: bool = True, several: bool = True) -> s
     )
 
 
-def side_by_side(
-    own: str, up: str, views: Iterable[str], usage: str = "", *, several: bool = True
-) -> str:
+def side_by_side(own: str, up: str, views: Sequence[str], usage: str = "") -> str:
     """Put views between controls and the line that tells what the pointer is on."""
-    above = controls(own, up, several=several)
+    above = controls(own, up, several=len(views) > 1)
     return f'{above}<div class="pair">{"".join(views)}</div>\n{readout(usage)}'
 
 
@@ -229,10 +225,10 @@ def curve_svg(
     """Plot of curves in percent, the second one dashed."""
     most, k = float(x.max()), len(x) // 4
     marks, facts = [], []
-    for i, (name, values) in enumerate(curves):
-        spots = [_spot(a / most, b / 100) for a, b in zip(x, values, strict=True)]
+    for name, values in curves:
+        spots = map(_spot, x / most, values / 100)
         line = "L".join(f"{left:.1f},{down:.1f}" for left, down in spots)
-        kind = "curve other" if i else "curve"
+        kind = "curve other" if marks else "curve"
         marks.append(f'<path class="{kind}" d="M{line}"><title>{escape(name)}</title></path>')
         facts.append(
             f"{name}: {values[k]:.1f} % within {x[k]:g}, {values[-1]:.1f} % within {most:g}"
@@ -255,9 +251,8 @@ def dots_svg(values: FloatArray, x_label: str, y_label: str) -> str:
 def _round_above(value: float) -> float:
     """Smallest number not below this one whose quarters are short to write."""
     unit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
-    return float(
-        next(one * unit for one in (1, 1.2, 1.6, 2, 3, 4, 6, 8, 10) if one * unit >= value)
-    )
+    marks = [share * unit for share in (1, 1.2, 1.6, 2, 3, 4, 6, 8, 10)]
+    return float(next(mark for mark in marks if mark >= value))
 
 
 def _spot(across: float, up: float) -> tuple[float, float]:
@@ -269,18 +264,17 @@ def _plot(
     marks: Sequence[str], right: float, top: float, x_label: str, y_label: str, facts: str
 ) -> str:
     """SVG with marks, axes from 0, and alternative text."""
-    parts = []
+    axes = ""
     for share in np.linspace(0, 1, 5):
         x, y = _spot(share, share)
-        parts += [
-            f'<path class="axis" d="M58 {y:.1f}h420"/>',
-            f'<text x="52" y="{y + 4:.1f}" text-anchor="end">{share * top:.4g}</text>',
-            f'<text x="{x:.1f}" y="248" text-anchor="middle">{share * right:.4g}</text>',
-        ]
+        axes += (
+            f'<path class="axis" d="M58 {y:.1f}h420"/>'
+            f'<text x="52" y="{y + 4:.1f}" text-anchor="end">{share * top:.4g}</text>'
+            f'<text x="{x:.1f}" y="248" text-anchor="middle">{share * right:.4g}</text>'
+        )
     return (
         f'<svg viewBox="0 0 500 276" width="500" role="img" aria-label="{escape(facts)}">'
-        f"{''.join([*parts, *marks])}"
-        f'<text x="268" y="268" text-anchor="middle">{escape(x_label)}</text>'
+        f'{axes}{"".join(marks)}<text x="268" y="268" text-anchor="middle">{escape(x_label)}</text>'
         '<text transform="translate(12 120) rotate(-90)" text-anchor="middle">'
         f"{escape(y_label)}</text></svg>"
     )

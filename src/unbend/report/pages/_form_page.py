@@ -16,18 +16,8 @@ from unbend.errors import UnbendWarning
 from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.figures import drawable
-from unbend.report.pages._document import (
-    Page,
-    begin_page,
-    canvas,
-    dots_svg,
-    hint,
-    how_made,
-    make_page,
-    section,
-    select,
-    side_by_side,
-)
+from unbend.report.pages import _document as parts
+from unbend.report.pages._document import Page
 from unbend.report.pages._shown import Shown, pack_places, pack_whole, show
 from unbend.report.shape_figures import posed_to_fit, turned_to_fit
 from unbend.spectral import spectrum
@@ -57,12 +47,8 @@ def form_page(
 
     Parameters
     ----------
-    mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
-    form : CanonicalForm
-        Of that mesh, from :func:`unbend.canonical_form`.
-    posed : (n, 3) ndarray of float64, optional
-        The surface in the form's pose, from :func:`unbend.lay_into_pose`, to be shown too.
+    mesh, form, posed
+        As for :func:`draw_form`.
     keep_scale : bool, default=False
         Whether the form was made with this option.
     path, up, command, progress
@@ -71,14 +57,11 @@ def form_page(
     Returns
     -------
     Page
-        With its `html`.
 
     Raises
     ------
-    InputError
-        If the form has another number of vertices, or there is no such axis.
-    FileError
-        If the file cannot be written.
+    InputError, FileError
+        If the form is of another mesh, there is no such axis, or the file cannot be written.
 
     Notes
     -----
@@ -95,7 +78,7 @@ def form_page(
     >>> form_page(mesh, canonical_form(mesh), "form.html")
     Page('octopus, canonical form', 0.1 MB)
     """
-    step = begin_page(path, up, progress)
+    step = parts.begin_page(path, up, progress)
     mesh = drawable(mesh)
     check_form(mesh, form)
     step("page, places", 0.0)
@@ -109,17 +92,17 @@ def form_page(
     # Length in the form of a biharmonic distance of 1.
     unit = float(np.sqrt(form.area)) if keep_scale else 1.0
     exact = float(np.ptp(embedding[inside])) / _STEPS
-    return make_page(
+    return parts.make_page(
         f"{mesh.name}, canonical form",
         f"{form.method} {form.distance} form of {int(inside.sum()):,} vertices; "
         f"stress {form.stress:.3f}.",
         [
             _pictures(mesh.name, up, min(_OFFERED, embedding.shape[1]), surface is not None),
             '<div class="columns">',
-            section(
+            parts.section(
                 "Spectrum",
-                dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
-                hint(
+                parts.dots_svg(values, "number, counted from 0", "eigenvalue, at unit area"),
+                parts.hint(
                     "The lowest eigenvalues of the shape's Laplacian. They are the same in every "
                     "pose."
                 ),
@@ -156,19 +139,21 @@ def _embedding(mesh: Mesh, form: CanonicalForm, inside: BoolArray) -> tuple[Floa
 def _pictures(name: str, up: str, n_functions: int, detailed: bool) -> str:
     paints = {"place": "same place, same colour", "distance": "distance from the clicked vertex"}
     paints |= {f"function-{k}": f"eigenfunction {k + 1}" for k in range(n_functions)}
-    own = select("Colours", "paint", paints | {"plain": "plain"}) + (
+    own = parts.select("Colours", "paint", paints | {"plain": "plain"}) + (
         '<label>Thicken the form <input type="range" id="thicken" min="0" max="4" step="0.25" '
         'value="1.5"></label>'
     )
     same = "The same place has the same colour on the shape and on its form."
     views = [
-        canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex"),
-        canvas("form", "Its canonical form", f"The canonical form of {name}. {same}"),
+        parts.canvas("shape", f"Shape: {name}", f"The shape {name}. {same}", "shape-vertex"),
+        parts.canvas("form", "Its canonical form", f"The canonical form of {name}. {same}"),
     ]
     if detailed:
-        views.append(canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}"))
+        views.append(
+            parts.canvas("surface", "The surface in its form's pose", f"{name}, unbent. {same}")
+        )
     usage = "Click on a place to keep it, and point at another to read how far apart they are."
-    return side_by_side(own, up, views, usage)
+    return parts.side_by_side(own, up, views, usage)
 
 
 def _form_facts(form: CanonicalForm) -> str:
@@ -179,7 +164,9 @@ def _form_facts(form: CanonicalForm) -> str:
         "over vertices. Stress is how far straight distances within the form miss the "
         f"{escape(form.distance)} distances on the shape: 0 is perfect."
     )
-    return section("Form", table([*rows, ("stress", f"{form.stress:.4f}")]), hint(meaning))
+    return parts.section(
+        "Form", table([*rows, ("stress", f"{form.stress:.4f}")]), parts.hint(meaning)
+    )
 
 
 def _facts(shown: Shown, form: CanonicalForm, command: str) -> str:
@@ -199,4 +186,4 @@ def _facts(shown: Shown, form: CanonicalForm, command: str) -> str:
         ("for display", display),
         ("distances here", distances),
     ]
-    return how_made(rows, command)
+    return parts.how_made(rows, command)

@@ -29,18 +29,8 @@ from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
 from unbend.mesh import Mesh, edge_ends, vertex_areas
 from unbend.report.figures import drawable, fit_rigidly
-from unbend.report.pages._document import (
-    Page,
-    begin_page,
-    canvas,
-    curve_svg,
-    hint,
-    how_made,
-    make_page,
-    section,
-    select,
-    side_by_side,
-)
+from unbend.report.pages import _document as parts
+from unbend.report.pages._document import Page
 from unbend.report.pages._shown import Shown, checked_landmarks, pack_places, pack_whole, show
 
 _Map = Match | IntArray
@@ -69,8 +59,8 @@ def match_page(
     """Write a match as a page that opens in any browser, without a network: one HTML file.
 
     Both shapes turn together, the same place in the same colour; pointing at one marks the partner
-    on the other and tells both vertex numbers; a slider morphs the source into the target. Below
-    are both canonical forms, before and after they are aligned, and what is known of the match.
+    on the other; a slider morphs the source into the target. Below are both canonical forms,
+    before and after they are aligned, and what is known of the match.
 
     Parameters
     ----------
@@ -78,8 +68,7 @@ def match_page(
         Anything :func:`unbend.as_mesh` accepts.
     match : Match or (n_source,) array_like of int
         From source to target; or the target vertex of each source vertex, -1 where there is none:
-        such vertices are grey. Of a match's alternatives and its mirror image, if they were asked
-        for, the page lets choose one.
+        such vertices are grey. The page lets choose among a match's alternatives and mirror image.
     path : path, optional
         The file to write, .html. In a notebook the page that is returned shows itself.
     up : {"x", "y", "z"}, default="y"
@@ -97,17 +86,13 @@ def match_page(
     Returns
     -------
     Page
-        With its `html`.
 
     Raises
     ------
     InputError
-        If the map, the truth or the landmarks do not fit, or there is no such
-        axis.
-    MeshError
-        If a point cloud has no surface.
-    FileError
-        If the file cannot be written.
+        If the map, the truth or the landmarks do not fit, or there is no such axis.
+    MeshError, FileError
+        If a point cloud has no surface, or the file cannot be written.
 
     Notes
     -----
@@ -122,7 +107,7 @@ def match_page(
     >>> match_page(mesh, mesh, range(600), "match.html")
     Page('octopus to octopus', 0.1 MB)
     """
-    step = begin_page(path, up, progress)
+    step = parts.begin_page(path, up, progress)
     source, target = drawable(source), drawable(target)
     if truth is not None and len(truth) not in (2, 3):
         raise InputError("truth must be 2 or 3 lists: source points, images and mirror images")
@@ -154,7 +139,7 @@ def match_page(
     trust = ""
     if known is not None and not math.isnan(known.confidence):
         trust = f"; confidence {known.confidence:.2f}"
-    return make_page(
+    return parts.make_page(
         f"{source.name} to {target.name}",
         f"{part} vertices matched to a shape of {target.n_vertices:,}{trust}.",
         [
@@ -309,7 +294,7 @@ def _pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[st
     """Both shapes, with controls that move and colour them as the first map, packed, allows."""
     own = ""
     if len(maps) > 1:
-        own += select("Map", "map", {str(i): one for i, one in enumerate(maps)})
+        own += parts.select("Map", "map", {str(i): one for i, one in enumerate(maps)})
     if first["frames"]:
         own += (
             '<label>Morph <input type="range" id="morph" min="0" max="1" step="0.005" value="0">'
@@ -320,9 +305,9 @@ def _pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[st
         paints["1"] = "by error"
     if first["expected"] is not None:
         paints["expected"] = "by expected error"
-    own += select("Colours", "paint", paints | {"2": "plain"})
+    own += parts.select("Colours", "paint", paints | {"2": "plain"})
     views = [
-        canvas(
+        parts.canvas(
             side,
             f"{side.capitalize()}: {name}",
             f"The {side} shape, {name}, in three dimensions. The same place has the same colour on "
@@ -332,18 +317,18 @@ def _pictures(names: Sequence[str], up: str, maps: Sequence[str], first: dict[st
         for side, name in zip(_SIDES, names, strict=True)
     ]
     usage = "Point at a place on either shape to see its partner on the other; click to keep it."
-    return side_by_side(own, up, views, usage)
+    return parts.side_by_side(own, up, views, usage)
 
 
 def _form_section() -> str:
     described = "The canonical forms of both shapes, one over the other, "
-    return section(
+    return parts.section(
         "Canonical forms",
         '<div class="pair low">'
-        + canvas("before", "As they were computed", described + "before they are aligned.")
-        + canvas("after", "Aligned by the match", described + "after they are aligned.")
+        + parts.canvas("before", "As they were computed", described + "before they are aligned.")
+        + parts.canvas("after", "Aligned by the match", described + "after they are aligned.")
         + "</div>",
-        hint(
+        parts.hint(
             '<span class="chip ours"></span>source '
             '<span class="chip theirs"></span>target. Limbs of forms are thin; every surface is '
             "drawn 1.5 pixels thicker on each side."
@@ -367,11 +352,11 @@ def _error_section(found: Evaluation) -> str:
             ("share of existing partners found", f"{found.overlap.recall:.1%}"),
         ]
     x = "geodesic error, in units of the square root of the target's area"
-    return section(
+    return parts.section(
         "Errors",
-        curve_svg(THRESHOLDS, curves, x, "points within it, %"),
+        parts.curve_svg(THRESHOLDS, curves, x, "points within it, %"),
         table(rows),
-        hint(
+        parts.hint(
             f'Coloured by error: 0 <span class="scale"></span> {_WORST:g} and more. '
             "Vertices without ground truth take the mean of their neighbours, and are grey far "
             "from any with ground truth; the target shows the error of the points mapped to it."
@@ -391,10 +376,10 @@ def _alternatives(match: Match) -> str:
         )
         for i, one in enumerate(match.hypotheses)
     ]
-    return section(
+    return parts.section(
         "Alternatives",
         table(rows, ("map", "unexplained", "more than the least", "apart", "right side out")),
-        hint(
+        parts.hint(
             "Unexplained is the share of the surfaces' local shape that differs once each patch is "
             "turned and scaled to fit; a map that leaves hardly more than the first may well be a "
             "symmetry of the shape. Apart is the mean distance between where it and the first "
@@ -417,7 +402,7 @@ def _facts(
         which = ", ".join(str(i + 1) for i in ignored)
         rows.append(("landmarks ignored", f"{which}: they contradict the best-fitting map"))
     if match is None:
-        return how_made(rows, command)
+        return parts.how_made(rows, command)
     known = not math.isnan(match.confidence)
     overlap = (
         f"{match.overlap_source:.0%} of the source's, {match.overlap_target:.0%} of the target's"
@@ -435,4 +420,4 @@ def _facts(
             f"the target's area; coloured from 0 to {_WORST:g} and more)"
         )
         rows.append(("expected error", told))
-    return how_made(rows, command)
+    return parts.how_made(rows, command)

@@ -106,7 +106,7 @@ def pack_whole(numbers: npt.NDArray[Any]) -> dict[str, Any]:
     """Pack whole numbers (n,) or (n, c) whose differences down the columns fit into 32 bits.
 
     Each is stored as the difference from the one before, signs folded into the lowest bit, and
-    bytes of equal weight together, which compresses well. For `unpack` in data.js.
+    bytes of equal weight together, which compresses well. For `unpack` in page.js.
     """
     table = numbers.reshape(len(numbers), -1).astype(np.int64)
     steps = np.diff(table, axis=0, prepend=0)

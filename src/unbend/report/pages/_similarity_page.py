@@ -13,29 +13,18 @@ import numpy.typing as npt
 from unbend._arrays import array_of, numbers_of
 from unbend._display import table
 from unbend._text import plural
-from unbend._types import IntArray, Progress, StrPath
+from unbend._types import Progress, StrPath
 from unbend.choices import Axis, Measure
 from unbend.errors import InputError
 from unbend.io import MeshLike, as_mesh, value_colors
 from unbend.mesh import Mesh
 from unbend.report.collection_figures import checked_table, join_alike
-from unbend.report.pages._document import (
-    Page,
-    begin_page,
-    canvas,
-    controls,
-    hint,
-    how_made,
-    make_page,
-    readout,
-    section,
-    select,
-)
+from unbend.report.pages import _document as parts
+from unbend.report.pages._document import Page
 from unbend.report.pages._shown import pack_places, pack_whole, show
 
 # Pages of more shapes have no table of numbers.
 _MOST_TOLD = 30
-_MEANING = {"similarity": "1 for the same shape", "distance": "0 for the same shape"}
 # Vertices drawn in all, which keeps a page below 8 MB, and of any one shape: at most, to be quick,
 # and at least, to be recognised.
 _VERTICES_IN_ALL, _MOST_VERTICES, _LEAST_VERTICES = 300_000, 20_000, 1_000
@@ -77,14 +66,12 @@ def similarity_page(
     Returns
     -------
     Page
-        With its `html`.
 
     Raises
     ------
-    InputError
-        If there are too few or too many shapes, or something does not fit them.
-    FileError
-        If the file cannot be written.
+    InputError, FileError
+        If there are too few or too many shapes, something does not fit them, or the file cannot be
+        written.
 
     Notes
     -----
@@ -98,12 +85,16 @@ def similarity_page(
     >>> similarity_page(animals, [[1, 0.9], [0.9, 1]], "similarity.html")
     Page('How alike 2 shapes are', 0.1 MB)
     """
-    step = begin_page(path, up, progress)
+    step = parts.begin_page(path, up, progress)
     shapes = list(shapes)
     if measure not in get_args(Measure):
         raise InputError(f'measure must be "similarity" or "distance", not {measure!r}')
     array = checked_table(values, len(shapes))
-    numbers = None if groups is None else _checked_groups(groups, len(shapes))
+    numbers = None if groups is None else array_of(groups, "groups")
+    if numbers is not None and (
+        numbers.shape != (len(shapes),) or numbers.dtype.kind not in "iu" or numbers.min() < 0
+    ):
+        raise InputError(f"groups must be {len(shapes)} whole numbers from 0")
     meshes, packed, said = _read_shapes(shapes, step)
     names = [one.name for one in meshes]
     order, heights, places = join_alike(array, alike=measure == "similarity")
@@ -111,15 +102,13 @@ def similarity_page(
     spread = "no pair is known"
     if len(others):
         spread = f"{others.min():.4f} to {others.max():.4f} between different shapes"
-    # Alike shapes are yellow.
-    alike = array if measure == "similarity" else -array
-    low, high = (
-        (others.min(initial=1.0), 1.0) if alike is array else (-others.max(initial=0.0), 0.0)
-    )
+    shades, low, high = array, float(others.min(initial=1.0)), 1.0
+    if measure == "distance":  # what is alike is yellow
+        shades, low, high = -array, -float(others.max(initial=0.0)), 0.0
     if high - low < 1e-9:
         low = high - 1
     cells = np.full((array.size, 4), 255)  # red, green, blue and opacity
-    cells[:, :3] = value_colors(alike[np.ix_(order, order)].ravel(), limits=(low, high))
+    cells[:, :3] = value_colors(shades[np.ix_(order, order)].ravel(), limits=(low, high))
     blocks = [_heat_map(measure, abs(low), abs(high))]
     if len(names) <= _MOST_TOLD:
         heads = (measure, *(names[j] for j in order))
@@ -127,23 +116,22 @@ def similarity_page(
         blocks.append(f"<details><summary>As a table</summary>{table(rows, heads)}</details>")
     if numbers is None:
         title = f"How alike {len(names)} shapes are"
-        blocks.append(section("Shapes", _cards(names, order)))
+        blocks.append(parts.section("Shapes", _cards(names, order)))
     else:
         found = np.unique(numbers)
         title = f"{len(names)} shapes in {plural(len(found), 'group')}"
         for number in found:
             members = order[numbers[order] == number]
             heading = f"Group {number}: {plural(len(members), 'shape')}"
-            blocks.append(section(heading, _cards(names, members)))
+            blocks.append(parts.section(heading, _cards(names, members)))
     facts = [
-        ("values", f"{measure}, {_MEANING[measure]}"),
+        ("values", f"{measure}, {high:g} for the same shape"),
         ("dendrogram", "average linkage; the most alike stand beside each other"),
         ("for display", said),
     ]
     known = np.where(np.isfinite(array), array, -1.0)
-    top = max(float(heights.max()), 1e-300)
-    brackets = np.column_stack([heights[:, [0, 3, 1]] / top, places[:, [0, 3]]])
-    return make_page(
+    shares = heights / max(float(heights.max()), 1e-300)
+    return parts.make_page(
         title,
         f"{measure.capitalize()} is {spread}.",
         _body(meshes, up, blocks, facts, command),
@@ -156,8 +144,7 @@ def similarity_page(
             # What tells values apart.
             "digits": min(math.ceil(-math.log10((high - low) / 50)), 4),
             "order": order.tolist(),
-            # For each, two ends and the join's height, as shares, and two places.
-            "tree": np.round(brackets, 4).tolist(),
+            "tree": np.round(np.stack([shares, places], axis=2), 4).tolist(),
         },
         ("heat.js", "shapes.js"),
         path=path,
@@ -184,8 +171,7 @@ def search_page(
     query : mesh-like
         Anything :func:`unbend.as_mesh` accepts.
     found : iterable of mesh-like
-        In the order of the pictures, the most alike first; 299 at most. One without faces has no
-        picture.
+        The most alike first; 299 at most. One without faces has no picture.
     values : (n,) array_like of float
         How far each is from the query, or how much like it; NaN where unknown.
     measure : str, default="distance"
@@ -196,14 +182,12 @@ def search_page(
     Returns
     -------
     Page
-        With its `html`.
 
     Raises
     ------
-    InputError
-        If there is nothing or too much to show, or something does not fit.
-    FileError
-        If the file cannot be written.
+    InputError, FileError
+        If there is nothing or too much to show, something does not fit, or the file cannot be
+        written.
 
     Examples
     --------
@@ -213,7 +197,7 @@ def search_page(
     >>> search_page(dog, [dog, horse], [0, 0.4], "found.html")
     Page('Most like dog', 0.1 MB)
     """
-    step = begin_page(path, up, progress)
+    step = parts.begin_page(path, up, progress)
     found, numbers = list(found), numbers_of(values, "values")
     if numbers.shape != (len(found),) or not len(found):
         raise InputError(f"{len(found)} shapes need as many values, and there must be one at least")
@@ -221,11 +205,11 @@ def search_page(
     names = [one.name for one in meshes]
     below = [f"{i + 1}. {measure} {_number_told(one)}" for i, one in enumerate(numbers)]
     blocks = [
-        section("Looked for", _cards(names, [0])),
-        section("Found", _cards(names, range(1, len(names)), below)),
+        parts.section("Looked for", _cards(names, [0])),
+        parts.section("Found", _cards(names, range(1, len(names)), below)),
     ]
     known = [float(one) if np.isfinite(one) else None for one in numbers]
-    return make_page(
+    return parts.make_page(
         f"Most like {names[0]}",
         f"{plural(len(found), 'shape')}, the most alike first.",
         _body(meshes, up, blocks, [("for display", said)], command),
@@ -235,22 +219,15 @@ def search_page(
     )
 
 
-def _checked_groups(groups: npt.ArrayLike, n: int) -> IntArray:
-    numbers = array_of(groups, "groups")
-    if numbers.shape != (n,) or numbers.dtype.kind not in "iu" or numbers.min() < 0:
-        raise InputError(f"groups must be {n} whole numbers from 0")
-    return numbers.astype(np.int64)
-
-
 def _heat_map(measure: str, least: float, most: float) -> str:
     described = (
         f"The {measure} of each shape to each other as colours, with a dendrogram beside it. Arrow "
         "keys go from cell to cell, Enter opens both shapes; names and value are told beside it."
     )
-    return section(
+    return parts.section(
         measure.capitalize(),
         f'<canvas id="heat" tabindex="0" role="application" aria-label="{described}"></canvas>',
-        hint(
+        parts.hint(
             f'{measure} {least:.3f} <span class="scale viridis"></span> {most:.3f}. '
             "Point at a cell to read it, click it to see both shapes; or go from cell to cell with "
             "the arrow keys, and open both with Enter."
@@ -305,16 +282,16 @@ def _body(
 ) -> list[str]:
     """Put HTML blocks beside two shapes, below controls and above facts on what was done."""
     names = {str(i): mesh.name for i, mesh in enumerate(meshes)}
-    choices = "".join(select(side.capitalize(), f"{side}-choice", names) for side in _SIDES)
-    views = "".join(canvas(one, one.capitalize(), f"The {one} shape.") for one in _SIDES)
+    choices = "".join(parts.select(side.capitalize(), f"{side}-choice", names) for side in _SIDES)
+    views = "".join(parts.canvas(one, one.capitalize(), f"The {one} shape.") for one in _SIDES)
+    usage = parts.readout("Choose a picture or a name to see a shape here.")
     noted = [(one.name, "; ".join(one.notes)) for one in meshes if one.notes]
     return [
-        controls(choices, up, grid=False),
+        parts.controls(choices, up, grid=False),
         f'<div class="beside">\n<div>{"".join(blocks)}</div>\n'
-        f'<div class="views">{views}{readout("Choose a picture or a name to see a shape here.")}'
-        "</div>\n</div>\n"
+        f'<div class="views">{views}{usage}</div>\n</div>\n'
         '<canvas id="maker" aria-hidden="true"></canvas>',  # off screen, for the pictures
-        how_made([*rows, *noted], command),
+        parts.how_made([*rows, *noted], command),
     ]
 
 

@@ -16,16 +16,8 @@ from unbend.choices import Axis
 from unbend.io import MeshLike
 from unbend.mesh import Mesh
 from unbend.report.figures import check_values, drawable
-from unbend.report.pages._document import (
-    Page,
-    begin_page,
-    canvas,
-    hint,
-    make_page,
-    section,
-    select,
-    side_by_side,
-)
+from unbend.report.pages import _document as parts
+from unbend.report.pages._document import Page
 from unbend.report.pages._shown import checked_landmarks, pack_places, pack_whole, show
 
 # Saved positions and values are exact to this share of the widest range.
@@ -74,10 +66,8 @@ def view(
     ------
     InputError
         If there is no such axis, or landmarks or values do not fit.
-    MeshError
-        If a point cloud has no surface.
-    FileError
-        If the file cannot be written.
+    MeshError, FileError
+        If a point cloud has no surface, or the file cannot be written.
 
     Notes
     -----
@@ -92,7 +82,7 @@ def view(
     >>> view(make_sphere(2), make_sphere(3), landmarks=[(0, 0), (5, 7)])
     Page('sphere and sphere', 0.1 MB)
     """
-    begin_page(path, up)
+    parts.begin_page(path, up)
     meshes = [drawable(one) for one in (a, b) if one is not None]
     names = [mesh.name for mesh in meshes]
     scalars = None if values is None else check_values(values, meshes[0])
@@ -101,7 +91,7 @@ def view(
         one, facts = _packed(mesh, None if i else scalars)
         packed.append(one)
         lead.append(f"{mesh.name}: {'; '.join(facts)}.")
-    return make_page(
+    return parts.make_page(
         " and ".join(names),
         " ".join(lead),
         [_pictures(names, up, packed[0].get("limits")), _table(names)],
@@ -113,20 +103,18 @@ def view(
 
 
 def _packed(mesh: Mesh, scalars: FloatArray | None) -> tuple[dict[str, Any], list[str]]:
+    """Pack a shape, perhaps with values, and tell of it."""
     shown = show(mesh)
-    places = shown.places
-    packed = shown.packed() | {
-        "name": mesh.name,
-        "places": pack_places(places, float(np.ptp(places, axis=0).max()) / _STEPS or None),
-        "standIns": pack_whole(shown.stand_ins),
-    }
+    packed = shown.packed() | {"name": mesh.name, "standIns": pack_whole(shown.stand_ins)}
+    widest = float(np.ptp(shown.places, axis=0).max())
+    packed["places"] = pack_places(shown.places, widest / _STEPS or None)
     size = f"{plural(mesh.n_vertices, 'vertex')}, {plural(mesh.n_faces, 'face')}"
     facts = [size, *mesh.notes, *shown.facts]
     if scalars is not None:
-        limits = float(np.nanmin(scalars)), float(np.nanmax(scalars))
-        facts.append("values from {} to {}".format(*_told_apart(*limits)))
+        low, high = limits = float(np.nanmin(scalars)), float(np.nanmax(scalars))
+        facts.append("values from {} to {}".format(*_told_apart(low, high)))
         seen = scalars[shown.ids, None]
-        packed["values"] = pack_places(seen, (limits[1] - limits[0]) / _STEPS or None)
+        packed["values"] = pack_places(seen, (high - low) / _STEPS or None)
         packed["known"] = pack_whole(np.isfinite(seen))
         packed["limits"] = limits
     return packed, facts
@@ -152,11 +140,13 @@ def _landmarks(
 
 
 def _pictures(names: list[str], up: str, limits: tuple[float, float] | None) -> str:
-    paints = {"2": "plain", "0": "by place"}
+    paints, legend = {"2": "plain", "0": "by place"}, ""
     if limits is not None:
         paints = {"1": "by value"} | paints
+        low, high = _told_apart(*limits)
+        legend = parts.hint(f'Values: {low} <span class="scale"></span> {high}.')
     views = [
-        canvas(
+        parts.canvas(
             f"shape-{side}",
             name,
             f"The shape {name} in three dimensions. Arrow keys move a cursor over its vertices, "
@@ -167,14 +157,11 @@ def _pictures(names: list[str], up: str, limits: tuple[float, float] | None) -> 
         )
         for side, name in enumerate(names)
     ]
-    legend = ""
-    if limits is not None:
-        legend = hint('Values: {} <span class="scale"></span> {}.'.format(*_told_apart(*limits)))
-    paint = select("Colours", "paint", paints)
-    return side_by_side(paint, up, views, several=len(names) > 1) + legend + hint(_HINT)
+    paint = parts.select("Colours", "paint", paints)
+    return parts.side_by_side(paint, up, views) + legend + parts.hint(_HINT)
 
 
 def _table(names: list[str]) -> str:
     heads = "".join(f'<th scope="col">vertex of {escape(name)}</th>' for name in names)
     html = files("unbend.report.pages").joinpath("landmarks.html").read_text("utf-8")
-    return section("Landmarks", html.replace("{heads}", heads))
+    return parts.section("Landmarks", html.replace("{heads}", heads))

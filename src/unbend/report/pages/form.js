@@ -1,5 +1,4 @@
 // The form page: a shape beside its canonical form, eigenfunctions and distances on both.
-"use strict";
 
 start(async (data) => {
   const { shape, form, embedding, unit } = data, { number, shown } = numbering(shape.ids);

@@ -1,5 +1,4 @@
 // What is computed of places and faces: normals, edges, the face along a ray.
-"use strict";
 
 function normalsOf(positions, faces) {
   const normals = new Float32Array(positions.length);

@@ -1,5 +1,4 @@
 // A heat map with its dendrogram: a cell for each two shapes, pointed at, clicked, or gone to by keys.
-"use strict";
 
 const LARGEST_CELL = 84, READABLE = 34, NAMED = 13, PICTURED = 30; // sides of a cell in pixels
 const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
@@ -29,22 +28,22 @@ class HeatMap {
     if (!this.names) this.cell = (width - this.tall) / n;
     this.side = this.cell * n;
     this.width = width;
-    this.height = this.top + this.side + 1;
   }
 
   draw() {
     const { canvas, n, order } = this, ratio = window.devicePixelRatio || 1;
     const context = canvas.getContext("2d");
     this.measureOut(context);
-    canvas.style.height = `${this.height}px`;
+    const height = this.top + this.side + 1;
+    canvas.style.height = `${height}px`;
     canvas.width = Math.round(this.width * ratio);
-    canvas.height = Math.round(this.height * ratio);
+    canvas.height = Math.round(height * ratio);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     const style = getComputedStyle(document.documentElement);
     const [ink, soft, accent] = ["--ink", "--soft", "--target"].map((name) => style.getPropertyValue(name));
-    const { tall, top, cell } = this;
+    const { tall, top, cell, side } = this;
     context.imageSmoothingEnabled = false;
-    context.drawImage(this.pixels, tall, top, this.side, this.side);
+    context.drawImage(this.pixels, tall, top, side, side);
     context.font = FONT;
     context.textBaseline = "middle";
     if (cell >= READABLE) {
@@ -63,10 +62,10 @@ class HeatMap {
     context.textAlign = "left";
     context.fillStyle = ink;
     order.forEach((i, row) => {
-      if (this.top) this.drawPicture(context, i, tall + row * cell, 0);
+      if (top) this.drawPicture(context, i, tall + row * cell, 0);
       if (!this.names) return;
-      let x = tall + this.side + 6;
-      if (this.top) {
+      let x = tall + side + 6;
+      if (top) {
         this.drawPicture(context, i, x - 4, top + row * cell);
         x += cell;
       }
@@ -75,26 +74,23 @@ class HeatMap {
     context.strokeStyle = soft;
     context.beginPath();
     const across = (share) => (tall - 4) * (1 - share) + 1, down = (place) => top + (place + 0.5) * cell;
-    for (const [first, second, join, from, to] of this.tree) {
-      context.moveTo(across(first), down(from));
-      context.lineTo(across(join), down(from));
-      context.lineTo(across(join), down(to));
-      context.lineTo(across(second), down(to));
+    for (const bracket of this.tree) {
+      bracket.forEach(([share, place], i) => context[i ? "lineTo" : "moveTo"](across(share), down(place)));
     }
     context.stroke();
     if (!this.at) return;
     const [row, column] = this.at;
     context.strokeStyle = accent;
     context.lineWidth = 1;
-    context.strokeRect(tall, top + row * cell, this.side, cell);
-    context.strokeRect(tall + column * cell, top, cell, this.side);
+    context.strokeRect(tall, top + row * cell, side, cell);
+    context.strokeRect(tall + column * cell, top, cell, side);
     context.lineWidth = 3;
     context.strokeRect(tall + column * cell, top + row * cell, cell, cell);
   }
 
   drawPicture(context, i, x, y) {
     const picture = this.pictures[i], { cell } = this;
-    if (!picture || !picture.width) return;
+    if (!picture?.width) return;
     const scale = cell / Math.max(picture.width, picture.height);
     const width = picture.width * scale, height = picture.height * scale;
     context.imageSmoothingEnabled = true;

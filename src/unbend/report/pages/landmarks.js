@@ -1,5 +1,4 @@
 // Landmarks: a list that is edited and undone, and the files that it is saved in.
-"use strict";
 
 const SCHEMA = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#";
 const FARTHEST = 0.03; // from the mesh, of its size, where a loaded point may lie

@@ -1,5 +1,4 @@
 // The match page: what is pointed at on one shape is marked on the other.
-"use strict";
 
 start(async ({ sides, forms, maps, landmarks, worst }) => {
   const camera = new Camera(), names = ["source", "target"];

@@ -1,5 +1,4 @@
 // Views of lit meshes with marks on their vertices, and the vertex under the pointer.
-"use strict";
 
 const HIDDEN = -0.3; // how little a vertex may face the viewer while its mark is still seen
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
@@ -18,26 +17,22 @@ class Camera {
   get up() {
     return this.fixed || part("up").value;
   }
+  change(what) {
+    Object.assign(this, what);
+    for (const view of View.all) if (view.camera === this) view.draw();
+  }
   reset() {
-    Object.assign(this, this.home);
-    this.changed();
+    this.change(this.home);
   }
   turn(azimuth, elevation) {
-    this.azimuth += azimuth;
-    this.elevation = Math.max(-90, Math.min(90, this.elevation + elevation));
-    this.changed();
+    const tilted = Math.max(-90, Math.min(90, this.elevation + elevation));
+    this.change({ azimuth: this.azimuth + azimuth, elevation: tilted });
   }
   zoomBy(factor) {
-    this.zoom = Math.max(0.3, Math.min(40, this.zoom * factor));
-    this.changed();
+    this.change({ zoom: Math.max(0.3, Math.min(40, this.zoom * factor)) });
   }
   shift(x, y) {
-    this.x += x;
-    this.y += y;
-    this.changed();
-  }
-  changed() {
-    for (const view of View.all) if (view.camera === this) view.draw();
+    this.change({ x: this.x + x, y: this.y + y });
   }
   matrix() { // by rows: right, up, towards the viewer
     const a = this.azimuth * Math.PI / 180, e = this.elevation * Math.PI / 180;
@@ -57,18 +52,11 @@ class View {
 
   // `room` is what roomFor says of everything that will be drawn.
   constructor(canvas, camera, room) {
-    this.canvas = canvas;
-    this.camera = camera;
-    Object.assign(this, room);
-    this.meshes = [];
-    this.marks = []; // of what is pointed at
-    this.landmarks = [];
-    this.fat = 0;
-    this.paint = 0;
-    this.grid = true;
-    this.wire = false;
-    this.cells = [0, 0]; // of the grid, along the longest side and the middle one
-    this.pointed = () => {};
+    Object.assign(this, room, {
+      canvas, camera, meshes: [], landmarks: [], marks: [], // of what is pointed at
+      fat: 0, paint: 0, wire: false, grid: true, cells: [0, 0], // grid lines as of boxAround
+      pointed: () => {},
+    });
     openStage();
     View.all.push(this);
     canvas.view = this; // for tests
@@ -102,22 +90,14 @@ class View {
   }
 
   draw() {
-    this.resting = 0;
+    clearTimeout(this.resting);
     this.waiting ||= requestAnimationFrame(() => {
       this.waiting = 0;
       const many = stage.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
       this.paintNow(many ? COARSE : 1);
       this.painted = true;
-      if (many) this.rest();
+      if (many) this.resting = setTimeout(() => this.paintNow(), STILL);
     });
-  }
-
-  // Draw all pixels once nothing has moved, counted from when this frame is through.
-  rest() {
-    const mine = this.resting = performance.now();
-    requestAnimationFrame(() => setTimeout(() => {
-      if (this.resting === mine) this.paintNow();
-    }, STILL));
   }
 
   focal() {

@@ -1,13 +1,19 @@
 // What the graphics processor runs: places to the screen, light and colours.
-"use strict";
 
 const EYE = 5; // distance of the eye, in radii of what is seen, which reaches from 3 to 7 in depth
 
-const MESH_VERTEX = `#version 300 es
+// To the screen, from a place in the viewer's axes and radii of what is seen.
+const PROJECT = `#version 300 es
 uniform mat3 turn;
 uniform vec3 centre;
 uniform vec2 focal, pan;
-uniform float size, fat;
+uniform float size;
+float depth(vec3 p) { return ${EYE}.0 - p.z; }
+vec4 project(vec3 p) { return vec4(p.xy * focal + pan * depth(p), 2.5 * depth(p) - 10.5, depth(p)); }
+`;
+
+const MESH_VERTEX = `${PROJECT}
+uniform float fat;
 in vec3 positions, normals, place;
 in float value, known;
 out vec3 facing, where;
@@ -15,12 +21,10 @@ out float amount, sure;
 void main() {
   vec3 p = turn * ((positions - centre) * size);
   facing = turn * normals;
-  float w = ${EYE}.0 - p.z;
-  p += facing * fat * w;
   where = place;
   amount = value;
   sure = known;
-  gl_Position = vec4(p.xy * focal + pan * w, 2.5 * w - 10.5, w);
+  gl_Position = project(p + vec3(facing.xy * fat * depth(p), 0)); // fatter, and no nearer
 }`;
 
 const MESH_FRAGMENT = `#version 300 es
@@ -91,16 +95,11 @@ void main() {
   pixel = vec4(color * light * 1.08 + shine, 1.0);
 }`;
 
-const MARK_VERTEX = `#version 300 es
-uniform mat3 turn;
-uniform vec3 centre, spot;
-uniform vec2 focal, pan;
-uniform float size, pixels;
+const MARK_VERTEX = `${PROJECT}
+uniform vec3 spot;
+uniform float pixels;
 void main() {
-  vec3 p = turn * ((spot - centre) * size);
-  p.z += 0.012;
-  float w = ${EYE}.0 - p.z;
-  gl_Position = vec4(p.xy * focal + pan * w, 2.5 * w - 10.5, w);
+  gl_Position = project(turn * ((spot - centre) * size) + vec3(0, 0, 0.012));
   gl_PointSize = pixels;
 }`;
 

@@ -1,5 +1,4 @@
 // Pages of many shapes: pictures of all, two that turn beside them, and a heat map where there is one.
-"use strict";
 
 start(async (data) => {
   const { shapes, measure } = data, n = shapes.length;

@@ -1,7 +1,6 @@
 // The one WebGL 2 context of a page. Browsers allow few contexts at a time, and take the oldest ones
 // away, so views draw here in turn and copy the picture. A lost context is replaced at the next
 // drawing; until then the copies stay.
-"use strict";
 
 const COLUMNS = { positions: 3, normals: 3, place: 3, value: 1, known: 1 }; // numbers per vertex
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;

@@ -1,5 +1,4 @@
 // The page of one or two meshes: vertex numbers, and landmarks placed by mouse, touch or keys.
-"use strict";
 
 const STEP = 12, FINE = 2; // pixels that an arrow key moves the cursor, and with Shift
 const GRASP = { mouse: 10, pen: 14, touch: 24 }; // pixels from a landmark that still grasp it
@@ -65,22 +64,21 @@ start(async ({ shapes, landmarks: given }) => {
     }));
   }
 
-  // What is under the pointer or the cursor.
-  function mark(side, vertex) {
+  // What is under the pointer, or else the cursor.
+  function mark(side, pointed) {
+    const shape = shapes[side], vertex = pointed < 0 ? shape.cursor : pointed;
     views.forEach((view, other) => {
-      const marked = other === side && vertex >= 0 ? vertex : shapes[other].cursor;
+      const marked = other === side ? vertex : shapes[other].cursor;
       view.change({ marks: marked < 0 ? [] : [{ mesh: view.meshes[0], vertex: marked, tint }] });
     });
-    const { name, number, places, size, values, known, limits } = shapes[side];
-    if (vertex < 0) vertex = shapes[side].cursor;
-    part(`vertex-${side}`).value = vertex < 0 ? "" : number(vertex);
-    if (vertex < 0) {
-      readout.textContent = "";
-      return;
-    }
+    part(`vertex-${side}`).value = vertex < 0 ? "" : shape.number(vertex);
+    readout.textContent = vertex < 0 ? "" : told(shape, vertex);
+  }
+
+  function told({ name, number, places, size, values, known, limits }, vertex) {
     const place = row(places, vertex).map((x) => rounded(x, size)).join(", ");
-    const value = values ? `, value ${known[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown"}` : "";
-    readout.textContent = `${name}: vertex ${number(vertex)} at (${place})${value}`;
+    const value = known?.[vertex] ? rounded(values[vertex], limits[1] - limits[0]) : "unknown";
+    return `${name}: vertex ${number(vertex)} at (${place})${values ? `, value ${value}` : ""}`;
   }
 
   function place(side, vertex) {
@@ -138,12 +136,10 @@ start(async ({ shapes, landmarks: given }) => {
     if (!(event.ctrlKey || event.metaKey) || !["s", "z"].includes(key)) return;
     if (key === "z" && event.target.matches("input")) return; // which undo what is typed
     event.preventDefault();
-    if (key === "s") {
-      event.target.blur(); // what has been typed counts
-      event.target.focus();
-      saveCsv();
-    }
-    else undo();
+    if (key === "z") return undo();
+    event.target.blur(); // what has been typed counts
+    event.target.focus();
+    saveCsv();
   });
 
   views.forEach((view, side) => {
