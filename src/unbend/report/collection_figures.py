@@ -54,7 +54,7 @@ def draw_similarities(names: Sequence[str], similarities: npt.ArrayLike, path: S
     Raises
     ------
     InputError, FileError, MissingExtraError
-        As by :func:`draw_distances`.
+        As for :func:`draw_distances`.
 
     Examples
     --------

@@ -50,10 +50,8 @@ def new_figure(width: float, height: float, *, dpi: float = 150) -> Any:
 
     Raises
     ------
-    MissingExtraError
-        If matplotlib is not installed.
-    InputError
-        If its settings are wrong.
+    MissingExtraError, InputError
+        If matplotlib is not installed, or its settings are wrong.
 
     Examples
     --------

@@ -108,7 +108,8 @@ def draw_values(
     Raises
     ------
     InputError, FileError, MissingExtraError
-        If there is not one value per vertex, none is finite, or as by :func:`draw_form`.
+        If there is not one value per vertex, none is finite, there is no such axis, the file cannot
+        be written, or matplotlib is not installed.
 
     Examples
     --------
@@ -151,11 +152,9 @@ def draw_variation(
 
     Raises
     ------
-    InputError
-        If there are no rows, a row has not one shape for each caption, or the numbers of their
-        vertices differ.
-    FileError, MissingExtraError
-        As by :func:`draw_form`.
+    InputError, FileError, MissingExtraError
+        If there are no rows, a row has not one shape for each caption, the numbers of their
+        vertices differ, the file cannot be written, or matplotlib is not installed.
 
     Examples
     --------

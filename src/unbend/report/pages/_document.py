@@ -225,10 +225,10 @@ def curve_svg(
     """Plot of curves in percent, the second one dashed."""
     most, k = float(x.max()), len(x) // 4
     marks, facts = [], []
-    for name, values in curves:
+    for i, (name, values) in enumerate(curves):
         spots = map(_spot, x / most, values / 100)
         line = "L".join(f"{left:.1f},{down:.1f}" for left, down in spots)
-        kind = "curve other" if marks else "curve"
+        kind = "curve other" if i else "curve"
         marks.append(f'<path class="{kind}" d="M{line}"><title>{escape(name)}</title></path>')
         facts.append(
             f"{name}: {values[k]:.1f} % within {x[k]:g}, {values[-1]:.1f} % within {most:g}"

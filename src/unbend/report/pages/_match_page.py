@@ -16,14 +16,7 @@ from unbend._display import is_doubtful, table, where_landmarks_help
 from unbend._types import BoolArray, FloatArray, IntArray, Progress, StrPath
 from unbend.canonical import canonical_form
 from unbend.choices import Axis
-from unbend.correspondence import (
-    THRESHOLDS,
-    Evaluation,
-    as_point_map,
-    carry,
-    evaluate,
-    morph,
-)
+from unbend.correspondence import THRESHOLDS, Evaluation, as_point_map, carry, evaluate, morph
 from unbend.errors import InputError, UnbendWarning
 from unbend.io import MeshLike, invert_map
 from unbend.matching import Match
@@ -70,7 +63,8 @@ def match_page(
         From source to target; or the target vertex of each source vertex, -1 where there is none:
         such vertices are grey. The page lets choose among a match's alternatives and mirror image.
     path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself.
+        The file to write, .html. In a notebook the page that is returned shows itself, and its
+        method :meth:`Page.open` opens it in a browser.
     up : {"x", "y", "z"}, default="y"
         The source's axis that points upward.
     truth : sequence of 2 or 3 (r,) array_like of int, optional

@@ -50,13 +50,10 @@ def view(
         A second shape: landmarks are then pairs of vertices that correspond.
     landmarks : (l, 2) array_like of int, or (l,) array_like of int, or mapping of str to int
         Vertices of both shapes, counted from 0; of one shape, its vertices, perhaps by name.
-    path : path, optional
-        The file to write, .html. In a notebook the page that is returned shows itself, and
-        its method :meth:`Page.open` opens it in a browser.
     values : (n,) array_like of float, optional
         A number for each vertex of `a`, shown as colours; NaN is grey.
-    up : {"x", "y", "z"}, default="y"
-        The axis that points upward.
+    path, up
+        As for :func:`match_page`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-// What is computed of places and faces: normals, edges, the face along a ray.
+// What is computed of places and faces: normals, fewer faces, edges, the face along a ray.
 
 function normalsOf(positions, faces) {
   const normals = new Float32Array(positions.length);
@@ -21,6 +21,24 @@ function normalsOf(positions, faces) {
     normals[i + 2] /= length;
   }
   return normals;
+}
+
+// Faces between one vertex of each cell of a grid, of those that face alike.
+function fewerFaces({ positions, normals, faces }, cell) {
+  const first = new Map(), stands = new Uint32Array(positions.length / 3);
+  const whole = (value) => Math.round(value / cell) & 1023;
+  for (let i = 0; i < stands.length; i++) {
+    const k = 3 * i, way = [0, 1, 2].reduce((sum, j) => 2 * sum + (normals[k + j] > 0), 0);
+    const place = [0, 1, 2].reduce((sum, j) => 1024 * sum + whole(positions[k + j]), way);
+    if (!first.has(place)) first.set(place, i);
+    stands[i] = first.get(place);
+  }
+  const kept = [];
+  for (let f = 0; f < faces.length; f += 3) {
+    const [a, b, c] = [stands[faces[f]], stands[faces[f + 1]], stands[faces[f + 2]]];
+    if (a !== b && b !== c && c !== a) kept.push(a, b, c);
+  }
+  return new Uint32Array(kept);
 }
 
 // Both ends of every side of every face.

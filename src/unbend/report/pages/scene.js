@@ -2,9 +2,9 @@
 
 const HIDDEN = -0.3; // how little a vertex may face the viewer while its mark is still seen
 const NEAREST = 9; // pixels from the pointer within which a vertex off the surface still counts
-// Without a graphics processor, larger meshes have fewer pixels, this share of them in a row, until
-// nothing moved for so many milliseconds.
-const MANY_FACES = 20000, COARSE = 0.3, STILL = 300;
+// Without a graphics processor, larger meshes have fewer faces until nothing moved for so many
+// milliseconds.
+const MANY_FACES = 20000, STILL = 300;
 
 // Azimuth (how far the viewer walks to the shape's left), elevation, zoom and shift. Views that
 // share one turn together. The axis that points upward is what is chosen on the page, or `fixed`.
@@ -90,14 +90,22 @@ class View {
   }
 
   draw() {
-    clearTimeout(this.resting);
+    this.resting = 0;
     this.waiting ||= requestAnimationFrame(() => {
       this.waiting = 0;
       const many = stage.slow && this.painted && this.meshes.some(({ faces }) => faces.length > 3 * MANY_FACES);
-      this.paintNow(many ? COARSE : 1);
+      this.paintNow(many);
       this.painted = true;
-      if (many) this.resting = setTimeout(() => this.paintNow(), STILL);
+      if (many) this.rest();
     });
+  }
+
+  // Draw all faces once nothing has moved, counted from when this frame is through.
+  rest() {
+    const mine = this.resting = performance.now();
+    requestAnimationFrame(() => setTimeout(() => {
+      if (this.resting === mine) this.paintNow();
+    }, STILL));
   }
 
   focal() {
@@ -108,17 +116,16 @@ class View {
     return [2 * EYE * pixels / Math.max(width, 1), 2 * EYE * pixels / Math.max(height, 1)];
   }
 
-  // Draw into the canvas, with a share of the pixels in a row.
-  paintNow(share = 1) {
+  paintNow(moving = false) {
     try {
-      this.paintInto(this.canvas, share * (window.devicePixelRatio || 1));
+      this.paintInto(this.canvas, window.devicePixelRatio || 1, moving);
     } catch (error) {
       complain(error.message);
     }
   }
 
   // Draw into a canvas, so many pixels to a pixel of the style sheet.
-  paintInto(canvas, ratio) {
+  paintInto(canvas, ratio, moving = false) {
     const width = Math.round(this.canvas.clientWidth * ratio);
     const height = Math.round(this.canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -126,13 +133,13 @@ class View {
     const { canvas: from } = openStage(), context = canvas.getContext("2d");
     if (from.width < width) from.width = width;
     if (from.height < height) from.height = height;
-    this.render(stage, width, height, ratio);
+    this.render(stage, width, height, ratio, moving);
     context.clearRect(0, 0, width, height);
     context.drawImage(from, 0, from.height - height, width, height, 0, 0, width, height);
     this.writeLabels(context, ratio);
   }
 
-  render({ gl, mesh: faces, mark: disc }, width, height, ratio) {
+  render({ gl, mesh: faces, mark: disc }, width, height, ratio, moving) {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -157,10 +164,12 @@ class View {
       gl.uniform1i(uniforms.grid, this.grid);
       gl.uniform2fv(uniforms.cells, this.cells);
       gl.uniform3fv(uniforms.tint, mesh.tint);
-      if (this.wire) gl.enable(gl.POLYGON_OFFSET_FILL);
-      mesh.draw(gl, "all", gl.TRIANGLES, () => mesh.faces);
+      const few = moving && mesh.faces.length > 3 * MANY_FACES, wire = this.wire && !few;
+      if (wire) gl.enable(gl.POLYGON_OFFSET_FILL);
+      if (few) mesh.draw(gl, "few", gl.TRIANGLES, () => fewerFaces(mesh, radius / 20));
+      else mesh.draw(gl, "all", gl.TRIANGLES, () => mesh.faces);
       gl.disable(gl.POLYGON_OFFSET_FILL);
-      if (!this.wire) continue;
+      if (!wire) continue;
       gl.uniform1i(uniforms.paint, 2);
       gl.uniform3f(uniforms.tint, 0.1, 0.11, 0.13);
       mesh.draw(gl, "edges", gl.LINES, () => edgesOf(mesh.faces));
