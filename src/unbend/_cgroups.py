@@ -20,16 +20,12 @@ def control_groups(
     groups = []
     for line in lines:
         _, controllers, path = line.split(":", 2)
-        if not controllers:
-            version, tops = 2, [root]
-        elif controller in controllers.split(","):
-            # Controllers that share a hierarchy are found under both names, or under one.
-            version, tops = 1, [root / name for name in {controllers, controller}]
-        else:
+        version = 1 if controllers else 2
+        if version == 1 and controller not in controllers.split(","):
             continue
-        for top in tops:
+        # Controllers that share a hierarchy are found under both names, or under one.
+        for top in {root / controllers, root / controller} if version == 1 else {root}:
             folder = top / path.lstrip("/")
-            groups += [
-                (one, version) for one in (folder, *folder.parents) if one.is_relative_to(top)
-            ]
+            above = (one for one in (folder, *folder.parents) if one.is_relative_to(top))
+            groups += [(one, version) for one in above]
     return groups

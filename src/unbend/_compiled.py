@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -16,20 +16,10 @@ from numba.core.caching import FunctionCache
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
-
-def _kernel_sources() -> Iterator[bytes]:
-    """Yield the files that kernels are compiled from: those that import this one, and this one.
-
-    A kernel uses no names from other files of ours, which `tests/test_layout.py` checks.
-    """
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        with suppress(OSError):  # a dangling link, which some editors leave
-            source = path.read_bytes()
-            if b"_compiled import" in source:
-                yield source
-
-
-_SOURCES = b"".join(_kernel_sources())
+# What kernels are compiled from: the files that import this one, and this one. They use no names
+# from other files of ours, which `tests/test_layout.py` checks. Some editors leave dangling links.
+_FILES = sorted(path for path in Path(__file__).parent.rglob("*.py") if path.exists())
+_SOURCES = b"".join(one for one in map(Path.read_bytes, _FILES) if b"_compiled import" in one)
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -94,17 +84,10 @@ def compiled(
     return made  # type: ignore[no-any-return]
 
 
-def generated(plain: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def generated(plain: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
     """Make a decorator for a generator of LLVM code, to be called in kernels.
 
     ``plain`` does the same in NumPy. It takes the code's place where Numba's compiler is off
     (``NUMBA_DISABLE_JIT=1``): coverage then sees kernels, and NumPy checks their bounds.
     """
-
-    def choose(generator: Callable[..., Any]) -> Callable[..., Any]:
-        if numba.config.DISABLE_JIT:
-            return plain
-        made: Callable[..., Any] = intrinsic(prefer_literal=True)(generator)
-        return made
-
-    return choose
+    return (lambda _: plain) if numba.config.DISABLE_JIT else intrinsic(prefer_literal=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from unbend._cgroups import control_groups
@@ -16,13 +17,9 @@ LIMIT_VARIABLE = "UNBEND_MEMORY_GIB"
 # Entries of the factor for each vertex of a mesh of a million, and the power of the number of
 # vertices that they grow with. Measured on subdivided animals: 68 at 200,000 vertices, 80 at
 # 1,040,000.
-_FILL = 80.0
-_GROWTH = 0.12
-_ENTRY_BYTES = 8
-# Bytes for each vertex of the mesh, the Laplacian and what the factorisation makes of it.
-_VERTEX_BYTES = 1150
-# Bytes for each face while the robust Laplacian is built. Measured: 1,770 to 2,110.
-_ROBUST_BYTES = 2_000
+_FILL, _GROWTH = 80.0, 0.12
+_VERTEX_BYTES = 1150  # of the mesh, the Laplacian and what the factorisation makes of it
+_ROBUST_BYTES = 2_000  # for each face while the robust Laplacian is built; measured: 1,770 to 2,110
 # What Numba takes when it is loaded, which systems of so many vertices do.
 _COMPILER_BYTES, _COMPILED = 110 * 2**20, 2_000
 
@@ -34,7 +31,7 @@ def needed_memory(n_vertices: int, columns: int = 0) -> int:
     at a million vertices.
     """
     fill = _FILL * (n_vertices / 1e6) ** _GROWTH
-    return int(n_vertices * (fill * _ENTRY_BYTES + _VERTEX_BYTES + 8 * columns))
+    return int(n_vertices * (8 * fill + _VERTEX_BYTES + 8 * columns))
 
 
 def available_memory() -> int | None:
@@ -46,8 +43,7 @@ def available_memory() -> int | None:
     limit = _user_limit()
     if limit is not None:
         return limit
-    known = [size for size in (_machine(), *_group_limits()) if size is not None]
-    return min(known) if known else None
+    return min((size for size in (_machine(), *_group_limits()) if size is not None), default=None)
 
 
 def check_memory(name: str, n_vertices: int, columns: int = 0) -> None:
@@ -68,23 +64,17 @@ def _refuse_more(needed: int, what: str) -> None:
     there = available_memory()
     if there is not None and needed > there:
         raise MeshError(
-            f"{what} about {_gib(needed)} of memory and {_gib(there)} are free; reduce the "
-            f"mesh to fewer vertices first; if there is more, say so with --memory-limit "
-            f"({LIMIT_VARIABLE})"
+            f"{what} about {needed / 2**30:.1f} GiB of memory and {there / 2**30:.1f} GiB are "
+            "free; reduce the mesh to fewer vertices first; if there is more, say so with "
+            f"--memory-limit ({LIMIT_VARIABLE})"
         )
 
 
-def _gib(size: int) -> str:
-    return f"{size / 2**30:.1f} GiB"
-
-
 def _machine(proc: Path = Path("/proc")) -> int | None:
-    try:
+    with suppress(OSError, ValueError):
         for line in (proc / "meminfo").read_text("utf-8").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) * 1024
-    except (OSError, ValueError):
-        pass
     if sys.platform == "win32":
         status = _WindowsMemory(ctypes.sizeof(_WindowsMemory))
         known = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
@@ -99,10 +89,9 @@ def _user_limit(proc: Path = Path("/proc")) -> int | None:
     text = os.environ.get(LIMIT_VARIABLE)
     if text is None:
         return None
-    try:
+    limit = 0
+    with suppress(ValueError, OverflowError):
         limit = int(float(text) * 2**30)
-    except (ValueError, OverflowError):
-        limit = 0
     if limit <= 0:
         raise InputError(
             f"the memory limit {LIMIT_VARIABLE} must be a number of GiB above 0, not {text!r}"

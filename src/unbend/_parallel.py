@@ -26,11 +26,7 @@ _pins: list[Any] = []
 
 
 def n_threads() -> int:
-    """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use.
-
-    Those are what the process is bound to, and no more than its control groups' quotas of
-    processor time are worth: threads beyond a quota are stopped until its period ends.
-    """
+    """Count the threads worth starting: ``OMP_NUM_THREADS`` if set, else the cores we may use."""
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
@@ -38,7 +34,10 @@ def n_threads() -> int:
 
 
 def n_cores() -> int:
-    """Count the processors whose time this process may take, as :func:`n_threads` says."""
+    """Count the processors that this process is bound to, as far as its quotas allow.
+
+    Threads beyond a control group's quota of processor time are stopped until its period ends.
+    """
     bound = hasattr(os, "sched_getaffinity")
     cores = len(os.sched_getaffinity(0)) if bound else os.cpu_count() or 1
     return min(cores, _quota())

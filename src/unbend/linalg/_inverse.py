@@ -156,8 +156,7 @@ def _nearest(n: int, factor: Factorization) -> float:
 
 def _shifted(matrix: SparseMatrix, shift: float) -> Factorization:
     # What solves leave is taken out by the last corrections.
-    shifted = matrix - shift * sp.eye_array(matrix.shape[0])
-    return factorize(shifted, refine=False)
+    return factorize(matrix - shift * sp.eye_array(matrix.shape[0]), refine=False)
 
 
 def _near_pairs(

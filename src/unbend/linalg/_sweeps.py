@@ -98,7 +98,6 @@ def _products(  # type: ignore[no-untyped-def]  # pragma: no cover
 ):
     width = lanes.count
     vector, integer = _row_vector(width), ir.IntType(64)
-    rows = range(_REGISTERS // width)
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         def pointer(i: int) -> Any:
@@ -106,46 +105,38 @@ def _products(  # type: ignore[no-untyped-def]  # pragma: no cover
 
         _, start, across, along, _, first, count, _, to, _ = arguments
         entries, source, target = pointer(0), pointer(4), pointer(7)
-        zero, one = ir.Constant(integer, 0), ir.Constant(integer, 1)
+        zero, none = ir.Constant(integer, 0), ir.Constant(vector, [0.0] * width)
         before = builder.block
         loop = builder.append_basic_block("loop")
         after = builder.append_basic_block("after")
         builder.cbranch(builder.icmp_signed(">", count, zero), loop, after)
         builder.position_at_end(loop)
         k, place = builder.phi(integer), builder.phi(integer)
-        sums = [builder.phi(vector) for _ in rows]
+        sums = [builder.phi(vector) for _ in range(_REGISTERS // width)]
         values = builder.load(_row_address(builder, source, builder.add(first, k), width), align=8)
         spot, grown = place, []
-        for i in rows:
+        for one in sums:
             entry = _spread(builder, builder.load(builder.gep(entries, [spot])), width)
             product = builder.fmul(entry, values, flags=("contract",))
-            grown.append(builder.fadd(sums[i], product, flags=("contract",)))
+            grown.append(builder.fadd(one, product, flags=("contract",)))
             spot = builder.add(spot, across)
-        following = builder.add(k, one)
-        for phi, initial, later in (
-            (k, zero, following),
-            (place, start, builder.add(place, along)),
-            *zip(sums, [ir.Constant(vector, [0.0] * width)] * len(rows), grown, strict=True),
-        ):
-            phi.add_incoming(initial, before)
-            phi.add_incoming(later, loop)
+        following = builder.add(k, ir.Constant(integer, 1))
+        steps = [(k, zero, following), (place, start, builder.add(place, along))]
         builder.cbranch(builder.icmp_signed("<", following, count), loop, after)
         builder.position_at_end(after)
-        for i in rows:
-            result = builder.phi(vector)
-            result.add_incoming(ir.Constant(vector, [0.0] * width), before)
-            result.add_incoming(grown[i], loop)
-            sums[i] = result
-        for i in rows:
+        results = [builder.phi(vector) for _ in sums]
+        steps += zip(sums + results, [none] * 2 * len(sums), grown * 2, strict=True)
+        for phi, initial, later in steps:
+            phi.add_incoming(initial, before)
+            phi.add_incoming(later, loop)
+        for i, result in enumerate(results):
             row = builder.add(to, ir.Constant(integer, i))
-            builder.store(sums[i], _row_address(builder, target, row, width), align=8)
+            builder.store(result, _row_address(builder, target, row, width), align=8)
         return context.get_dummy_value()
 
     number = types.int64
-    signature = types.void(
-        *(entries, number, number, number, source, number, number, target, number, lanes)
-    )
-    return signature, generate
+    arguments = entries, number, number, number, source, number, number, target, number, lanes
+    return types.void(*arguments), generate
 
 
 @compiled

@@ -59,7 +59,7 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
     # The pieces of the order, and of each the first columns and the parents of its supernodes.
     pieces = [order[slice(*segments[i])] for i in largest]
     begins, parents = map(list, zip(*subtrees, strict=True))
-    top_sides = {}
+    above = {}  # the separator over each piece
 
     def join(level: int, i: int) -> int:
         """Append a separator to the pieces, after what it separates; give its number there."""
@@ -68,38 +68,31 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
         sides = join(level + 1, 2 * i), join(level + 1, 2 * i + 1)
         pieces.append(order[slice(*separators[level][i])])
         size = len(pieces[-1])
-        n_pieces = max(1, -(-size // _WIDTH))
-        begins.append(size * np.arange(n_pieces) // n_pieces)
-        parents.append(np.arange(1, n_pieces + 1))
-        top_sides.update(dict.fromkeys(sides, len(pieces) - 1))
+        count = max(1, -(-size // _WIDTH))
+        begins.append(size * np.arange(count) // count)
+        parents.append(np.arange(1, count + 1))
+        above.update(dict.fromkeys(sides, len(pieces) - 1))
         return len(pieces) - 1
 
     join(0, 0)
     rows_before = np.cumsum([0, *map(len, pieces)])
     before = np.cumsum([0, *map(len, parents)])
     tree = np.concatenate([one + at for one, at in zip(parents, before[:-1], strict=True)])
-    for side, separator in top_sides.items():
+    for side, separator in above.items():
         tree[before[side + 1] - 1] = before[separator]
     children = _children(tree)
-    columns = np.concatenate(
-        [*(own + at for own, at in zip(begins, rows_before[:-1], strict=True)), [n]]
-    )
+    columns = [own + at for own, at in zip(begins, rows_before[:-1], strict=True)]
+    columns = np.concatenate([*columns, [n]])
     order = np.concatenate(pieces)
     inverse = np.empty(n, np.int32)
     inverse[order] = np.arange(n, dtype=np.int32)
     row_starts, rows = _rows_below(*graph, order, inverse, columns, children)
     table = sp.csr_array((np.empty(len(rows), np.int8), rows, row_starts), shape=(before[-1], n))
     table.sort_indices()
+    rows = table.indices.astype(np.int32)
     ends = np.append(before[: len(subtrees) + 1], before[-1])
-    return Supernodes(
-        order,
-        inverse,
-        columns,
-        children,
-        row_starts,
-        table.indices.astype(np.int32),
-        np.column_stack([ends[:-1], ends[1:]]),
-    )
+    parts = np.column_stack([ends[:-1], ends[1:]])
+    return Supernodes(order, inverse, columns, children, row_starts, rows, parts)
 
 
 def _children(parents: IntArray) -> IntArray:
@@ -126,10 +119,8 @@ def _subtree(starts: IntArray, neighbors: IntArray, *segment: Any) -> tuple[IntA
 @compiled
 def _search(starts, neighbors, label, own, queue, distance, seed):  # type: ignore[no-untyped-def]
     """Search breadth first among the vertices with a label; count what is reached."""
-    queue[0] = seed
-    distance[seed] = 0
-    count = 1
-    done = 0
+    queue[0], distance[seed] = seed, 0
+    done, count = 0, 1
     while done < count:
         vertex = queue[done]
         for p in range(starts[vertex], starts[vertex + 1]):
@@ -154,8 +145,7 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
         return 0, 0
     queue = np.empty(size, np.int32)
     for vertex in part:
-        near[vertex] = -1
-        far[vertex] = -1
+        near[vertex] = far[vertex] = -1
     count = _search(starts, neighbors, label, first, queue, near, part[0])
     if count < size:  # several pieces: whole ones go to either side
         best = count
@@ -177,9 +167,7 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
     _search(starts, neighbors, label, first, queue, far, end)
     reach = near[end]
     # For each level: vertices under it, at or over it beside one under it, and the reverse.
-    under = np.zeros(2 * reach + 3, np.int64)
-    upper = np.zeros(2 * reach + 3, np.int64)
-    lower = np.zeros(2 * reach + 3, np.int64)
+    changes = np.zeros((2 * reach + 3, 3), np.int64)
     for vertex in part:
         near[vertex] += reach - far[vertex]
     for vertex in part:
@@ -190,17 +178,17 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
             if label[other] == first:
                 least = min(least, near[other])
                 most = max(most, near[other])
-        under[height + 1] += 1
-        upper[least + 1] += 1
-        upper[height + 1] -= 1
-        lower[height + 1] += 1
-        lower[most + 1] -= 1
+        changes[height + 1, 0] += 1
+        changes[least + 1, 1] += 1
+        changes[height + 1, 1] -= 1
+        changes[height + 1, 2] += 1
+        changes[most + 1, 2] -= 1
     best_cost, level, cut_side = np.inf, 0, 0
     n_under, n_upper, n_lower = 0, 0, 0
     for trial in range(1, 2 * reach + 1):
-        n_under += under[trial]
-        n_upper += upper[trial]
-        n_lower += lower[trial]
+        n_under += changes[trial, 0]
+        n_upper += changes[trial, 1]
+        n_lower += changes[trial, 2]
         for side in range(2):
             cut = n_lower if side == 0 else n_upper
             one = n_under if side == 1 else n_under - cut
@@ -214,19 +202,17 @@ def _halve(starts, neighbors, order, first, last, label, near, far):  # type: ig
     n_sides = np.zeros(3, np.int64)
     for i in range(size):
         vertex = part[i]
-        side = 1 if near[vertex] >= level else 0
-        far[vertex] = side
-        if side == cut_side:
+        is_over = near[vertex] >= level
+        far[vertex] = is_over
+        if is_over == cut_side:
             for p in range(starts[vertex], starts[vertex + 1]):
                 other = neighbors[p]
-                if label[other] == first and (near[other] >= level) != (side == 1):
+                if label[other] == first and (near[other] >= level) != is_over:
                     far[vertex] = 2
                     break
         queue[i] = vertex
         n_sides[far[vertex]] += 1
-    places = np.zeros(3, np.int64)
-    places[1] = n_sides[0]
-    places[2] = n_sides[0] + n_sides[1]
+    places = np.cumsum(n_sides) - n_sides
     for i in range(size):
         vertex = queue[i]
         side = far[vertex]
@@ -242,27 +228,24 @@ def _dissect(starts, neighbors, order, first, last, label, near, far, found, wai
 
     A row of what is found is a supernode's first column and, if any, the one above it.
     """
-    waiting[0, 0], waiting[0, 1], waiting[0, 2] = first, last, -1
+    waiting[0] = first, last, -1
     n_waiting, count = 1, 0
     while n_waiting > 0:
         n_waiting -= 1
-        low, high, parent = waiting[n_waiting, 0], waiting[n_waiting, 1], waiting[n_waiting, 2]
+        low, high, parent = waiting[n_waiting]
         one, other = 0, 0
         if high - low > _LEAF:
             one, other = _halve(starts, neighbors, order, low, high, label, near, far)
         own = low + one + other
         n_pieces = max(1, (high - own + _WIDTH - 1) // _WIDTH)
         for piece in range(n_pieces - 1, -1, -1):
-            found[count, 0] = own + (high - own) * piece // n_pieces
-            found[count, 1] = parent
+            found[count] = own + (high - own) * piece // n_pieces, parent
             parent = count
             count += 1
         if one + other > 0:
-            for half in range(2):
-                waiting[n_waiting, 0] = low if half == 0 else low + one
-                waiting[n_waiting, 1] = low + one if half == 0 else own
-                waiting[n_waiting, 2] = parent
-                n_waiting += 1
+            waiting[n_waiting] = low, low + one, parent
+            waiting[n_waiting + 1] = low + one, own, parent
+            n_waiting += 2
     return count
 
 

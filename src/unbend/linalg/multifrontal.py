@@ -46,9 +46,8 @@ def factor(matrix: SparseMatrix) -> Factor:
     widest = int(widths.max())
     # Sweeps take several rows at once. Those past the last row are read too, and not used.
     squares, lows = (np.zeros(size + MOST_AT_ONCE * widest) for size in places[-1])
-    found = Factor(
-        nodes, widest, int(heights.max()), np.empty(len(nodes.order)), places, squares, lows
-    )
+    pivots = np.empty(len(nodes.order))
+    found = Factor(nodes, widest, int(heights.max()), pivots, places, squares, lows)
     offsets, room = place_updates(nodes)
     graph = starts, indices, matrix.data
     eliminate = functools.partial(_eliminate, graph, found, offsets, np.empty(room))
@@ -101,8 +100,7 @@ def _stack_updates(nodes, depths, offsets, first, last, room):  # type: ignore[n
         for c in range(2):
             if nodes.children[i, c] >= 0:
                 depths[nodes.children[i, c]] = depths[i] + 1
-    used = np.zeros(2, np.int64)
-    most = np.zeros(2, np.int64)
+    used, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
     for is_last in range(2):
         used[0], used[1] = room, room + most[0]
         for i in range(first, last):

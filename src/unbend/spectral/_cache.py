@@ -1,7 +1,8 @@
 """Spectra kept on disk, so that a mesh's eigenpairs are computed once.
 
-A file is named after everything that its eigenpairs depend on. One that is damaged or foreign is
-recomputed; a folder that cannot be written is done without. Any number of processes may share it.
+A file is named after everything that its eigenpairs depend on. One that is damaged (archives hold
+checksums) or foreign is recomputed; a folder that cannot be written is done without. Any number of
+processes may share it.
 """
 
 from __future__ import annotations
@@ -13,10 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from unbend._arrays import is_number
 from unbend._types import FloatArray
@@ -27,8 +26,7 @@ from unbend.mesh import Mesh
 # Total size that the cache may grow to, unless UNBEND_CACHE_GIB says another; the files used
 # longest ago go first. If it is 0, the cache is off.
 _MOST_BYTES = 2 * 2**30
-# A temporary file this old was left behind by a process that was killed.
-_ABANDONED_SECONDS = 3600.0
+_ABANDONED_SECONDS = 3600.0  # a temporary file this old was left by a process that was killed
 
 
 @dataclass(frozen=True)
@@ -76,16 +74,14 @@ def use_cache(
         raise InputError(f"gib must be a number of GiB, 0 or more, not {gib!r}")
     given = {"UNBEND_CACHE_DIR": folder, "UNBEND_CACHE_GIB": gib}
     settings = {name: str(value) for name, value in given.items() if value is not None}
-    before = {name: os.environ.get(name) for name in settings}
+    before = {name: os.environ[name] for name in settings if name in os.environ}
     os.environ.update(settings)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in settings:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 def _most_bytes() -> int:
@@ -97,14 +93,10 @@ def _most_bytes() -> int:
 
 def cache_key(mesh: Mesh, *how: str | float) -> str:
     """Name under which a mesh's spectrum is kept: a hash of the mesh and of how it was computed."""
-    return _hash(f"{how!r} {mesh.vertices.shape}", mesh.vertices, mesh.faces).hex()
-
-
-def _hash(text: str, *arrays: npt.NDArray[Any]) -> bytes:
-    digest = hashlib.blake2b(text.encode(), digest_size=20)
-    for array in arrays:
+    digest = hashlib.blake2b(f"{how!r} {mesh.vertices.shape}".encode(), digest_size=20)
+    for array in (mesh.vertices, mesh.faces):
         digest.update(np.ascontiguousarray(array).data)
-    return digest.digest()
+    return digest.hexdigest()
 
 
 def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
@@ -114,28 +106,25 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
     path = cache_folder() / f"{key}.npz"
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            values, functions = file["eigenvalues"], file["eigenfunctions"]
-            checked = bytes(file["digest"]) == _digest(key, values, functions)
+            found = file["eigenvalues"], file[key]
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise, it is no use
-        return None
-    if not checked:
         return None
     with suppress(OSError):
         os.utime(path)  # used just now: last to go
-    return values, functions
+    return found
 
 
 def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> None:
     """Keep eigenpairs for the next time; quietly does nothing where that is impossible."""
     if functions.nbytes > _most_bytes() // 2:
         return
-    digest = np.frombuffer(_digest(key, values, functions), dtype=np.uint8)
     with suppress(OSError, FileError):
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
         _make_room(functions.nbytes)
         with atomic_write(folder / f"{key}.npz") as file:
-            np.savez(file, eigenvalues=values, eigenfunctions=functions, digest=digest)
+            # Under the key too: a file that was renamed is not taken for another.
+            np.savez(file, **{"eigenvalues": values, key: functions})
 
 
 def cache_info() -> CacheInfo:
@@ -155,10 +144,6 @@ def clear_cache() -> int:
     return len(files)
 
 
-def _digest(key: str, values: FloatArray, functions: FloatArray) -> bytes:
-    return _hash(f"{key} {values.shape} {functions.shape}", values, functions)
-
-
 def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
     """Path, size and time of last use of each file; others may remove them meanwhile."""
     for path in cache_folder().glob(pattern):
@@ -168,18 +153,14 @@ def _files(pattern: str = "*.npz") -> Iterator[tuple[Path, int, float]]:
 
 
 def _make_room(n_bytes: int) -> None:
-    for path, _, used in _files(".*.part"):
-        if time.time() - used > _ABANDONED_SECONDS:
-            _give_up(path)
+    now = time.time()
+    given_up = [path for path, _, used in _files(".*.part") if now - used > _ABANDONED_SECONDS]
     files = sorted(_files(), key=lambda file: file[2])
     excess = sum(size for _, size, _ in files) + n_bytes - _most_bytes()
     for path, size, _ in files:
-        if excess <= 0:
-            return
-        _give_up(path)
-        excess -= size
-
-
-def _give_up(path: Path) -> None:
-    with suppress(OSError):  # gone already or, on Windows, open in another process: let it be
-        path.unlink()
+        if excess > 0:
+            given_up.append(path)
+            excess -= size
+    for path in given_up:
+        with suppress(OSError):  # gone already or, on Windows, open in another process: let it be
+            path.unlink()

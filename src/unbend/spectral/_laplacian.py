@@ -111,14 +111,26 @@ def laplacian(
         laplacian = choose_kind(laplacian, prepared)
         if len(prepared.kept_faces) < mesh.n_faces:
             mesh = Mesh(mesh.vertices, mesh.faces[prepared.kept_faces], name=mesh.name)
-    if laplacian == "robust":
-        check_robust_memory(mesh.name, mesh.n_faces)
-        operator = _checked(_robust(mesh), mesh.name)
-        _tell_if_wider(operator, mesh)
-        return operator
-    if laplacian == "cotangent":
-        return _checked(_cotangent(mesh, area_kind), mesh.name)
-    raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
+    if laplacian not in ("cotangent", "robust"):
+        raise InputError(f'laplacian must be "auto", "cotangent" or "robust", not {laplacian!r}')
+    operator = _robust(mesh) if laplacian == "robust" else _cotangent(mesh, area_kind)
+    stiffness, areas = operator.stiffness, operator.areas
+    sums = np.abs(stiffness @ np.ones(len(areas)))
+    if not sums.max() <= _SUMS * np.abs(stiffness.data).max(initial=0.0):
+        raise SolverError(
+            f"{mesh.name}: the rows of its Laplacian sum to as much as {sums.max():.1e}, not to "
+            "zero"
+        )
+    if not areas.min() >= 0:
+        raise SolverError(f"{mesh.name}: its Laplacian has a vertex area of {areas.min():.1e}")
+    if laplacian == "robust" and not mesh.is_point_cloud:
+        taken, area = float(areas.sum()), measure_faces(mesh.vertices, mesh.faces)[1]
+        if abs(taken - area) > _WIDENED * area:
+            warn(
+                f"{mesh.name}: to the robust Laplacian its area is {taken:.3g}, but its faces have "
+                f"{area:.3g}: they are too thin; remesh the shape"
+            )
+    return operator
 
 
 def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:
@@ -127,31 +139,6 @@ def choose_kind(kind: LaplacianKind, prepared: Prepared) -> LaplacianKind:
         return kind
     robust = prepared.mesh.is_point_cloud or prepared.robust_needed
     return "robust" if robust else "cotangent"
-
-
-def _checked(operator: Laplacian, name: str) -> Laplacian:
-    """Refuse an operator that does not vanish on constants, or has negative areas."""
-    stiffness, areas = operator.stiffness, operator.areas
-    sums = np.abs(stiffness @ np.ones(len(areas)))
-    if not sums.max() <= _SUMS * np.abs(stiffness.data).max(initial=0.0):
-        raise SolverError(
-            f"{name}: the rows of its Laplacian sum to as much as {sums.max():.1e}, not to zero"
-        )
-    if not areas.min() >= 0:
-        raise SolverError(f"{name}: its Laplacian has a vertex area of {areas.min():.1e}")
-    return operator
-
-
-def _tell_if_wider(operator: Laplacian, mesh: Mesh) -> None:
-    """Warn if the robust Laplacian, which widens thin faces, has changed the area of a mesh."""
-    if mesh.is_point_cloud:
-        return
-    taken, area = float(operator.areas.sum()), measure_faces(mesh.vertices, mesh.faces)[1]
-    if abs(taken - area) > _WIDENED * area:
-        warn(
-            f"{mesh.name}: to the robust Laplacian its area is {taken:.3g}, but its faces have "
-            f"{area:.3g}: they are too thin; remesh the shape"
-        )
 
 
 def _cotangent(mesh: Mesh, area_kind: AreaKind) -> Laplacian:
@@ -194,6 +181,7 @@ def _robust(mesh: Mesh) -> Laplacian:
 
     if mesh.is_point_cloud:
         return Laplacian(*cloud_operator(mesh), "robust")
+    check_robust_memory(mesh.name, mesh.n_faces)
     check_area(mesh)
     kept, corners = np.unique(mesh.faces, return_inverse=True)
     part = Mesh(mesh.vertices[kept], corners.reshape(-1, 3), name=mesh.name)
