@@ -52,10 +52,7 @@ def values_of(values: npt.ArrayLike, what: str) -> npt.NDArray[Any]:
 
 
 def numbers_of(values: npt.ArrayLike, what: str) -> FloatArray:
-    """Turn real numbers, whatever their type, into an array of float64.
-
-    Raises InputError if they are something else, some are masked, or rows have different lengths.
-    """
+    """Turn real numbers, whatever their type, into an array of float64; refuse all else."""
     array = array_of(values, what)
     try:
         if array.dtype.kind in "biufO":  # NumPy would cut, count or read others
@@ -76,10 +73,9 @@ def unit_of(points: npt.NDArray[Any]) -> float:
 
 
 def coarse_steps(points: npt.NDArray[Any]) -> tuple[float, float] | None:
-    """Compare the steps of 32-bit numbers, as far from the origin as points (n, 3) are, with these.
+    """Length of a step of 32-bit numbers where points (n, 3) are, and about how far they are apart.
 
-    The length of a step and about how far points are apart; None if rounding moves them too little
-    to turn faces about.
+    None if rounding moves them too little to turn faces about.
     """
     with np.errstate(over="ignore"):
         step = float(np.finfo(np.float32).eps * np.abs(points).max())
@@ -93,11 +89,7 @@ def unit_vectors(vectors: FloatArray) -> FloatArray:
 
 
 def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
-    """Index (n,) of the first row equal to each row of (n, k).
-
-    Row ``i`` is a repetition where the result is not ``i``. Rows with NaN equal nothing, and
-    ``-0.0`` equals ``0.0``.
-    """
+    """Index (n,) of the first row equal to each row of (n, k); NaN equals nothing, -0.0 is 0.0."""
     rows = np.ascontiguousarray(rows + 0)  # + 0 turns -0.0 into 0.0
     first = np.arange(len(rows), dtype=np.int64)
     # Only rows whose hash occurs more than once are compared: all repeated ones and few others.
@@ -120,9 +112,8 @@ def first_equal_row(rows: npt.NDArray[Any]) -> IntArray:
 def first_largest(values: FloatArray) -> IntArray:
     """Index of the first entry that is the largest but for rounding, along the first axis.
 
-    Symmetric shapes have equal values at several vertices. Which of them is largest depends on the
-    last bit, and so on the processor; which of them comes first does not. The largest must not be
-    negative.
+    Of equal values on a symmetric shape, which is largest depends on the last bit, and so on the
+    processor; which comes first does not. The largest must not be negative.
     """
     return np.asarray((values >= (1 - _ROUNDING) * values.max(axis=0)).argmax(axis=0))
 
@@ -130,9 +121,8 @@ def first_largest(values: FloatArray) -> IntArray:
 def snap(values: FloatArray) -> FloatArray:
     """Round to a grid of a 100-millionth of the largest, where sums and differences are exact.
 
-    What should be equal is then equal, and what it decides (the nearest of two points, the
-    shorter of two paths, what comes first in an order) is the same on every processor. What is not
-    finite stays.
+    What should be equal is then equal, and what it decides (the nearest of two points, an order) is
+    the same on every processor. What is not finite stays.
     """
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     cell = 2.0 ** max(int(np.frexp(largest)[1]) - _GRID_BITS, -1000)

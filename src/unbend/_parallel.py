@@ -62,8 +62,8 @@ def _share(group: Path, version: int) -> float:
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:
     """Run every task, in threads where there are several tasks and several cores.
 
-    The caller works too, and waits only for tasks that others have begun: so tasks may call this
-    themselves. An error or Ctrl-C drops the tasks that have not begun.
+    The caller works too, and waits only for what others have begun: so tasks may call this
+    themselves. An error or Ctrl-C drops the rest.
     """
     pending = deque(enumerate(tasks))
     if len(pending) == 1:
@@ -143,10 +143,7 @@ def in_chunks(order: Any, solve: Callable[[FloatArray], None], rhs: FloatArray) 
 
 
 def by_columns(work: Callable[[FloatArray], FloatArray], block: FloatArray) -> FloatArray:
-    """Apply a function, (n, r) to (n, r), to a block of columns a chunk at a time, in threads.
-
-    A chunk is what the triangular solves take at once, and stays in the cache.
-    """
+    """Apply a function, (n, r) to (n, r), to a chunk of columns at a time, in threads."""
     if block.ndim == 1 or block.shape[1] <= COLUMNS:
         return work(block)
     result = np.empty(block.shape)
@@ -172,10 +169,8 @@ def one_blas_thread() -> Iterator[None]:
     """
     with _lock:
         pins = _pins  # a forked process has a list of its own
-        if pins:
-            pins.append(None)
-        else:
-            pins.append(_as_controller(lambda: _blas().limit(limits=1, user_api="blas")))
+        pin = functools.partial(_blas().limit, limits=1, user_api="blas")
+        pins.append(None if pins else _as_controller(pin))
     try:
         yield
     finally:

@@ -16,25 +16,8 @@ from unbend.mesh import count_non_manifold_vertices, find_edges, proper_faces
 from unbend.preparation import diagnose, prepare
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-CUBE_FACES = np.array(
-    [
-        [int(corner) for corner in face]
-        for face in [
-            "013",
-            "032",
-            "467",
-            "475",
-            "045",
-            "051",
-            "237",
-            "276",
-            "026",
-            "064",
-            "157",
-            "173",
-        ]
-    ]
-)
+CORNERS = "013 032 467 475 045 051 237 276 026 064 157 173"
+CUBE_FACES = np.array([[int(corner) for corner in face] for face in CORNERS.split()])
 CUBE = Mesh(CUBE_VERTICES, CUBE_FACES)
 
 

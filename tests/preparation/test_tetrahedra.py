@@ -18,12 +18,13 @@ CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dty
 
 def made(corners: list[list[int]], beyond: list[list[int]]) -> Tetrahedra:
     n = len(corners)
-    return Tetrahedra(np.array(corners), np.array(beyond), np.zeros((n, 3)), np.zeros(n))
+    nothing = np.zeros((n, 3)), np.zeros(n), np.zeros((n, 4))
+    return Tetrahedra(CUBE, np.ones(8), np.array(corners), np.array(beyond), *nothing)
 
 
 def test_tetrahedra_fill_the_cube_and_their_balls_are_empty() -> None:
     points = np.vstack([CUBE, np.random.default_rng(0).random((200, 3))])
-    found = make_tetrahedra(points)
+    found = make_tetrahedra(points, np.ones(208))
     edges = points[found.corners[:, 1:]] - points[found.corners[:, :1]]
     volumes = np.linalg.det(edges) / 6
     assert (volumes >= 0).all()
@@ -34,7 +35,7 @@ def test_tetrahedra_fill_the_cube_and_their_balls_are_empty() -> None:
 
 
 def test_neighbours_share_the_face_opposite_the_corner() -> None:
-    found = make_tetrahedra(np.random.default_rng(1).random((60, 3)))
+    found = make_tetrahedra(np.random.default_rng(1).random((60, 3)), np.ones(60))
     tetrahedron, corner = np.nonzero(found.beyond >= 0)
     for i, k in zip(tetrahedron, corner, strict=True):
         face = set(np.delete(found.corners[i], k))
@@ -48,10 +49,9 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
     sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
     points = np.vstack([sphere[:500], 2 * sphere[500:]])
     normals = np.vstack([sphere[:500], -sphere[500:]])
-    found = make_tetrahedra(points)
+    found = make_tetrahedra(points, np.full(1500, 0.16))
     nothing = np.zeros(len(found.corners))
-    inside = find_inside(found, points, normals, np.full(1500, 0.16), nothing)
-    faces, _ = boundary(found, inside, points, np.full(1500, 0.16))
+    faces, _ = boundary(found, find_inside(found, normals, nothing))
     assert (faces < 500).all()
     volume = np.linalg.det(points[faces]).sum() / 6
     assert volume == pytest.approx(4 / 3 * np.pi, rel=0.05)
@@ -60,15 +60,15 @@ def test_the_cut_of_a_ball_with_points_around_it() -> None:
 def test_no_edge_has_more_than_two_faces() -> None:
     """Two tetrahedra that share an edge only."""
     found = made([[0, 1, 2, 3], [0, 1, 4, 5]], [[-1] * 4] * 2)
-    faces, _ = boundary(found, np.array([True, False]), CUBE, np.ones(8))
+    faces, _ = boundary(found, np.array([True, False]))
     assert find_edges(faces, 8).n_faces.max() == 2
-    assert len(boundary(found, np.array([True, True]), CUBE, np.ones(8))[0]) == 0
+    assert len(boundary(found, np.array([True, True]))[0]) == 0
 
 
 def test_a_vertex_of_two_fans_becomes_two() -> None:
     """Two tetrahedra that share a vertex only."""
     found = made([[0, 1, 2, 3], [0, 4, 5, 6]], [[-1] * 4] * 2)
-    faces, edges = boundary(found, np.array([True, True]), CUBE, np.ones(8))
+    faces, edges = boundary(found, np.array([True, True]))
     point, new = split(faces, edges)
     assert sorted(point) == [0, 0, 1, 2, 3, 4, 5, 6]
     np.testing.assert_array_equal(point[new], faces)
@@ -82,10 +82,10 @@ def test_a_ring_is_cut_unless_it_is_thick(spacing: float, ends: int) -> None:
     points = np.stack(
         [radius * np.cos(around), radius * np.sin(around), 0.3 * np.sin(across)], axis=1
     )
-    found = make_tetrahedra(points)
+    found = make_tetrahedra(points, np.full(3000, spacing))
     middle = points[found.corners].mean(axis=1)
     inside = np.hypot(np.hypot(middle[:, 0], middle[:, 1]) - 1, middle[:, 2]) < 0.3
-    faces, edges = boundary(found, inside, points, np.full(3000, spacing))
+    faces, edges = boundary(found, inside)
     point, new = split(faces, edges)
     np.testing.assert_array_equal(point[new], faces)
     health = diagnose(Mesh(points[point], new))

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dense import eigenpairs as dense_eigenpairs
+from tests.linalg.problems import square
 from unbend import Mesh, laplacian, spectrum
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.errors import InputError, SolverError, UnbendWarning
@@ -127,19 +128,9 @@ def test_unreferenced_vertices_have_no_area_and_no_values(blob):
 
 def test_open_square_has_the_spectrum_of_a_drum():
     """Free boundary: pi^2 (a^2 + b^2) on the unit square."""
-    side = 41
-    x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing="ij")
-    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    faces = np.concatenate(
-        [
-            np.stack([corner, corner + side, corner + side + 1], axis=1),
-            np.stack([corner, corner + side + 1, corner + 1], axis=1),
-        ]
-    )
-    square = Mesh(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), faces)
     modes = np.arange(9) ** 2
     drum = np.sort(np.pi**2 * (modes[:, None] + modes).ravel())[:10]
-    np.testing.assert_allclose(spectrum(square, 10).eigenvalues, drum, rtol=1e-2, atol=1e-9)
+    np.testing.assert_allclose(spectrum(square(41), 10).eigenvalues, drum, rtol=1e-2, atol=1e-9)
 
 
 def test_the_number_asked_for_changes_no_eigenfunction():
@@ -272,11 +263,6 @@ def test_no_tolerance_at_all_may_be_asked_for():
         np.testing.assert_allclose(found.eigenvalues, values[:5], rtol=1e-9, atol=1e-12)
 
 
-def test_the_laplacian_is_the_one_asked_for(blob):
-    for kind in ("cotangent", "robust"):
-        assert spectrum(blob, 1, laplacian=kind).laplacian == kind
-
-
 @pytest.mark.parametrize("areas", ["voronoi", "barycentric"])
 def test_areas_are_of_the_kind_asked_for(blob, areas):
     operator = laplacian(blob, area_kind=areas)
@@ -344,11 +330,6 @@ def test_values_that_differ_by_less_than_a_tenth_of_the_tolerance_are_equal(
         monkeypatch.setattr(_spectrum, "smallest_eigenpairs", near)
         found.append(eigenpairs(surface, 30, tolerance=tol).eigenfunctions)
     assert (abs(found[0] - found[1]).max() < 1e-8) == is_equal
-
-
-def test_spectrum_itself_warns_of_nothing(blob, recwarn):
-    spectrum(blob, 3)
-    assert not [warning for warning in recwarn if warning.category is UnbendWarning]
 
 
 def gram(found):

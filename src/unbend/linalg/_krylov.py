@@ -26,8 +26,8 @@ class KrylovBasis:
     next block. T is kept whole, not as a band, which lets a random block enter at any time.
 
     One pass of orthogonalisation against a basis with Q^T Q = I + E leaves errors of E times the
-    coefficients, over the length of what remains. These products of small matrices are carried
-    along as an estimate of E, and only where it grows too large there is a second pass.
+    coefficients, over the length of what remains. So an estimate of E is carried along, and only
+    where it grows too large there is a second pass.
     """
 
     def __init__(

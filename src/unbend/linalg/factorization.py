@@ -76,11 +76,11 @@ def factorize(
 ) -> Factorization:
     """Factorise a sparse, symmetric, non-singular matrix, definite or not.
 
-    Without pivoting, an indefinite matrix may go wrong. So every factorisation is tried out: two
-    solves with a known solution measure which share of an error a step of iterative refinement
-    leaves. A small share proves that the matrix is far from singular and that the inertia is right
-    (all matrices between this one and the one factorised are non-singular then); a larger one
-    leads to a new try with a shifted diagonal, refined in every solve, and then to a SolverError.
+    Without pivoting, an indefinite matrix may go wrong. So two solves with a known solution measure
+    which share of an error a step of iterative refinement leaves. A small share proves that the
+    matrix is far from singular and that the inertia is right (all matrices between this one and the
+    one factorised are non-singular then); a larger one leads to a new try with a shifted diagonal,
+    refined in every solve, and then to a SolverError.
 
     Without `refine`, a relative error of up to 1e-8 may stay in solves, which halves their time.
     `many` says that compiled solves will pay for a small matrix too; `diagonal`, that

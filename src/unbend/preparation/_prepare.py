@@ -72,11 +72,10 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
             '(in Python: component="largest")'
         )
     notes = []
-    n_unused = int((components.of_vertex < 0).sum())
-    if n_unused:
+    keep = components.of_vertex >= 0
+    if n_unused := int((~keep).sum()):
         verb = "is" if n_unused == 1 else "are"
         notes.append(f"{plural(n_unused, 'unreferenced vertex')} {verb} {_NO_RESULT}")
-    keep = components.of_vertex >= 0
     if chosen is not None and n_components > 1:
         keep = components.of_vertex == chosen
         notes.append(
@@ -94,8 +93,8 @@ def prepare(mesh: Mesh, *, component: str | int | None = None, connected: bool =
         raise _no_area(mesh.name)
     check_size(working)
     problems = _problems(working, int(degenerate.sum()))
-    twice = has_earlier_twin(working.faces) if problems else np.zeros(0, dtype=bool)
-    if twice.any():  # faces at an edge are more than two then, or fans at a vertex more than one
+    # Repeated faces are more than two at an edge, or more than one fan at a vertex.
+    if problems and (twice := has_earlier_twin(working.faces)).any():
         repeats = plural(int(twice.sum()), "face")
         notes.append(f"{repeats} left out, for repeating the vertices of another")
         working = Mesh(working.vertices, working.faces[~twice], name=mesh.name, notes=mesh.notes)

@@ -149,10 +149,9 @@ def surface_of_points(cloud: Mesh) -> PointSurface:
         chosen = np.unique(np.floor(points / fine), axis=0, return_index=True)[1]
     spacing = spacing[chosen] * np.sqrt(len(points) / len(chosen))
     points = _denoised(points, normals, chosen, spacing)
-    tetrahedra = make_tetrahedra(points)
-    winding, normals = _sides(tetrahedra, points, spacing, grid, field - level)
-    inside = find_inside(tetrahedra, points, normals, spacing, winding)
-    faces, edges = boundary(tetrahedra, inside, points, spacing)
+    tetrahedra = make_tetrahedra(points, spacing)
+    winding, normals = _sides(tetrahedra, grid, field - level)
+    faces, edges = boundary(tetrahedra, find_inside(tetrahedra, normals, winding))
     kept = _supported(faces, points, normals, spacing)
     point, faces = split(faces[kept], edges[kept])
     while (pinched := _pinched(faces, len(point))).any():
@@ -255,22 +254,22 @@ def _heights(
 
 
 def _sides(
-    tetrahedra: Tetrahedra, points: FloatArray, spacing: FloatArray, grid: Grid, winding: FloatArray
+    tetrahedra: Tetrahedra, grid: Grid, winding: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Winding number (t,) in the empty balls, and normals (n, 3) of the points.
 
     A normal leads to or from the centre of the largest ball at its point. Sheets that face each
     other have their largest balls on opposite sides, however close they are.
     """
-    corners, centres, radii = tetrahedra.corners, tetrahedra.centres, tetrahedra.radii
-    depth = _DEPTH * np.maximum(spacing, grid.cell)
+    points, corners, centres = tetrahedra.points, tetrahedra.corners, tetrahedra.centres
+    depth = _DEPTH * np.maximum(tetrahedra.spacing, grid.cell)
 
     def towards(start: FloatArray, end: FloatArray, most: FloatArray) -> FloatArray:
         way = end - start
         length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
         return grid.at(winding, start + way * np.minimum(1, most / length)[:, None])
 
-    order = np.argsort(radii)
+    order = np.argsort(tetrahedra.radii)
     largest = np.zeros(len(points), dtype=np.int64)
     largest[corners[order].ravel()] = np.repeat(order, 4)  # the last one stays
     outward = np.where(towards(points, centres[largest], depth) < 0, 1, -1)

@@ -34,15 +34,18 @@ _SIDES = np.array([[3, 5, 4], [2, 5, 1], [0, 4, 2], [1, 3, 0]])  # edges of each
 
 
 class Tetrahedra(NamedTuple):
-    """Delaunay tetrahedra."""
+    """Delaunay tetrahedra of points (n, 3), between which the distances around each are spacing."""
 
+    points: FloatArray
+    spacing: FloatArray  # (n,)
     corners: IntArray  # (t, 4) points, positively oriented
     beyond: IntArray  # (t, 4) the tetrahedron beyond the face opposite each corner, -1 for none
     centres: FloatArray  # (t, 3) of the empty ball through the corners
     radii: FloatArray  # (t,) of that ball, 0 for flat tetrahedra
+    lengths: FloatArray  # (t, 4) longest edge of each face, in spacings
 
 
-def make_tetrahedra(points: FloatArray) -> Tetrahedra:
+def make_tetrahedra(points: FloatArray, spacing: FloatArray) -> Tetrahedra:
     """Make the Delaunay tetrahedra of points (n, 3)."""
     found = Delaunay(points)
     corners, beyond = found.simplices.astype(np.int64), found.neighbors.astype(np.int64)
@@ -56,29 +59,27 @@ def make_tetrahedra(points: FloatArray) -> Tetrahedra:
     away = np.linalg.solve(edges, (edges**2).sum(axis=2, keepdims=True) / 2)[..., 0]
     away[flat] = 0
     # The first corner is that of the simplex as it was found.
-    start = points[found.simplices[:, 0]]
-    return Tetrahedra(corners, beyond, start + away, np.linalg.norm(away, axis=1))
+    centres = points[found.simplices[:, 0]] + away
+    faces = corners[:, _FACES]
+    sides = np.linalg.norm(points[faces] - points[np.roll(faces, 1, axis=2)], axis=3)
+    lengths = sides.max(axis=2) / spacing[faces].mean(axis=2)
+    radii = np.linalg.norm(away, axis=1)
+    return Tetrahedra(points, spacing, corners, beyond, centres, radii, lengths)
 
 
-def find_inside(
-    tetrahedra: Tetrahedra,
-    points: FloatArray,
-    normals: FloatArray,
-    spacing: FloatArray,
-    winding: FloatArray,
-) -> BoolArray:
+def find_inside(tetrahedra: Tetrahedra, normals: FloatArray, winding: FloatArray) -> BoolArray:
     """Choose the tetrahedra (t,) that are inside, by a minimum cut.
 
-    ``spacing`` (n,) is the distance between the points around each; ``winding`` (t,) is the winding
-    number in the ball of each tetrahedron, less that of the surface.
+    ``normals`` (n, 3) are those of the points; ``winding`` (t,) is the winding number in the ball
+    of each tetrahedron, less that of the surface.
     """
+    points, spacing, length = tetrahedra.points, tetrahedra.spacing, tetrahedra.lengths
     beyond, radii = tetrahedra.beyond, tetrahedra.radii
     corners = tetrahedra.corners[:, _FACES]
     sides = [points[corners[:, :, i]] - points[corners[:, :, i - 1]] for i in range(3)]
     areas = np.cross(sides[1], sides[2]) / 2
     area = np.linalg.norm(areas, axis=2)
     directions = unit_vectors(areas)
-    length = _lengths(tetrahedra, points, spacing)
     facing = np.einsum("tfi,tfi->tf", directions, normals[corners].mean(axis=2))
     flux = np.where(length <= LONGEST, facing * area, 0).sum(axis=1)
     certain = radii > _LARGE * spacing[tetrahedra.corners].mean(axis=1)
@@ -99,9 +100,7 @@ def find_inside(
     return minimum_cut(gains, np.stack([first, second]), costs, area.mean() / _LEVELS)
 
 
-def boundary(
-    tetrahedra: Tetrahedra, inside: BoolArray, points: FloatArray, spacing: FloatArray
-) -> tuple[IntArray, IntArray]:
+def boundary(tetrahedra: Tetrahedra, inside: BoolArray) -> tuple[IntArray, IntArray]:
     """Find the faces between inside and outside, and where they meet.
 
     Where more than two meet at an edge, the tetrahedra around it are taken from the inside. Rings
@@ -110,20 +109,19 @@ def boundary(
     Returns the points of the faces (m, 3), wound outward, and the edge (m, 3) from each corner to
     the next. Two faces meet there, or one at a cut.
     """
-    corners, beyond = tetrahedra.corners, tetrahedra.beyond
+    corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(tetrahedra.points)
     ends = np.sort(corners[:, _EDGES], axis=2)
-    keys = ends[..., 0] * len(points) + ends[..., 1]
+    keys = ends[..., 0] * n + ends[..., 1]
     while True:
         of, face = np.nonzero(inside[:, None] & ~np.append(inside, False)[beyond])
         faces = corners[of[:, None], _FACES[face]]
-        found = find_edges(faces, len(points))
+        found = find_edges(faces, n)
         several = found.ends[found.n_faces > 2]
         if not len(several):
             break
-        several = several[:, 0] * len(points) + several[:, 1]
-        inside = inside & ~np.isin(keys, several).any(axis=1)
+        inside = inside & ~np.isin(keys, several[:, 0] * n + several[:, 1]).any(axis=1)
     number = np.unique(keys, return_inverse=True)[1].reshape(-1, 6)
-    joined = _joined(tetrahedra, inside, _lengths(tetrahedra, points, spacing), number)
+    joined = _joined(tetrahedra, inside, number)
     # Around an edge, tetrahedra that are joined lead from one face to the next.
     first, through = np.nonzero(joined)
     second, sides = beyond[first, through], _SIDES[through]
@@ -133,25 +131,17 @@ def boundary(
     return faces, edge[6 * of[:, None] + _SIDES[face]]
 
 
-def _lengths(tetrahedra: Tetrahedra, points: FloatArray, spacing: FloatArray) -> FloatArray:
-    """Longest edge (t, 4) of each face, in spacings."""
-    corners = tetrahedra.corners[:, _FACES]
-    sides = points[corners] - points[np.roll(corners, 1, axis=2)]
-    return np.asarray(np.linalg.norm(sides, axis=3).max(axis=2) / spacing[corners].mean(axis=2))
-
-
-def _joined(
-    tetrahedra: Tetrahedra, inside: BoolArray, length: FloatArray, number: IntArray
-) -> BoolArray:
+def _joined(tetrahedra: Tetrahedra, inside: BoolArray, number: IntArray) -> BoolArray:
     """Join the tetrahedra inside through faces (t, 4), without rings unless they are thick.
 
     First a tree joins them through the longest faces. A face then joins two tetrahedra if all
     others around one of its edges do so, the longest ones first, and at last if others around one
     of its corners join them. The faces that are left cut each ring of tetrahedra where it is
-    narrowest. A face that is too long for the surface is not left. ``length`` (t, 4) is that of
-    each face, ``number`` (t, 6) that of each edge.
+    narrowest. A face that is too long for the surface is not left. ``number`` (t, 6) is that of
+    each edge.
     """
     corners, beyond, n = tetrahedra.corners, tetrahedra.beyond, len(inside)
+    length = tetrahedra.lengths
     within = inside[:, None] & np.append(inside, False)[beyond]
     first, face = np.nonzero(within & (beyond > np.arange(n)[:, None]))
     order = np.argsort(-length[first, face], kind="stable")

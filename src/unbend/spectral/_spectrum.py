@@ -21,8 +21,7 @@ from unbend.spectral._cache import cache_key, load_eigenpairs, store_eigenpairs
 from unbend.spectral._laplacian import Laplacian
 from unbend.spectral._surface import Surface, make_surface, named
 
-# Largest relative residual |W phi - lambda A phi| / |lambda A phi|, unless another is asked for.
-_RESIDUAL = 1e-8
+_RESIDUAL = 1e-8  # the largest, relative, unless another is asked for
 # Part of the name of every cached file. Raise it whenever the eigenpairs of a mesh come out
 # otherwise: the Laplacian, the solver, the basis of a multiple eigenvalue, or the signs.
 _VERSION = 3
