@@ -7,11 +7,11 @@ from pathlib import Path
 
 def control_groups(
     controller: str, proc: Path = Path("/proc"), root: Path = Path("/sys/fs/cgroup")
-) -> list[tuple[Path, int]]:
-    """List the groups that this process is in, from its own up: every one of them limits it.
+) -> list[Path]:
+    """List the folders, which may not exist, of all groups that limit this process.
 
-    The controller is "cpu" or "memory". With each folder, which may not exist, comes the version (1
-    or 2) that its files' names are of.
+    That is its own and those above. The controller is "cpu" or "memory"; its files' names tell the
+    version of groups, 1 or 2.
     """
     try:
         lines = (proc / "self" / "cgroup").read_text("utf-8", "surrogateescape").splitlines()
@@ -20,12 +20,10 @@ def control_groups(
     groups = []
     for line in lines:
         _, controllers, path = line.split(":", 2)
-        version = 1 if controllers else 2
-        if version == 1 and controller not in controllers.split(","):
+        if controllers and controller not in controllers.split(","):  # version 2 names none
             continue
-        # Controllers that share a hierarchy are found under both names, or under one.
-        for top in {root / controllers, root / controller} if version == 1 else {root}:
+        # In version 1, controllers that share a hierarchy are found under both names, or under one.
+        for top in {root / controllers, root / controller} if controllers else {root}:
             folder = top / path.lstrip("/")
-            above = (one for one in (folder, *folder.parents) if one.is_relative_to(top))
-            groups += [(one, version) for one in above]
+            groups += [one for one in (folder, *folder.parents) if one.is_relative_to(top)]
     return groups

@@ -117,11 +117,9 @@ class _WindowsMemory(ctypes.Structure):
 
 def _group_limits(**places: Path) -> list[int | None]:
     """List what the limits of this process's control groups leave."""
-    names = {1: ("limit_in_bytes", "usage_in_bytes"), 2: ("max", "current")}
-    return [
-        _left(*(group / f"memory.{name}" for name in names[version]))
-        for group, version in control_groups("memory", **places)
-    ]
+    names = ("max", "current"), ("limit_in_bytes", "usage_in_bytes")
+    groups = control_groups("memory", **places)
+    return [_left(*(one / f"memory.{name}" for name in pair)) for one in groups for pair in names]
 
 
 def _left(limit: Path, usage: Path) -> int | None:

@@ -9,7 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +46,14 @@ def n_cores() -> int:
 @functools.cache  # it takes longer to find than many a task
 def _quota(**places: Path) -> int:
     """Count the processors whose time the tightest control group allows, rounded up."""
-    shares = [_share(*group) for group in control_groups("cpu", **places)]
-    return math.ceil(min([share for share in shares if share > 0], default=os.cpu_count() or 1))
-
-
-def _share(group: Path, version: int) -> float:
-    names = ["cpu.max"] if version == 2 else ["cpu.cfs_quota_us", "cpu.cfs_period_us"]
-    try:
-        quota, period = " ".join((group / name).read_text("utf-8") for name in names).split()
-        return int(quota) / int(period)
-    except (OSError, ValueError, ZeroDivisionError):  # no limit is "max", -1 or no file
-        return -1.0
+    least = float(os.cpu_count() or 1)
+    for group in control_groups("cpu", **places):
+        for names in (["cpu.max"], ["cpu.cfs_quota_us", "cpu.cfs_period_us"]):
+            with suppress(OSError, ValueError, ZeroDivisionError):  # no limit: "max", -1, no file
+                quota, period = " ".join((group / one).read_text("utf-8") for one in names).split()
+                if int(quota) > 0:
+                    least = min(least, int(quota) / int(period))
+    return math.ceil(least)
 
 
 def run_all(tasks: Iterable[Callable[[], Any]]) -> list[Any]:

@@ -120,7 +120,7 @@ def _caches() -> Iterator[tuple[str, Callable[[Path], object]]]:
 
     def forged(cache: Path) -> None:
         for path in cache.glob("*.npz"):
-            np.savez(path, **{"eigenvalues": np.zeros(9), path.stem: np.zeros((42, 9))})
+            np.savez(path, eigenvalues=np.zeros(9), eigenfunctions=np.zeros((42, 9)), key=path.stem)
 
     def file(cache: Path) -> None:
         shutil.rmtree(cache)

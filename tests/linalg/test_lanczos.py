@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.linalg.problems import copies, icosphere, laplacian, scattered
 from unbend.errors import SolverError
-from unbend.linalg import _inverse, lanczos
+from unbend.linalg import lanczos
 from unbend.linalg._krylov import KrylovBasis
 from unbend.linalg.lanczos import largest_eigenpairs, measure_eigenpairs, smallest_eigenpairs
 
@@ -149,7 +149,7 @@ def test_pairs_are_counted_until_none_is_missed(monkeypatch):
         answers.append(len(answers) == 1)
         return answers[-1]
 
-    monkeypatch.setattr(_inverse, "_none_missed", none_missed)
+    monkeypatch.setattr(lanczos, "_none_missed", none_missed)
     check(*laplacian(*scattered(600, 4)), 40)
     assert answers == [False, True]
 
@@ -159,20 +159,20 @@ def test_a_missed_pair_is_noticed():
     weights = sp.diags_array(areas**-0.5)
     matrix = weights @ stiffness @ weights
     values = scipy.linalg.eigh(matrix.toarray(), eigvals_only=True)[:60]
-    assert _inverse._none_missed(matrix, values, np.zeros(60), 40)
-    assert not _inverse._none_missed(matrix, np.delete(values, 33), np.zeros(59), 40)
+    assert lanczos._none_missed(matrix, values, np.zeros(60), 40)
+    assert not lanczos._none_missed(matrix, np.delete(values, 33), np.zeros(59), 40)
     blurred = np.full(60, np.ptp(values))
-    assert not _inverse._none_missed(matrix, values, blurred, 40)  # no gap to count below
+    assert not lanczos._none_missed(matrix, values, blurred, 40)  # no gap to count below
 
 
 def test_a_missed_pair_is_noticed_among_equal_ones(monkeypatch):
     values = np.array([0.0, 1, 2, 3, 3, 3, 3, 4, 6, 10, 11, 12, 14])
     matrix, nothing = sp.diags_array(values).tocsc(), np.zeros(13)
     for k in range(4, 9):
-        assert _inverse._none_missed(matrix, values, nothing, k)
+        assert lanczos._none_missed(matrix, values, nothing, k)
     for missed in range(7):
-        assert not _inverse._none_missed(matrix, np.delete(values, missed), nothing[1:], 5)
-    shifted, refused = _inverse._shifted, []
+        assert not lanczos._none_missed(matrix, np.delete(values, missed), nothing[1:], 5)
+    shifted, refused = lanczos._shifted, []
 
     def singular_once(*arguments):
         if not refused:
@@ -180,13 +180,13 @@ def test_a_missed_pair_is_noticed_among_equal_ones(monkeypatch):
             raise SolverError("singular")
         return shifted(*arguments)
 
-    monkeypatch.setattr(_inverse, "_shifted", singular_once)
-    assert _inverse._none_missed(matrix, values, nothing, 5)  # counted below another shift
+    monkeypatch.setattr(lanczos, "_shifted", singular_once)
+    assert lanczos._none_missed(matrix, values, nothing, 5)  # counted below another shift
 
 
 def test_unreachable_accuracy_is_an_error(monkeypatch):
-    monkeypatch.setattr(_inverse, "_POLISHINGS", 1)
-    monkeypatch.setattr(_inverse, "_PATIENCE", 2)
+    monkeypatch.setattr(lanczos, "_POLISHINGS", 1)
+    monkeypatch.setattr(lanczos, "_PATIENCE", 2)
     with pytest.raises(SolverError, match="relative residual"):
         smallest_eigenpairs(*laplacian(*scattered(700, 0)), 20, tol=0.0)
 
@@ -397,7 +397,7 @@ def test_largest_refuses_what_it_cannot_do(monkeypatch):
         largest_eigenpairs(lambda x: x * np.nan, 50, 3, block_size=6)
     with pytest.raises(SolverError, match="not symmetric"):
         largest_eigenpairs(lambda x: np.cumsum(x, axis=0), 50, 3, block_size=6)
-    monkeypatch.setattr(lanczos, "LIMIT", 20)
+    monkeypatch.setattr(lanczos, "_LIMIT", 20)
     flat = 1 + 1e-3 * np.random.default_rng(0).random((5_000, 1))
     products = []
 
@@ -419,10 +419,10 @@ def test_a_shift_is_moved_away_from_an_eigenvalue() -> None:
     values[k // 2] = guess * (1 + 1e-9)
     values = np.sort(values)
     matrix = sp.diags_array(values).tocsc()
-    shift, factor = _inverse._first_shift(matrix, k)
+    shift, factor = lanczos._first_shift(matrix, k)
     assert abs(values - shift).min() > 0.01 * 4 * np.pi
     assert factor.n_negative == (values < shift).sum()
-    found, _ = _inverse.inverse_lanczos(matrix, k, 1e-8)
+    found, _ = lanczos._inverse_lanczos(matrix, k, 1e-8)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
 
 
@@ -440,7 +440,7 @@ def test_corrections_go_on_while_they_help(monkeypatch) -> None:
         return vectors
 
     monkeypatch.setattr(KrylovBasis, "combine", rounded)
-    found, vectors = _inverse.inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8)
+    found, vectors = lanczos._inverse_lanczos(sp.diags_array(values).tocsc(), k, 1e-8)
     np.testing.assert_allclose(found, values[:k], atol=1e-6)
     np.testing.assert_allclose(np.abs(vectors[:k]), np.eye(k), atol=1e-7)
 
@@ -452,12 +452,12 @@ def test_pairs_near_a_shift_have_the_residuals_that_are_told(below):
     values = np.sort(np.concatenate([[0.0, 0.0], rng.uniform(1, 60, 58)]))
     values, shift = (values, values[below - 1 : below + 1].mean()) if below else (values + 3, 2.0)
     matrix = sp.diags_array(values).tocsc()
-    factor = _inverse._shifted(matrix, shift)
+    factor = lanczos._shifted(matrix, shift)
     assert factor.n_negative == below
     basis = KrylovBasis(factor.solve, 60, 3, rng)
     for _ in range(20):
         basis.grow()
-        found, coordinates, residuals = _inverse._near_pairs(basis, shift, below)
+        found, coordinates, residuals = lanczos._near_pairs(basis, shift, below)
         assert found.shape == residuals.shape
         assert (np.diff(found) >= 0).all()
         assert found.min(initial=0) >= -1e-4 * shift
@@ -474,7 +474,7 @@ def test_pairs_near_a_shift_have_the_residuals_that_are_told(below):
 def test_the_distance_to_the_nearest_eigenvalue_is_estimated(copies):
     far = np.linspace(1, 9, 50) * np.where(np.arange(50) % 2, 1, -1)
     near = sp.diags_array(np.concatenate([np.full(copies, -1e-2), far])).tocsc()
-    distance = _inverse._nearest(50 + copies, _inverse._shifted(near, 0.0))
+    distance = lanczos._nearest(50 + copies, lanczos._shifted(near, 0.0))
     np.testing.assert_allclose(distance, 1e-2, rtol=1e-3)
 
 
@@ -484,11 +484,11 @@ def test_corrections_make_orthonormal_pairs_and_measure_them(noise):
     rng = np.random.default_rng(0)
     values = np.concatenate([[0.0], np.linspace(1, 10, 20), np.linspace(20, 1e4, 179)])
     matrix = sp.diags_array(values).tocsc()
-    factor = _inverse._shifted(matrix, 5.1)
+    factor = lanczos._shifted(matrix, 5.1)
     rough = np.eye(200, 21) + noise * rng.standard_normal((200, 21))
     last = 1e4 * noise
     for steps in (1, 2, 4, 30):
-        found, vectors, reached = _inverse._polish(
+        found, vectors, reached = lanczos._polish(
             matrix, factor, values[:21] + noise, rough.copy(), 10, 0.1, 1e-9, steps
         )
         np.testing.assert_allclose(vectors.T @ vectors, np.eye(10), atol=1e-12)
@@ -503,7 +503,7 @@ def test_corrections_make_orthonormal_pairs_and_measure_them(noise):
 
 def test_a_shift_that_cannot_be_factorised_is_passed_over(monkeypatch):
     matrix = sp.diags_array(np.array([0.0, 50.0, 100.001, 150.0])).tocsc()
-    factor = _inverse._shifted(matrix, 100.0)
+    factor = lanczos._shifted(matrix, 100.0)
     tried = []
 
     def refuse(matrix, shift):
@@ -512,10 +512,10 @@ def test_a_shift_that_cannot_be_factorised_is_passed_over(monkeypatch):
             raise SolverError("singular")
         return shifted(matrix, shift)
 
-    shifted = _inverse._shifted
-    monkeypatch.setattr(_inverse, "_shifted", refuse)
-    moved, _ = _inverse._clear_of_eigenvalues(matrix, 100.0, factor)
+    shifted = lanczos._shifted
+    monkeypatch.setattr(lanczos, "_shifted", refuse)
+    moved, _ = lanczos._clear_of_eigenvalues(matrix, 100.0, factor)
     assert moved == tried[1] != 100
-    monkeypatch.setattr(_inverse, "_shifted", lambda *_: refuse(tried.clear(), 0.0))
+    monkeypatch.setattr(lanczos, "_shifted", lambda *_: refuse(tried.clear(), 0.0))
     with pytest.raises(SolverError, match="shifted stiffness matrix could not be factorised"):
-        _inverse._first_shift(matrix, 2)
+        lanczos._first_shift(matrix, 2)

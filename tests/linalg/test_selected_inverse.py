@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from tests.linalg.problems import laplacian, scattered
 from unbend.errors import SolverError
-from unbend.linalg import _selected_inverse
+from unbend.linalg import multifrontal
 from unbend.linalg._selected_inverse import inverse_diagonals
 from unbend.linalg.factorization import factorize
 from unbend.linalg.multifrontal import factor
@@ -53,7 +53,7 @@ def test_diagonals_of_meshes(seed):
 
 def test_tall_fronts_are_condensed_piece_by_piece(monkeypatch):
     """Uncompiled, small fronts are tall enough. Compiled, this repeats the test above."""
-    monkeypatch.setattr(_selected_inverse, "_ROWS", 3)
+    monkeypatch.setattr(multifrontal, "_ROWS", 3)
     test_diagonals_of_meshes(0)
 
 

@@ -27,9 +27,7 @@ import numpy as np
 from unbend._compiled import compiled
 from unbend._parallel import one_blas_thread, run_all
 from unbend._types import FloatArray
-from unbend.linalg.multifrontal import Factor, place_updates
-
-_ROWS = 128  # of a symmetric product computed at once: half of it is not needed
+from unbend.linalg.multifrontal import Factor, locate, place_updates, subtract_symmetric
 
 
 def inverse_diagonals(found: Factor, weights: FloatArray | None = None) -> FloatArray:
@@ -70,21 +68,6 @@ def _supernode(found, fronts, i):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _locate(nodes, child, parent, where, local):  # type: ignore[no-untyped-def]
-    """Find the rows of a child in its parent's front; count them, and its parent's own columns."""
-    begin, end = nodes.starts[parent], nodes.starts[parent + 1]
-    below = nodes.rows[nodes.row_starts[parent] : nodes.row_starts[parent + 1]]
-    for k in range(below.size):
-        where[below[k]] = end - begin + k
-    theirs = nodes.rows[nodes.row_starts[child] : nodes.row_starts[child + 1]]
-    n_own = 0
-    for k in range(theirs.size):
-        n_own += theirs[k] < end
-        local[k] = theirs[k] - begin if theirs[k] < end else where[theirs[k]]
-    return theirs.size, n_own
-
-
-@compiled
 def _condense(found, weights, fronts, offsets, updates, first, last):  # type: ignore[no-untyped-def]
     """Condense A over a range of supernodes; keep A11, over R, of each front."""
     nodes = found.nodes
@@ -97,9 +80,11 @@ def _condense(found, weights, fronts, offsets, updates, first, last):  # type: i
         update[:, :] = 0.0
         for k in range(width):
             front[k, k] = weights[nodes.starts[i] + k]
+        for k in range(height):
+            where[nodes.rows[nodes.row_starts[i] + k]] = width + k
         for child in nodes.children[i]:
             if child >= 0:
-                count, n_own = _locate(nodes, child, i, where, local)
+                count, n_own = locate(nodes, child, i, where, local)
                 theirs = updates[offsets[child] : offsets[child] + count * count]
                 for k in range(count):
                     for j in range(min(k + 1, n_own)):
@@ -118,12 +103,7 @@ def _condense(found, weights, fronts, offsets, updates, first, last):  # type: i
                 pair[0, k, j], pair[0, k, width + j] = extension[k, j], half
                 pair[1, k, j], pair[1, k, width + j] = half, extension[k, j]
                 front[width + k, j] -= product[k, j]
-        for top in range(0, height, _ROWS):
-            bottom = min(top + _ROWS, height)
-            change = np.dot(pair[0, top:bottom], pair[1, :bottom].T)
-            for k in range(top, bottom):
-                for j in range(k + 1):
-                    update[k, j] -= change[k - top, j]
+        subtract_symmetric(update, pair[0], pair[1])
 
 
 @compiled
@@ -165,9 +145,11 @@ def _invert(found, fronts, offsets, updates, diagonals, first, last):  # type: i
                 for j in range(width):
                     blocks[1, k, j] = own[k, j] - one[k, j] - two[k, j]
                 diagonals[1, begin + k] = blocks[1, k, k]
+        for k in range(height):
+            where[nodes.rows[nodes.row_starts[i] + k]] = width + k
         for child in nodes.children[i]:
             if child >= 0:
-                count, n_own = _locate(nodes, child, i, where, local)
+                count, n_own = locate(nodes, child, i, where, local)
                 for kind in range(n_kinds):
                     theirs = updates[kind, offsets[child] : offsets[child] + count * count]
                     whole = updates[kind, offsets[i] : offsets[i] + height * height]

@@ -81,8 +81,8 @@ def dissect(starts: IntArray, neighbors: IntArray) -> Supernodes:
     for side, separator in above.items():
         tree[before[side + 1] - 1] = before[separator]
     children = _children(tree)
-    columns = [own + at for own, at in zip(begins, rows_before[:-1], strict=True)]
-    columns = np.concatenate([*columns, [n]])
+    columns = np.concatenate([own + at for own, at in zip(begins, rows_before[:-1], strict=True)])
+    columns = np.append(columns, n)
     order = np.concatenate(pieces)
     inverse = np.empty(n, np.int32)
     inverse[order] = np.arange(n, dtype=np.int32)

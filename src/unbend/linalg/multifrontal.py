@@ -17,7 +17,7 @@ from unbend._types import FloatArray, IntArray, SparseMatrix
 from unbend.linalg._sweeps import MOST_AT_ONCE, backward, forward
 from unbend.linalg.dissection import Supernodes, dissect
 
-_ROWS = 128  # of an update matrix computed at once: half of it is never needed
+_ROWS = 128  # of a symmetric product computed at once: half of it is never needed
 
 
 class Factor(NamedTuple):
@@ -116,6 +116,34 @@ def _stack_updates(nodes, depths, offsets, first, last, room):  # type: ignore[n
 
 
 @compiled
+def locate(nodes, child, parent, where, local):  # type: ignore[no-untyped-def]
+    """Find a child's rows in its parent's front: among its own columns, or where they are below.
+
+    Count them, and those among the columns; -1 for an entry without its mirror image.
+    """
+    begin, end = nodes.starts[parent], nodes.starts[parent + 1]
+    theirs = nodes.rows[nodes.row_starts[child] : nodes.row_starts[child + 1]]
+    n_own = 0
+    for k in range(theirs.size):
+        if theirs[k] < begin:
+            return theirs.size, -1
+        n_own += theirs[k] < end
+        local[k] = theirs[k] - begin if theirs[k] < end else where[theirs[k]]
+    return theirs.size, n_own
+
+
+@compiled
+def subtract_symmetric(matrix, left, right):  # type: ignore[no-untyped-def]
+    """Subtract ``left @ right.T``, which is symmetric, from the lower half of a matrix."""
+    for top in range(0, len(matrix), _ROWS):
+        bottom = min(top + _ROWS, len(matrix))
+        product = np.dot(left[top:bottom], right[:bottom].T)
+        for k in range(top, bottom):
+            for j in range(k + 1):
+                matrix[k, j] -= product[k - top, j]
+
+
+@compiled
 def _eliminate(graph, found, offsets, updates, first, last):  # type: ignore[no-untyped-def]
     """Eliminate a range of supernodes; tell whether every pivot was good."""
     starts, indices, entries = graph
@@ -145,17 +173,11 @@ def _eliminate(graph, found, offsets, updates, first, last):  # type: ignore[no-
                     front[row - begin, j - begin] += entries[p]
         for child in nodes.children[i]:
             if child >= 0:
-                child_at = nodes.row_starts[child]
-                count = nodes.row_starts[child + 1] - child_at
+                count, n_own = locate(nodes, child, i, where, local)
+                if n_own < 0:
+                    return False
                 offset = offsets[child]
                 theirs = updates[offset : offset + count * count].reshape((count, count))
-                n_own = 0
-                for k in range(count):
-                    row = rows[child_at + k]
-                    if row < begin:  # an entry without its mirror image
-                        return False
-                    n_own += row < end
-                    local[k] = row - begin if row < end else where[row]
                 for k in range(n_own):
                     for j in range(k + 1):
                         front[local[k], local[j]] += theirs[k, j]
@@ -188,10 +210,5 @@ def _eliminate(graph, found, offsets, updates, first, last):  # type: ignore[no-
             for k in range(height):
                 for j in range(width):
                     low[k, j] = scaled[k, j] / pivots[begin + j]
-            for top in range(0, height, _ROWS):
-                bottom = min(top + _ROWS, height)
-                product = np.dot(scaled[top:bottom], low[:bottom].T)
-                for k in range(top, bottom):
-                    for j in range(k + 1):
-                        update[k, j] -= product[k - top, j]
+            subtract_symmetric(update, scaled, low)
     return True

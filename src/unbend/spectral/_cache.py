@@ -106,7 +106,9 @@ def load_eigenpairs(key: str) -> tuple[FloatArray, FloatArray] | None:
     path = cache_folder() / f"{key}.npz"
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            found = file["eigenvalues"], file[key]
+            found = file["eigenvalues"], file["eigenfunctions"]
+            if file["key"] != key:  # another file, renamed
+                return None
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise, it is no use
         return None
     with suppress(OSError):
@@ -123,8 +125,7 @@ def store_eigenpairs(key: str, values: FloatArray, functions: FloatArray) -> Non
         folder.mkdir(parents=True, exist_ok=True)
         _make_room(functions.nbytes)
         with atomic_write(folder / f"{key}.npz") as file:
-            # Under the key too: a file that was renamed is not taken for another.
-            np.savez(file, **{"eigenvalues": values, key: functions})
+            np.savez(file, eigenvalues=values, eigenfunctions=functions, key=key)
 
 
 def cache_info() -> CacheInfo:
