@@ -109,7 +109,7 @@ def test_random_points_of_a_rectangle(n, tolerance):
     np.testing.assert_allclose(found.eigenvalues, waves(1.5, 1, 6), rtol=tolerance, atol=1e-9)
 
 
-@pytest.mark.parametrize("n", [2000, 20_000, 80_000])
+@pytest.mark.parametrize("n", [2000, 20_000])
 def test_area_of_the_sphere_at_any_density(n):
     assert laplacian(make_fibonacci(n)).areas.sum() == pytest.approx(4 * np.pi, rel=4 / n)
 

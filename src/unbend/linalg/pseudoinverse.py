@@ -11,13 +11,12 @@ from unbend._parallel import by_columns, slices
 from unbend._types import FloatArray, SparseMatrix
 from unbend.linalg.factorization import factorize
 
+_Operator = Callable[[FloatArray], FloatArray]
 _COMPILED_PAYS = 2_000  # below, importing Numba takes longer than solving for every column
 _AT_ONCE = 256  # columns solved for together
 
 
-def green_operator(
-    stiffness: SparseMatrix, areas: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
+def green_operator(stiffness: SparseMatrix, areas: FloatArray) -> _Operator:
     """Operator K, (n,) or (n, r) to the same, that inverts the stiffness on functions of zero mean.
 
     ``x = K b`` solves ``W x = b - a (1^T b) / sum(a)`` with ``a^T x = 0``; equally ``K = sum_{i >=
@@ -29,11 +28,11 @@ def green_operator(
 
 def green_and_diagonal(
     stiffness: SparseMatrix, areas: FloatArray, *, biharmonic: bool
-) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
+) -> tuple[_Operator, FloatArray]:
     """Green's operator K, and the diagonal (n,) of K or, if `biharmonic`, of K A K.
 
-    A is the diagonal matrix of the areas. The diagonal comes from the factor, by selected
-    inversion. Small meshes solve for every column of K instead.
+    A is the diagonal matrix of the areas. The diagonal comes from the factor by selected inversion,
+    on small meshes from solves for every column of K.
 
     Let B be the inverse of the pinned matrix, u = B a / sum(a), and P the projection to functions
     of zero mean. Then K = P B P^T = B - u 1^T - 1 u^T + 1 1^T (a^T u) / sum(a). In the same way,
@@ -65,9 +64,7 @@ def pinned(stiffness: SparseMatrix) -> SparseMatrix:
     return fixed + sp.csc_array(([fixed.diagonal().max()], ([0], [0])), shape=fixed.shape)
 
 
-def on_zero_means(
-    solve: Callable[[FloatArray], FloatArray], areas: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
+def on_zero_means(solve: _Operator, areas: FloatArray) -> _Operator:
     """Make K of a function that solves ``W x = load`` up to a constant, for loads of sum 0."""
     total = areas.sum()
     ones = np.ones(len(areas))  # products with it are faster than sums over an axis

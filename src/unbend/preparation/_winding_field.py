@@ -2,8 +2,7 @@
 
 The normals of the points are unknown. They are found as those whose winding number is one half at
 all points and whose direction is that of its gradient there, while the field is smoothed less and
-less (Lin, Shi & Liu, "Fast and Globally Consistent Normal Orientation based on the Winding Number
-Normal Consistency", ACM TOG 2024). Fourier transforms compute the field and its gradient.
+less (Lin, Shi & Liu, ACM TOG 2024). Fourier transforms compute the field and its gradient.
 """
 
 from __future__ import annotations
