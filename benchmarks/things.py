@@ -288,8 +288,13 @@ def _grown(body: Body) -> Part:
     """One smooth closed surface around all cones."""
     heads, tails, first, last, flats, extra, chains = map(np.array, zip(*body.rows, strict=True))
     thin = 0.4 * min(first.min(), last.min()) / (1 + 0.4 * extra.max())
+    spacing = max(min(0.02, thin), _FINEST)
     cones = Cones(heads, tails, first, last, flats, extra, chains, _BLEND)
-    vertices, faces = surface_net(cones, max(min(0.02, thin), _FINEST), False)
+    # The net is that of the side x >= 0, where all of the body has to be.
+    start = np.minimum(heads, tails)[:, 0] - np.maximum(first, last) - 5 * _BLEND
+    aside = np.array([2.5 * spacing - start.min(), 0, 0])
+    vertices, faces = surface_net(cones.turned(np.eye(3), aside), spacing)
+    vertices -= aside
     ends = edge_ends(faces, len(vertices))
     near = sp.coo_array((np.ones(len(ends)), ends.T), shape=(len(vertices),) * 2).tocsr()
     near = near + near.T

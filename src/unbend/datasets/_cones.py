@@ -88,10 +88,9 @@ class Cones(NamedTuple):
         close = distances < low + 7 * self.blend + 0.02
         cone, point = cone[close], point[close]
         key = point * (int(self.chains.max()) + 1) + self.chains[cone]
-        chain_start = np.flatnonzero(np.diff(key, prepend=-1))
-        chain_of = np.cumsum(np.diff(key, prepend=-1) != 0) - 1
+        _, chain_start, chain_of = np.unique(key, return_index=True, return_inverse=True)
         point_of = point[chain_start]
-        point_start = np.flatnonzero(np.diff(point_of, prepend=-1))
+        _, point_start = np.unique(point_of, return_index=True)
 
         def field(points: FloatArray) -> tuple[FloatArray, FloatArray]:
             values, gradients, _ = self.measure(cone, points[point])

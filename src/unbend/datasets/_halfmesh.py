@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from unbend._types import BoolArray, FloatArray, IntArray
-from unbend.mesh import edge_ends, find_edges, other_sides
+from unbend.mesh import edge_ends, face_normals, find_edges, other_sides
 
 _ROUNDS = 6  # of flips at most
 
@@ -113,16 +113,19 @@ def delaunay_flips(vertices: FloatArray, faces: IntArray, on_plane: BoolArray) -
     for _ in range(_ROUNDS):
         tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         apexes = faces[:, [2, 0, 1]].ravel()
-        twin = other_sides(find_edges(faces, n))
+        edges = find_edges(faces, n)
+        twin = other_sides(edges)
         one = np.flatnonzero((twin >= 0) & (tails < heads))
         two = twin[one]
         a, b, c, d = tails[one], heads[one], apexes[one], apexes[two]
         excess = _angle(vertices, c, a, b) + _angle(vertices, d, b, a) - np.pi
         valid = (excess > 1e-6) & ~(on_plane[c] & on_plane[d])
         new_keys = np.minimum(c, d) * n + np.maximum(c, d)
-        valid &= ~np.isin(new_keys, np.minimum(tails, heads) * n + np.maximum(tails, heads))
-        first, second = _normal(vertices, c, a, d), _normal(vertices, d, b, c)
-        old = _normal(vertices, a, b, c) + _normal(vertices, b, a, d)
+        valid &= ~np.isin(new_keys, edges.ends @ [n, 1])
+        flipped = np.column_stack([c, a, d]), np.column_stack([d, b, c])
+        first, second = (face_normals(vertices, new) for new in flipped)
+        old = face_normals(vertices, np.column_stack([a, b, c]))
+        old += face_normals(vertices, np.column_stack([b, a, d]))
         valid &= (np.einsum("ni,ni->n", first, old) > 0) & (np.einsum("ni,ni->n", second, old) > 0)
         valid &= np.einsum("ni,ni->n", first, second) > 0
         # A face takes part in one flip at a time: its edge with the largest excess.
@@ -137,8 +140,8 @@ def delaunay_flips(vertices: FloatArray, faces: IntArray, on_plane: BoolArray) -
         chosen = chosen[~clash[one[chosen] // 3] & ~clash[two[chosen] // 3]]
         if len(chosen) == 0:
             break
-        faces[one[chosen] // 3] = np.stack([c[chosen], a[chosen], d[chosen]], axis=1)
-        faces[two[chosen] // 3] = np.stack([d[chosen], b[chosen], c[chosen]], axis=1)
+        for side, new in zip((one, two), flipped, strict=True):
+            faces[side[chosen] // 3] = new[chosen]
     return faces
 
 
@@ -146,7 +149,3 @@ def _angle(vertices: FloatArray, apex: IntArray, p: IntArray, q: IntArray) -> Fl
     u, v = vertices[p] - vertices[apex], vertices[q] - vertices[apex]
     across = np.linalg.norm(np.cross(u, v), axis=1)
     return np.asarray(np.arctan2(across, np.einsum("ni,ni->n", u, v)))
-
-
-def _normal(vertices: FloatArray, p: IntArray, q: IntArray, r: IntArray) -> FloatArray:
-    return np.asarray(np.cross(vertices[q] - vertices[p], vertices[r] - vertices[p]))

@@ -48,19 +48,19 @@ def skin(cones: Cones, n_vertices: int, *, meshing: int) -> tuple[FloatArray, In
     return _reflect((vertices - shift) @ rotation, faces)
 
 
-def surface_net(
-    cones: Cones, spacing: float, symmetric: bool = True
-) -> tuple[FloatArray, IntArray]:
-    """One vertex per grid cell that the skin passes, one quad (two triangles) per crossed edge."""
-    inside, origin = _inside(cones, spacing, symmetric)
-    inside = _well_composed(inside, symmetric)
+def surface_net(cones: Cones, spacing: float) -> tuple[FloatArray, IntArray]:
+    """Mesh the side x >= 0 of a skin.
+
+    One vertex per grid cell that the skin passes, one quad (two triangles) per crossed edge.
+    """
+    inside, origin = _inside(cones, spacing)
+    inside = _well_composed(inside)
     corners = np.stack(_corners(inside))
     mixed = corners.any(axis=0) & ~corners.all(axis=0)
     number = np.full(mixed.shape, -1)
     number[mixed] = np.arange(mixed.sum())
     vertices = (np.argwhere(mixed) + 0.5) * spacing + origin
-    if symmetric:
-        vertices[np.argwhere(mixed)[:, 0] == 0, 0] = 0.0
+    vertices[np.argwhere(mixed)[:, 0] == 0, 0] = 0.0
     quads = []
     steps = np.eye(3, dtype=np.int64)
     for axis in range(3):
@@ -70,10 +70,8 @@ def surface_net(
             crossed[0] = False  # the plane x = -spacing / 2 belongs to the mirror image
         nodes = np.argwhere(crossed)
         ring = [number[tuple((nodes - away).T)] for away in (0 * u, u, u + v, v)]
-        inward = ~inside[tuple(nodes.T)]
-        quad = np.stack(ring, axis=1)
-        quad[inward] = quad[inward, ::-1]
-        quads.append(quad)
+        outward = inside[tuple(nodes.T)]
+        quads.append(np.where(outward, ring, ring[::-1]).T)
     all_quads = np.concatenate(quads)
     return vertices, np.concatenate([all_quads[:, [1, 2, 3]], all_quads[:, [0, 1, 3]]])
 
@@ -84,42 +82,41 @@ def _corners(inside: BoolArray) -> list[BoolArray]:
     return [inside[i, j, k] for i in ends for j in ends for k in ends]
 
 
-def _inside(cones: Cones, spacing: float, symmetric: bool) -> tuple[BoolArray, FloatArray]:
-    """Which grid nodes are inside the body, and the position of node (0, 0, 0)."""
+def _inside(cones: Cones, spacing: float) -> tuple[BoolArray, FloatArray]:
+    """Which grid nodes are inside the body, and the position of node (0, 0, 0).
+
+    The first layer of nodes is the mirror image of the second.
+    """
     reach = np.maximum(cones.head_radii, cones.tail_radii) + 5 * cones.blend
     low = np.minimum(cones.heads, cones.tails) - reach[:, None]
     high = np.maximum(cones.heads, cones.tails) + reach[:, None]
     origin: FloatArray = low.min(axis=0) - 2 * spacing
-    if symmetric:
-        origin[0] = -0.5 * spacing
+    origin[0] = -0.5 * spacing
     shape: IntArray = np.ceil((high.max(axis=0) - origin) / spacing).astype(np.int64) + 3
-    total = np.zeros((int(shape[0]), int(shape[1]), int(shape[2])))
+    total = np.zeros(tuple(shape))
     for chain in range(cones.chains.max() + 1):
         members = np.flatnonzero(cones.chains == chain)
         first = np.floor((low[members].min(axis=0) - origin) / spacing).astype(int)
         last = np.ceil((high[members].max(axis=0) - origin) / spacing).astype(int) + 1
         first, last = np.clip(first, 0, shape), np.clip(last, 0, shape)
         if (first >= last).any():
-            continue
-        axes = [origin[i] + spacing * np.arange(first[i], last[i]) for i in range(3)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        distance = np.full(len(points.reshape(-1, 3)), np.inf)
-        for member in members:
-            own = cones.distances(points.reshape(-1, 3), [int(member)])[0]
-            np.minimum(distance, own, out=distance)
+            continue  # on the other side
         box = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
-        total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(points.shape[:3])
+        points = origin + spacing * np.mgrid[box].reshape(3, -1).T
+        distance = np.full(len(points), np.inf)
+        for member in members:
+            np.minimum(distance, cones.distances(points, [member])[0], out=distance)
+        total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(last - first)
     return total > 1, origin
 
 
-def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
+def _well_composed(inside: BoolArray) -> BoolArray:
     """One solid without cavities, grown until no two of its voxels touch by an edge or corner only.
 
     The surface net of such a solid is a manifold (Latecki 1997).
     """
     for _ in range(50):
-        if symmetric:
-            inside[0] = inside[1]
+        inside[0] = inside[1]
         before = int(inside.sum())
         for axis in range(3):
             rolled = np.moveaxis(inside, axis, 0)
@@ -141,8 +138,6 @@ def _well_composed(inside: BoolArray, symmetric: bool) -> BoolArray:
     pieces, n_pieces = ndimage.label(inside)
     if n_pieces > 1:
         inside = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
-    if not symmetric:
-        return np.asarray(ndimage.binary_fill_holes(inside))
     doubled = np.concatenate([inside[:0:-1], inside[1:]])
     return np.asarray(ndimage.binary_fill_holes(doubled)[len(inside) - 2 :])
 
