@@ -1,5 +1,6 @@
 """One running app for the tests of a module, with its own temporary folder."""
 
+import socket
 import tempfile
 import threading
 from http.client import HTTPConnection
@@ -62,13 +63,16 @@ class App:
 
 
 @pytest.fixture(scope="module")
-def temporary(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which apps keep their files, with what an earlier run left."""
+def temporary(tmp_path_factory: pytest.TempPathFactory):
+    """The folder in which apps keep their files, with what another one and a killed one have."""
     folder = tmp_path_factory.mktemp("temporary")
-    (folder / "unbend-app-killed").mkdir()
-    (folder / "unbend-app-killed" / "address").write_text("http://127.0.0.1:9/x/", "utf-8")
-    (folder / "unbend-app-begun").mkdir()
-    return folder
+    with socket.create_server(("127.0.0.1", 0)) as ended:
+        (folder / f"unbend-app-{ended.getsockname()[1]}-killed").mkdir()
+    (folder / "unbend-app-70000-odd").mkdir()
+    (folder / "unbend-app-odd-one").mkdir()
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        (folder / f"unbend-app-{other.getsockname()[1]}-runs").mkdir()
+        yield folder
 
 
 @pytest.fixture(scope="module")
@@ -113,4 +117,4 @@ def app(temporary: Path, store: Collection):
             patch.setattr(_server, name, 0.1)
         thread.join(60)
         assert not thread.is_alive(), "the app goes on after its last page was closed"
-        assert [one.name for one in temporary.iterdir()] == ["unbend-app-begun"]
+        assert sorted(one.name[-4:] for one in temporary.iterdir()) == ["-odd", "-one", "runs"]

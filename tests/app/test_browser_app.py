@@ -81,11 +81,12 @@ def test_from_two_dropped_files_to_a_saved_map_with_hints(page, dogs, tmp_path, 
     page.wait_for("state.results.length === 1")
     # The page in the frame draws when it can be seen; a click is a landmark once it has drawn.
     for side, right in ((0, 0.27), (1, 0.75)):
+        placed = f"kept.placed[shown]?.some(({{at}}) => at[{side}] >= 0)"
         for down in range(360, 520, 20):
             page.click(*frame_spot(page, right, down))
-            if page.run(f"(state.results[0].placed || []).some(({{at}}) => at[{side}] >= 0)"):
+            if page.run(placed):
                 break
-        page.wait_for(f"(state.results[0].placed || []).some(({{at}}) => at[{side}] >= 0)")
+        page.wait_for(placed)
     page.picture(save=screenshots / "app-landmarks.png")
     press(page, "Match with these")
     page.wait_for("state.results.length === 2")
@@ -206,17 +207,16 @@ def test_a_result_offers_nothing_more_when_its_shape_is_removed(page, dogs):
     assert "Use this map" not in page.run("part('result').textContent")
 
 
-def test_landmarks_of_another_tab_are_not_matched_with(page, app, dogs):
+def test_landmarks_outlast_a_reload(page, app, dogs):
     page.choose_file("#choose", *dogs)
     page.wait_for(GOOD.format(2))
     press(page, "Place landmarks")
     page.wait_for("state.results.length === 1 && frame?.greeted")
-    ours, theirs = ([{"name": "1", "at": at}] for at in ([87, 139], [328, 294]))
-    path = f"results/{app.get('state')['results'][0]['id']}/landmarks"
+    ours = [{"name": "1", "at": [87, 139]}]
     page.run(f"frame.contentWindow.postMessage({{landmarks: {ours}}}, '*')")
-    page.wait_for("state.results[0].placed?.[0]?.at[0] === 87")
-    app.send("PUT", path, theirs)
-    page.wait_for("state.results[0].placed[0].at[0] === 328")
+    page.wait_for("kept.placed[shown]?.[0]?.at[0] === 87")
+    page.visit(page.run("location.href"))
+    page.wait_for("frame?.greeted && part('placed').textContent.startsWith('1 placed.')")
     press(page, "Match with these")
     page.wait_for("state.jobs.length === 1")
     (job,) = app.session._jobs.values()

@@ -35,7 +35,12 @@ def done(folder: Path, do: str, shapes: list[list[str]], **given):
     folder.mkdir(exist_ok=True)
     job = {"do": do, "folder": str(folder / do), "shapes": shapes, "up": "y", **given}
     found = run(job, lambda stage, share: stages.append(stage))
-    return json.loads(json.dumps(found))
+    return json.loads(json.dumps(found)) | {"folder": folder / do}
+
+
+def page_of(result) -> str:
+    assert result["page"]
+    return (result["folder"] / "page.html").read_text("utf-8")
 
 
 def file_of(result, suffix: str) -> str:
@@ -58,7 +63,7 @@ def test_a_match_has_a_map_files_a_page_and_the_lines_that_do_the_same(shapes, m
     np.testing.assert_array_equal(read_map(file_of(matched, ".csv")), found.source_to_target)
     assert "very likely right" in matched["confidence"]
     assert not matched["doubtful"]
-    assert Path(matched["page"]).stat().st_size > 10_000
+    assert len(page_of(matched)) > 10_000
     names = [one["name"] for one in matched["files"]]
     assert names[0] == "my standing-my galloping.npz"
     assert {"landmarks.csv", "my galloping-coloured.glb"} <= set(names)
@@ -168,7 +173,7 @@ def test_forms_symmetries_and_pages_for_landmarks_are_made(shapes, tmp_path) -> 
     for count in (1, 2):
         given = [[5] * count]
         page = done(tmp_path / str(count), "landmarks", shapes[:count], landmarks=given)
-        assert '"landmarks": [{"name": "1", "at": [5' in Path(page["page"]).read_text("utf-8")
+        assert '"landmarks": [{"name": "1", "at": [5' in page_of(page)
 
 
 def test_a_collection_is_searched_and_what_is_gone_is_not_offered(shapes, tmp_path) -> None:
@@ -179,7 +184,7 @@ def test_a_collection_is_searched_and_what_is_gone_is_not_offered(shapes, tmp_pa
     ball.unlink()
     found = done(tmp_path, "search", shapes[:1], store=store.path)
     assert found["found"] == [{"path": shapes[1][0], "name": "galloping.ply"}]
-    page = Path(found["page"]).read_text("utf-8")
+    page = page_of(found)
     assert page.index("galloping.ply") < page.index("ball.ply")
     assert "not drawn: cannot read" in page
 
@@ -189,7 +194,7 @@ def test_a_collection_is_put_into_groups(store, tmp_path) -> None:
     rows = Path(file_of(found, "groups.csv")).read_text("utf-8").splitlines()
     group = {Path(path).name: number for path, number in (row.rsplit(",", 1) for row in rows)}
     assert group["dog-galloping.ply"] == group["dog-standing.ply"] != group["octopus.ply"]
-    assert "3 shapes in 2 groups" in Path(found["page"]).read_text("utf-8")
+    assert "3 shapes in 2 groups" in page_of(found)
 
 
 @pytest.mark.parametrize(

@@ -29,10 +29,8 @@ def shape(state, i: int):
 
 
 def test_what_a_killed_run_left_is_removed_at_the_next_start(app, temporary: Path) -> None:
-    names = {one.name for one in temporary.iterdir()}
-    assert "unbend-app-killed" not in names
-    assert "unbend-app-begun" in names  # perhaps another app that starts just now
-    assert len(names) == 2
+    assert list(temporary.glob("*-killed")) == []
+    assert len(list(temporary.glob("*-runs"))) == 1  # at its port another app listens
 
 
 @pytest.mark.parametrize(
@@ -98,11 +96,6 @@ def test_the_way_of_a_shape(app, ply) -> None:
     _, headers, saved = app.ask("GET", f"results/{result['id']}/page?save")
     assert headers["content-disposition"].startswith("attachment")
     assert saved == page
-    placed = [{"name": "1", "at": [7, 7]}]
-    app.send("PUT", f"results/{result['id']}/landmarks", placed)
-    assert app.get("state")["results"][0]["placed"] == placed
-    for bad in ([1], [{"name": "1", "at": [7]}], [{"name": 1, "at": [7, 7]}], {}):
-        assert app.ask("PUT", f"results/{result['id']}/landmarks", bad)[0] == 400
     assert app.ask("GET", f"results/{result['id']}/title/0")[0] == 404
     app.send("PUT", "up", {"up": "z"})
     state = app.wait(lambda s: not s["jobs"])

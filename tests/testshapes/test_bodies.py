@@ -10,8 +10,7 @@ from testshapes.bodies import KINDS, is_carried_well, make_body, random_proporti
 from testshapes.measures import mean_edge
 from unbend import diagnose
 from unbend.datasets import make_biped, make_quadruped, rest_map
-from unbend.datasets._reference import carry
-from unbend.datasets._skeleton import cones_of
+from unbend.datasets._skeleton import carry, cones_of
 from unbend.errors import InputError
 
 # Seeds of two bodies of each kind: any would do, each costs a second.

@@ -80,18 +80,6 @@ def check_request(
     return job
 
 
-def check_landmarks(given: list[Any], width: int) -> list[dict[str, Any]]:
-    """Check landmarks as the page has them: a name, and a vertex or -1 on each shape."""
-    found = []
-    for one in given:
-        at: Any = one.get("at") if isinstance(one, dict) else None
-        good = isinstance(at, list) and all(isinstance(vertex, int) for vertex in at)
-        if not good or len(at) != width or not isinstance(one.get("name"), str):
-            raise InputError("landmarks have a name and a vertex of each shape")
-        found.append({"name": one["name"], "at": at})
-    return found
-
-
 def _whole(value: Any) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) else -1
 
@@ -104,4 +92,4 @@ def _rows(given: Any, width: int) -> list[list[int]]:
     )
     if not good:
         raise InputError("landmarks are rows of vertex numbers, one of each shape")
-    return [list(row) for row in given]
+    return list(given)

@@ -82,14 +82,10 @@ def make_app(
             raise
 
     async def submit(request: Request) -> Response:
-        return JSONResponse({"id": session.submit(await _asked(request, dict))})
+        return JSONResponse({"id": session.submit(await _asked(request))})
 
     async def turn(request: Request) -> Response:
-        session.turn((await _asked(request, dict)).get("up"))
-        return JSONResponse(None)
-
-    async def landmarks(request: Request) -> Response:
-        session.keep_landmarks(request.path_params["i"], await _asked(request, list))
+        session.turn((await _asked(request)).get("up"))
         return JSONResponse(None)
 
     async def open_found(request: Request) -> Response:
@@ -125,7 +121,6 @@ def make_app(
         Route("/{kind}/{i:int}", remove, methods=["DELETE"]),
         Route("/shapes/{i:int}/{kind}", file),
         Route("/results/{i:int}/page", page),
-        Route("/results/{i:int}/landmarks", landmarks, methods=["PUT"]),
         Route("/results/{i:int}/found/{n:int}", open_found, methods=["POST"]),
         Route("/results/{i:int}/{kind}/{n:int}", file),
         Route("/{name}", asset),
@@ -168,8 +163,8 @@ def _guarded(app: Any, token: str, port: int) -> Any:
     return guarded
 
 
-async def _asked(request: Request, kind: type) -> Any:
-    """Read a JSON body of bounded size."""
+async def _asked(request: Request) -> Any:
+    """Read a JSON object of bounded size."""
     body = b""
     async for chunk in request.stream():
         body += chunk
@@ -179,7 +174,7 @@ async def _asked(request: Request, kind: type) -> Any:
         found = json.loads(body)
     except (ValueError, RecursionError):
         found = None
-    if not isinstance(found, kind):
+    if not isinstance(found, dict):
         raise InputError("this request is no JSON of the kind that is expected here")
     return found
 

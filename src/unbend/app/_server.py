@@ -7,7 +7,6 @@ import contextlib
 import secrets
 import socket
 import time
-import urllib.request
 import webbrowser
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
@@ -42,6 +41,7 @@ def serve(
         from unbend.app._routes import make_app
     except ImportError:
         raise MissingExtraError("uvicorn", "starlette") from None
+    remove_dead()
     try:
         listener = socket.create_server(("127.0.0.1", port))
     except (OSError, OverflowError):
@@ -50,10 +50,8 @@ def serve(
         port = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{port}/{token}/"
-        remove_dead(_answers)
-        session = Session(int(_SHARE_OF_MEMORY * (available_memory() or 2**34)), collection)
+        session = Session(port, int(_SHARE_OF_MEMORY * (available_memory() or 2**34)), collection)
         try:
-            (session.folder / "address").write_text(address, encoding="utf-8")
             for path in paths:
                 session.add(Path(path).resolve(), Path(path).name)
             tabs: dict[str, float] = {}
@@ -92,17 +90,3 @@ async def _stop_when_closed(server: Any, session: Session, tabs: dict[str, float
             heard = now
         if now - heard > (_SILENT_SECONDS if session.busy else _CLOSED_SECONDS):
             server.should_exit = True
-
-
-def _answers(address: str) -> bool:
-    """Tell whether an app listens at an address that an earlier run has left."""
-    if not address.startswith("http://127.0.0.1:"):
-        return False
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-    try:
-        with opener.open(address, timeout=2) as answer:
-            return bool(answer.status == 200)
-    except TimeoutError:
-        return True
-    except OSError:
-        return False

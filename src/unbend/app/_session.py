@@ -7,20 +7,20 @@ import functools
 import itertools
 import os
 import shutil
+import socket
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
 from unbend._text import printable
-from unbend.app._requests import JOBS, check_landmarks, check_request
+from unbend.app._requests import JOBS, check_request
 from unbend.app._worker import Worker
 from unbend.choices import Axis
 from unbend.errors import InputError
 
-PREFIX = "unbend-app-"
+_PREFIX = "unbend-app-"  # of folders; the port follows
 # Suffixes of uploads that only carry values or landmarks.
 _VALUE_SUFFIXES = (".npy", ".csv", ".txt", ".json", ".fcsv")
 _SHAPE_SUFFIXES = (".off", ".obj", ".ply", ".stl", ".xyz", ".npy", ".glb")
@@ -28,8 +28,7 @@ _MOST_BYTES = 512 * 2**20  # of one upload
 _MOST_BYTES_IN_ALL = 2 * 2**30
 _MOST_SHAPES, _MOST_JOBS = 200, 500
 _MOST_LETTERS = 120  # of a name
-
-_SHOWN = ("name", "state", "size", "told", "picture", "sample")  # of a shape
+_HIDDEN = ("path", "map_file", "folder", "stamp", "job")  # from pages
 
 
 class Session:
@@ -38,8 +37,8 @@ class Session:
     Every method may be called from any thread.
     """
 
-    def __init__(self, memory: int, collection: str | None = None) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    def __init__(self, port: int, memory: int, collection: str | None) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{port}-"))
         self._collection = collection
         self._worker = Worker(memory)
         self._ids = itertools.count(1)
@@ -49,7 +48,7 @@ class Session:
         self._values: dict[int, tuple[str, str]] = {}
         self._results: dict[int, dict[str, Any]] = {}
         self._jobs: dict[int, dict[str, Any]] = {}
-        self._troubles: dict[int, str] = {}
+        self._troubles: dict[int, dict[str, str]] = {}
         self._up: Axis = "y"
         self._bytes = 0
         self._closed = False
@@ -77,16 +76,10 @@ class Session:
                 return None
             return {
                 "version": self._version,
-                "shapes": [
-                    {key: one[key] for key in _SHOWN if key in one} | {"id": i}
-                    for i, one in self._shapes.items()
-                ],
-                "results": [_told(i, one) for i, one in self._results.items()],
-                "jobs": [
-                    {"id": i, **{key: one[key] for key in ("title", "stage", "share", "running")}}
-                    for i, one in self._jobs.items()
-                ],
-                "troubles": [{"id": i, "text": text} for i, text in self._troubles.items()],
+                "shapes": _shown(self._shapes),
+                "results": _shown(self._results),
+                "jobs": _shown(self._jobs),
+                "troubles": _shown(self._troubles),
                 "collection": self._collection or "",
                 "up": self._up,
             }
@@ -145,7 +138,8 @@ class Session:
 
     def page(self, i: int) -> tuple[str, str]:
         """Path of the page of a result, and its name."""
-        return self._results[i]["page"], f"{self._results[i]['title']}.html"
+        result = self._results[i]
+        return f"{result['folder']}/page.html", f"{result['title']}.html"
 
     def file(self, i: int, kind: str, n: int | None = None) -> tuple[str, str | None]:
         """Path of the file or picture of a shape, or the n-th of a result; files have a name."""
@@ -156,7 +150,7 @@ class Session:
             return one["path"], one.get("name")
         shape = self._shapes[i]
         if kind == "picture":
-            return shape["picture_path"], None
+            return shape["pictures"][0]["path"], None
         return shape["path"], shape["name"]
 
     def remove(self, kind: str, i: int) -> None:
@@ -182,12 +176,6 @@ class Session:
         with self._changed:
             one = self._results[i]["found"][n]
             return self.add(Path(one["path"]), one["name"])
-
-    def keep_landmarks(self, i: int, given: list[Any]) -> None:
-        """Keep the landmarks that were placed on the page of a result."""
-        with self._change():
-            result = self._results[i]
-            result["placed"] = check_landmarks(given, len(result["shapes"]))
 
     def submit(self, asked: dict[str, Any]) -> int:
         """Put into the queue what a page asked for, after checking every word of it."""
@@ -267,15 +255,14 @@ class Session:
             for shape in shapes:
                 shape |= {"state": "bad", "told": [error]}
         else:
-            self._troubles[i] = f"{entry['title']}: {error}"
+            self._troubles[i] = {"text": f"{entry['title']}: {error}"}
 
     def _finished(self, i: int, job: dict[str, Any], found: dict[str, Any]) -> None:
         if job["do"] == "look":
-            picture = found["pictures"][0]["path"] if found["pictures"] else ""
-            more = {"state": "good" if found["usable"] else "bad", "picture": i if picture else 0}
-            for one in job["shapes"]:
-                if one in self._shapes:
-                    self._shapes[one] |= found | more | {"picture_path": picture}
+            (one,) = job["shapes"]
+            state = "good" if found["usable"] else "bad"
+            if one in self._shapes:
+                self._shapes[one] |= found | {"state": state, "drawn": i}
         elif job["do"] == "sample":
             for one in found["samples"]:
                 self._shapes[self.add(Path(one["path"]), one["name"])]["sample"] = True
@@ -293,20 +280,14 @@ class Session:
             self._note()
 
 
-def remove_dead(is_alive: Any) -> None:
-    """Remove the folders of earlier runs that were killed."""
-    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        try:
-            about = folder.lstat()
-            ours = folder.is_dir() and not folder.is_symlink()
-            ours = ours and (not hasattr(os, "getuid") or about.st_uid == os.getuid())
-            address = folder / "address"
-            if ours and not address.exists() and time.time() - about.st_mtime < 60:
-                continue  # which has just begun
-            if ours and not (address.exists() and is_alive(address.read_text("utf-8"))):
+def remove_dead() -> None:
+    """Remove the folders of earlier runs that were killed: nothing listens at their ports."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*-*"):
+        with contextlib.suppress(OSError, ValueError):  # the port is taken, or the name has none
+            port = int(folder.name.split("-")[2]) % 2**16
+            socket.create_server(("127.0.0.1", port)).close()
+            if not hasattr(os, "getuid") or folder.lstat().st_uid == os.getuid():
                 shutil.rmtree(folder, ignore_errors=True)
-        except OSError:
-            continue
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
@@ -318,14 +299,14 @@ def _stamp(path: Path) -> tuple[int, int] | None:
     return about.st_size, about.st_mtime_ns
 
 
-def _told(i: int, result: dict[str, Any]) -> dict[str, Any]:
-    """Select what a page is told of a result: everything but paths."""
-    told = result | {"id": i, "page": bool(result["page"])}
-    for key in ("folder", "map_file"):
-        told.pop(key, None)
-    for key in ("files", "pictures", "alternatives", "found"):
-        told[key] = [
-            {name: value for name, value in one.items() if name != "path"}
-            for one in result.get(key, ())
-        ]
-    return told
+def _shown(entries: dict[int, dict[str, Any]]) -> list[dict[str, Any]]:
+    """List what a page is told of shapes, results or jobs: everything but paths."""
+    return [{"id": i} | _without_hidden(one) for i, one in entries.items()]
+
+
+def _without_hidden(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_without_hidden(one) for one in value]
+    if isinstance(value, dict):
+        return {key: _without_hidden(one) for key, one in value.items() if key not in _HIDDEN}
+    return value

@@ -106,7 +106,7 @@ class Work:
             "facts": list((facts or {}).items()),
             "files": self.files,
             "pictures": self.pictures,
-            "page": str(self.page) if self.page.exists() else "",
+            "page": self.page.exists(),
             "command": quoted("unbend", *command),
             "python": "\n".join([python[0], "", *python[1:]]),
         }

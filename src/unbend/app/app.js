@@ -3,7 +3,8 @@
 
 const part = (id) => document.getElementById(id);
 const tab = crypto.randomUUID();
-const kept = JSON.parse(sessionStorage.getItem("kept") || "{}"); // what this tab has chosen
+// What this tab has chosen, and the landmarks placed in it; each run of the app has a path of its own.
+const kept = JSON.parse(sessionStorage.getItem(location.pathname)) || { placed: {} };
 const PLAIN = {
   spectrum: "measuring both shapes", search: "trying ways to match them", refine: "refining the map", register: "fitting",
 };
@@ -39,7 +40,7 @@ function redraw(id, shows, children) {
 }
 
 const say = (text) => { part("status").textContent = text; };
-const remember = (change) => sessionStorage.setItem("kept", JSON.stringify(Object.assign(kept, change)));
+const remember = (change) => sessionStorage.setItem(location.pathname, JSON.stringify(Object.assign(kept, change)));
 
 // Ask the server; what it refuses is shown as a sentence.
 async function ask(method, path, body) {
@@ -96,7 +97,7 @@ function showShapes() {
     const told = (one.told || []).map((text) => make("p", { class: one.state === "bad" && "bad" }, text));
     const healthy = one.state === "good" && !told.length && make("p", {}, "This shape is healthy.");
     return make("li", {},
-      one.picture && make("img", { src: `shapes/${one.id}/picture?of=${one.picture}`, alt: `Picture of ${one.name}` }),
+      one.pictures?.length > 0 && make("img", { src: `shapes/${one.id}/picture?of=${one.drawn}`, alt: `Picture of ${one.name}` }),
       make("b", {}, one.name),
       make("span", { class: "hint" }, one.state === "reading" ? "Reading\u2026" : one.size || ""),
       healthy, ...told,
@@ -171,13 +172,13 @@ function panel(result) {
     blocks.push(make("div", { class: "figures" }, ...result.pictures.map(({ caption }, n) => make("figure", {},
       make("img", { src: `results/${id}/pictures/${n}`, alt: caption }), make("figcaption", {}, caption)))));
   }
-  if (result.found.length) {
+  if (result.found?.length) {
     blocks.push(make("h3", {}, "Open one of them here"), make("div", { class: "row" },
       ...result.found.map(({ name }, n) => button(name, async () => {
         remember({ second: (await ask("POST", `results/${id}/found/${n}`)).id });
       }, { "aria-label": `Open ${name}` }))));
   }
-  if (usable && result.alternatives.length) {
+  if (usable && result.alternatives?.length) {
     blocks.push(make("details", { open: result.doubtful }, make("summary", {}, "Other maps, if the colours above do not agree"),
       make("ul", { class: "choices" }, ...result.alternatives.map((one, n) => make("li", {},
         make("img", { src: `results/${id}/pictures/${one.picture}`, alt: `The second shape in the colours of map ${n + 2}` }),
@@ -237,20 +238,18 @@ function showPlaced(result) {
 }
 
 // The vertices of the landmarks that are on every shape of the page in the frame.
-const complete = () => (frame?.placed || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
+const complete = () => (kept.placed[shown] || []).map(({ at }) => at).filter((at) => at.every((vertex) => vertex >= 0));
 
-// That page tells which landmarks are on it, and they alone count: another tab may place others on
-// its own. After a reload it is told what was placed last.
+// That page tells which landmarks are on it. After a reload it is told what was placed last.
 addEventListener("message", ({ source, data }) => {
   const result = state.results.find(({ id }) => id === shown);
   if (!frame || source !== frame.contentWindow || result?.do !== "landmarks" || !Array.isArray(data?.landmarks)) return;
   if (!frame.greeted) {
     frame.greeted = true;
-    if (result.placed) return source.postMessage({ landmarks: result.placed }, "*");
+    if (kept.placed[shown]) return source.postMessage({ landmarks: kept.placed[shown] }, "*");
   }
-  frame.placed = data.landmarks;
+  remember({ placed: { ...kept.placed, [shown]: data.landmarks } });
   showPlaced(result);
-  ask("PUT", `results/${result.id}/landmarks`, JSON.stringify(data.landmarks)).catch(() => {});
 });
 
 async function look() {

@@ -136,7 +136,7 @@ def _soft_min(
 
 def _squeezed(vectors: FloatArray, flats: FloatArray, extra: FloatArray) -> FloatArray:
     if not extra.any():
-        return vectors + 0.0
+        return vectors
     return np.asarray(vectors + (extra * _dot(vectors, flats))[..., None] * flats)
 
 

@@ -1,9 +1,9 @@
-"""Bones: what gives a body its shape at rest and moves its skin into a pose."""
+"""Bones: what gives a body its shape at rest, and moves its skin into a pose or another body."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from unbend._arrays import numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.alignment import nearest_rotation
-from unbend.datasets._cones import Cones
+from unbend.datasets._cones import Cones, newton_step
 from unbend.deformation import ElasticSurface
 from unbend.errors import InputError
 from unbend.mesh import measure_corners
@@ -23,7 +23,8 @@ Pose = Mapping[str, Sequence[float]]
 _BLEND = 0.016  # how far two parts reach to flow into each other
 _SPREAD = 0.03  # the same for the motion of two bones
 _REACH = 0.2  # features of a pose larger than this keep their places where lengths are restored
-_N_STEPS = 12
+_N_STEPS = 12  # of restoring lengths
+_N_BETWEEN = 16  # bodies on the way from one to another
 
 
 class Bone(NamedTuple):
@@ -57,19 +58,13 @@ def chain_of(part: str, parent: str, joints: FloatArray, radii: FloatArray) -> l
 
 def _mirrored(bone: Bone) -> Bone:
     """Make the right-hand twin of a left-hand bone."""
-
-    def flip(point: Point) -> Point:
-        return (-point[0], point[1], point[2])
-
-    return bone._replace(
-        name=bone.name.replace("left", "right"),
-        parent=bone.parent.replace("left", "right") if bone.parent else None,
-        head=flip(bone.head),
-        tail=flip(bone.tail),
-        part=bone.part.replace("left", "right"),
-        chain=bone.chain.replace("left", "right"),
-        flat=flip(bone.flat),
-    )
+    twin: dict[str, Any] = bone._asdict()
+    for name, value in twin.items():
+        if isinstance(value, str):
+            twin[name] = value.replace("left", "right")
+        elif isinstance(value, tuple):
+            twin[name] = (-value[0], *value[1:])
+    return Bone(**twin)
 
 
 def both_sides(bones: Sequence[Bone]) -> list[Bone]:
@@ -111,7 +106,7 @@ def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
+def _joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
     """Each bone's own rotation, (n_bones, 3, 3), from angles in degrees about x, y and z.
 
     A name without its side ("thigh" for "left_thigh" and "right_thigh") turns both, mirrored.
@@ -122,10 +117,10 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
         if turn.shape != (3,) or not np.isfinite(turn).all():
             raise InputError(f"the angles of {name!r} must be three finite numbers, not {given!r}")
         if name in angles:
-            angles[name] = angles[name] + turn
-        elif f"left_{name}" in angles and f"right_{name}" in angles:
-            angles[f"left_{name}"] = angles[f"left_{name}"] + turn
-            angles[f"right_{name}"] = angles[f"right_{name}"] + turn * [1, -1, -1]
+            angles[name] += turn
+        elif f"left_{name}" in angles:
+            angles[f"left_{name}"] += turn
+            angles[f"right_{name}"] += turn * [1, -1, -1]
         else:
             raise InputError(f"no bone is called {name!r}; the bones are {', '.join(angles)}")
     stacked = np.stack(list(angles.values()))
@@ -135,7 +130,7 @@ def joint_rotations(bones: Sequence[Bone], pose: Pose) -> FloatArray:
 def move_skin(bones: Sequence[Bone], points: FloatArray, pose: Pose) -> FloatArray:
     """Carry points of the resting skin into a pose, by dual quaternions (Kavan et al. 2007)."""
     motions: dict[str | None, tuple[FloatArray, FloatArray]] = {None: (np.eye(3), np.zeros(3))}
-    for bone, own in zip(bones, joint_rotations(bones, pose), strict=True):
+    for bone, own in zip(bones, _joint_rotations(bones, pose), strict=True):
         turn, shift = motions[bone.parent]
         head, turned = np.array(bone.head), turn @ own
         motions[bone.name] = turned, turn @ head + shift - turned @ head
@@ -180,3 +175,52 @@ def restore_lengths(rest: FloatArray, posed: FloatArray, faces: IntArray) -> Flo
         turns = nearest_rotation(surface.covariances(moved).transpose(0, 2, 1))
         moved = surface.fit_places(system, force, turns)
     return moved
+
+
+def carry(points: FloatArray, bones: Sequence[Bone], onto: Sequence[Bone]) -> FloatArray:
+    """Carry points (n, 3) of a resting skin onto that of the same bones of other places and sizes.
+
+    The bones change in small steps. At each, a point goes with the bones near it, keeping its place
+    along each bone and its distance in bone radii, and then straight onto the new skin: a smooth
+    map that commutes with the left-right symmetry.
+    """
+    now = list(bones)
+    for step in range(1, _N_BETWEEN + 1):
+        following = [_between(a, b, step / _N_BETWEEN) for a, b in zip(bones, onto, strict=True)]
+        points = _go_along(now, following, points)
+        field, _ = cones_of(following).local_field(points)
+        for _ in range(3):
+            points = newton_step(field, points)
+        now = following
+    return points
+
+
+def _between(one: Bone, other: Bone, share: float) -> Bone:
+    sizes = ("head", "tail", "head_radius", "tail_radius", "flat")
+    pairs = {name: np.array([getattr(one, name), getattr(other, name)]) for name in sizes}
+    return one._replace(**{name: (1 - share) * a + share * b for name, (a, b) in pairs.items()})
+
+
+def _go_along(now: Sequence[Bone], after: Sequence[Bone], points: FloatArray) -> FloatArray:
+    weights = skin_weights(now, points)
+    moved = np.zeros_like(points)
+    for b, (old, new) in enumerate(zip(now, after, strict=True)):
+        near = np.flatnonzero(weights[:, b])
+        head, axis = np.array(old.head), np.subtract(old.tail, old.head)
+        new_axis = np.subtract(new.tail, new.head)
+        length = float(np.linalg.norm(axis))
+        along = np.clip((points[near] - head) @ axis / length**2, 0, 1)[:, None]
+        offset = points[near] - head - along * axis
+        radius = old.head_radius + along * (old.tail_radius - old.head_radius)
+        new_radius = new.head_radius + along * (new.tail_radius - new.head_radius)
+        turn = _shortest_turn(axis / length, new_axis / np.linalg.norm(new_axis))
+        place = np.array(new.head) + along * new_axis + new_radius / radius * (offset @ turn.T)
+        moved[near] += weights[near, b, None] * place
+    return moved
+
+
+def _shortest_turn(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Turn one unit vector into another, less than half a turn away, the shortest way."""
+    v = np.cross(a, b)
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + a @ b))

@@ -93,7 +93,7 @@ def _inside(cones: Cones, spacing: float) -> tuple[BoolArray, FloatArray]:
     origin: FloatArray = low.min(axis=0) - 2 * spacing
     origin[0] = -0.5 * spacing
     shape: IntArray = np.ceil((high.max(axis=0) - origin) / spacing).astype(np.int64) + 3
-    total = np.zeros(tuple(shape))
+    total = np.zeros(shape.tolist())
     for chain in range(cones.chains.max() + 1):
         members = np.flatnonzero(cones.chains == chain)
         first = np.floor((low[members].min(axis=0) - origin) / spacing).astype(int)
@@ -104,7 +104,7 @@ def _inside(cones: Cones, spacing: float) -> tuple[BoolArray, FloatArray]:
         box = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
         points = origin + spacing * np.mgrid[box].reshape(3, -1).T
         distance = np.full(len(points), np.inf)
-        for member in members:
+        for member in members.tolist():
             np.minimum(distance, cones.distances(points, [member])[0], out=distance)
         total[box] += np.exp(np.minimum(-distance / cones.blend, 50)).reshape(last - first)
     return total > 1, origin

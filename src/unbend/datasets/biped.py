@@ -85,9 +85,8 @@ def make_biped(
     Parameters
     ----------
     pose : str, mapping, or None, default="standing"
-        "standing", "spread", "walking", "running", "sitting", "squatting", "waving",
-        "kicking", "lunging", "bowing" or "dancing";
-        or as for :func:`make_quadruped`.
+        "standing", "spread", "walking", "running", "sitting", "squatting", "waving", "kicking",
+        "lunging", "bowing" or "dancing"; or as for :func:`make_quadruped`.
     species : str, default="human"
         "human", "child" or "ape".
     n_vertices, meshing, random_state

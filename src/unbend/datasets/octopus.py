@@ -14,7 +14,7 @@ _SPECIES: dict[str, dict[str, float]] = {
     "octopus": {},
     "squid": {"arms": 0.72, "mantle": 1.9, "girth": 0.8, "eyes": 0.85},
 }
-_DEFAULTS = {"arms": 1.0, "mantle": 1.0, "girth": 1.0, "eyes": 1.0, "limbs": 1.0}
+_DEFAULTS = dict.fromkeys(("arms", "mantle", "girth", "eyes", "limbs"), 1.0)
 _N_SEGMENTS = 9
 _AZIMUTHS = {1: 22.5, 2: 67.5, 3: 112.5, 4: 157.5}  # of the left arms, degrees from the front
 
@@ -85,8 +85,7 @@ def make_octopus(
     ----------
     pose : str, mapping, or None, default="crawling"
         "floating" (the rest pose), "crawling", "resting", "swimming", "curled", "reaching",
-        "dancing" or "standing";
-        or as for :func:`make_quadruped`, with bones such as ``"arm_1_2"``.
+        "dancing" or "standing"; or as for :func:`make_quadruped`, with bones such as ``"arm_1_2"``.
     species : str, default="octopus"
         "octopus" or "squid".
     n_vertices, meshing, random_state
@@ -119,8 +118,7 @@ def make_octopus(
     >>> bool((shape.mirror[shape.mirror] == range(600)).all())
     True
     """
-    maker = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)
-    return make_shape(maker, pose, n_vertices, species, meshing, random_state, proportions)
+    return make_shape(OCTOPUS, pose, n_vertices, species, meshing, random_state, proportions)
 
 
 def _bones(p: Mapping[str, float]) -> list[Bone]:
@@ -140,3 +138,6 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
         joints = np.array([0, 0.15, 0]) + (0.1 + 0.95 * p["arms"] * share)[:, None] * outward
         left += chain_of(f"left_arm_{arm}", "body", joints, radii)
     return both_sides(left)
+
+
+OCTOPUS = Maker(_SPECIES, _DEFAULTS, _POSES, _bones)

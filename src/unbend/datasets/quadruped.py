@@ -29,10 +29,10 @@ _SPECIES: dict[str, dict[str, float]] = {
         "paws": 0.5, "tail_lift": -60.0, "ear_spread": 1.0, "head": 0.95,
     },
 }  # fmt: skip
-_DEFAULTS = {
-    "legs": 1.0, "neck": 1.0, "tail": 1.0, "ears": 1.0, "muzzle": 1.0, "girth": 1.0,
-    "body": 1.0, "paws": 1.0, "head": 1.0, "limbs": 1.0, "tail_lift": 35.0, "ear_spread": 1.0,
-}  # fmt: skip
+_DEFAULTS = dict.fromkeys(
+    ("legs", "neck", "tail", "ears", "muzzle", "girth", "body", "paws", "head", "limbs",
+     "tail_lift", "ear_spread"), 1.0,
+) | {"tail_lift": 35.0}  # fmt: skip
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
 _POSES: dict[str, Pose] = {
@@ -109,11 +109,10 @@ def make_quadruped(
     Parameters
     ----------
     pose : str, mapping, or None, default="standing"
-        "standing", "walking", "galloping", "sitting", "lying", "stretching", "howling",
-        "grazing", "rearing" or "scratching";
-        a mapping from bone names to angles in degrees about x, y and z (``"thigh"`` turns both
-        sides, ``"left_thigh"`` one; an unknown name lists them all); or None: a random pose
-        between two named ones.
+        "standing", "walking", "galloping", "sitting", "lying", "stretching", "howling", "grazing",
+        "rearing" or "scratching"; a mapping from bone names to angles in degrees about x, y and z
+        (``"thigh"`` turns both sides, ``"left_thigh"`` one; an unknown name lists them all); or
+        None: a random pose between two named ones.
     n_vertices : int, default=5000
         Number of vertices, met exactly; 500 to 200000.
     species : str, default="dog"
@@ -132,8 +131,7 @@ def make_quadruped(
     Returns
     -------
     Shape
-        The posed mesh, its rest pose, mirror map and body parts. Vertices and faces are numbered
-        alike in all poses of one body and meshing. A dog is 1.2
+        Vertices and faces are numbered alike in all poses of one body and meshing. A dog is 1.2
         units long and 0.9 high.
 
     Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -12,8 +12,14 @@ import numpy as np
 from unbend._arrays import check_whole, is_number, nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
-from unbend.datasets._reference import carry
-from unbend.datasets._skeleton import Bone, Pose, cones_of, move_skin, restore_lengths
+from unbend.datasets._skeleton import (
+    Bone,
+    Pose,
+    carry,
+    cones_of,
+    move_skin,
+    restore_lengths,
+)
 from unbend.datasets._surface import skin
 from unbend.errors import InputError
 from unbend.mesh import Mesh
@@ -133,17 +139,19 @@ def make_shape(
 
 def _sizes(maker: Maker, species: str, given: Mapping[str, float]) -> dict[str, float]:
     """Combine the default, the species' and the caller's proportions, and check their names."""
-    if species not in list(maker.species):
-        known = ", ".join(maker.species)
-        raise InputError(f"there is no species {species!r}; the species are {known}")
+    _check_known(species, maker.species, "species", "species")
     for key, value in given.items():
-        if key not in maker.defaults:
-            known = ", ".join(maker.defaults)
-            raise InputError(f"there is no proportion {key!r}; the proportions are {known}")
+        _check_known(key, maker.defaults, "proportion", "proportions")
         low, high = (-180, 180) if key == "tail_lift" else (0, 10)
         if not (is_number(value) and low < value <= high):
             raise InputError(f"{key} must be above {low} and at most {high}, not {value!r}")
     return {**maker.defaults, **maker.species[species], **given}
+
+
+def _check_known(name: object, known: Iterable[str], one: str, several: str) -> None:
+    names = list(known)  # of which a list is none, and no error
+    if name not in names:
+        raise InputError(f"there is no {one} {name!r}; the {several} are {', '.join(names)}")
 
 
 def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: int | None) -> Pose:
@@ -151,8 +159,7 @@ def _angles(poses: Mapping[str, Pose], pose: str | Pose | None, random_state: in
     if isinstance(pose, Mapping):
         return pose
     if pose is not None:
-        if pose not in list(poses):
-            raise InputError(f"there is no pose {pose!r}; the poses are {', '.join(poses)}")
+        _check_known(pose, poses, "pose", "poses")
         return poses[pose]
     rng = np.random.default_rng(random_state)
     names = list(poses)
