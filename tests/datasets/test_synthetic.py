@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from unbend import diagnose
 from unbend.datasets import (
     Shape,
     biped,
@@ -45,26 +46,13 @@ def min_angles(vertices, faces):
 
 def assert_sphere_like(shape: Shape) -> None:
     """One closed, consistently oriented manifold without handles, facing outward."""
-    faces, n = shape.mesh.faces, shape.mesh.n_vertices
-    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = directed[:, 0] * n + directed[:, 1]
-    assert len(np.unique(keys)) == len(keys)  # no edge twice in one direction
-    assert np.isin(directed[:, 1] * n + directed[:, 0], keys).all()  # each once in the other
-    assert n - len(edge_array(faces)) + len(faces) == 2
-    # The faces around each vertex form one ring: walking from face to face sees all of them.
-    after = dict(zip(map(tuple, directed.tolist()), np.roll(faces, 1, axis=1).ravel(), strict=True))
-    valence = np.bincount(faces.ravel(), minlength=n)
-    assert valence.min() >= 3
-    start = {}
-    for a, b in directed.tolist():
-        start.setdefault(a, b)
-    for vertex, first in start.items():
-        steps, now = 1, after[vertex, first]
-        while now != first:
-            steps, now = steps + 1, after[vertex, now]
-        assert steps == valence[vertex]
+    found = diagnose(shape.mesh)
+    assert (found.closed, found.genus, found.n_components) == (True, 0, 1)
+    assert found.non_manifold_edges == found.non_manifold_vertices == 0
+    assert found.inconsistent_edges == found.degenerate_faces == 0
+    assert np.bincount(shape.mesh.faces.ravel(), minlength=shape.mesh.n_vertices).min() >= 3
     for vertices in (shape.rest, shape.mesh.vertices):
-        assert signed_volume(vertices, faces) > 0.01
+        assert signed_volume(vertices, shape.mesh.faces) > 0.01
 
 
 @pytest.mark.parametrize(("maker", "species"), SPECIES)

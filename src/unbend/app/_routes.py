@@ -44,9 +44,7 @@ _ASSETS = {
 }
 
 
-def make_app(
-    session: Session, tabs: dict[str, float], token: str, port: int, lifetime: Any = None
-) -> Any:
+def make_app(session: Session, tabs: dict[str, float], token: str, port: int, lifetime: Any) -> Any:
     """Make the ASGI application; `tabs` gets when each open page was last heard of."""
 
     async def asset(request: Request) -> Response:

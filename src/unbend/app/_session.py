@@ -219,12 +219,9 @@ class Session:
                     continue
                 entry |= {"running": True, "stage": "starting"}
                 folder = self.folder / f"result-{i}"
-                shapes = [self.file(one, "file") for one in job["shapes"]]
-                changed = [
-                    one["name"]
-                    for one in map(self._shapes.get, job["shapes"])
-                    if one and one["stamp"] != _stamp(Path(one["path"]))
-                ]
+                used = [self._shapes[one] for one in job["shapes"]]
+                shapes = [(one["path"], one["name"]) for one in used]
+                changed = [one["name"] for one in used if one["stamp"] != _stamp(one["path"])]
                 self._note()
             if changed:
                 found = {"error": f"{changed[0]} has changed since it was opened; open it again"}
@@ -290,13 +287,12 @@ def remove_dead() -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def _stamp(path: Path) -> tuple[int, int] | None:
+def _stamp(path: str | Path) -> tuple[int, int] | None:
     """Size of a file and when it was written; None if it is gone."""
-    try:
-        about = path.stat()
-    except OSError:
-        return None
-    return about.st_size, about.st_mtime_ns
+    with contextlib.suppress(OSError):
+        about = os.stat(path)
+        return about.st_size, about.st_mtime_ns
+    return None
 
 
 def _shown(entries: dict[int, dict[str, Any]]) -> list[dict[str, Any]]:

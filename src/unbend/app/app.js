@@ -149,17 +149,18 @@ function showResults() {
     showResults();
   }, { "aria-pressed": `${one === at}` })));
   const open = !!at?.shapes.every((id) => state.shapes.some((one) => one.id === id));
-  if (at && at.id === shown && open === usable) return showPlaced(at);
-  shown = at?.id;
-  usable = open;
-  frame = null;
-  part("result").replaceChildren(...(at ? panel(at) : []));
+  if (at?.id !== shown || open !== usable) {
+    shown = at?.id;
+    usable = open;
+    frame = null;
+    part("result").replaceChildren(...(at ? panel(at) : []));
+  }
+  if (at) showPlaced(at);
 }
 
 // All that is shown of a result.
 function panel(result) {
   const { id } = result, blocks = [];
-  const again = () => submit({ do: "landmarks", shapes: result.shapes, landmarks: result.landmarks });
   const trust = result.confidence && make("b", {}, `The map is ${result.confidence}. `);
   if (result.facts.length) blocks.push(make("p", {}, trust, ...result.facts.map(([name, value]) => `${name}: ${value}. `)));
   for (const text of result.warnings || []) blocks.push(make("p", { class: "trouble" }, text));
@@ -185,7 +186,7 @@ function panel(result) {
         make("p", {}, `Map ${n + 2}: ${one.words}`),
         make("div", { class: "row" }, button("Take this map", () => submit({ do: "choose", result: id, alternative: n }), { "aria-label": `Take map ${n + 2}` })))))));
   }
-  if (usable && result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result, again));
+  if (usable && result.confidence) blocks.push(make("h3", {}, "Use this map"), uses(result));
   blocks.push(make("h3", {}, "Save"), make("ul", { class: "files" },
     result.page && result.do !== "landmarks" && make("li", {}, make("a", { href: `results/${id}/page?save`, download: true }, "report.html"), " this page, which opens anywhere"),
     ...result.files.map(({ name, about }, n) => make("li", {},
@@ -198,12 +199,11 @@ function panel(result) {
       }, { "aria-label": `Copy: ${head}` })));
   }
   blocks.push(make("div", { class: "row" }, button("Remove this result", () => ask("DELETE", `results/${id}`))));
-  queueMicrotask(() => showPlaced(result));
   return blocks;
 }
 
 // What can be done with a map.
-function uses(result, again) {
+function uses(result) {
   const { id } = result;
   const steps = make("select", {}, ...[1, 3, 5, 9].map((n) => make("option", { value: n }, n)));
   const file = make("input", { type: "file" }), column = make("input", { type: "text" });
@@ -211,6 +211,7 @@ function uses(result, again) {
     const values = file.files.length ? await upload(file.files, "values") : undefined;
     if (values !== null) submit({ do: "transfer", result: id, values, column: column.value });
   };
+  const again = () => submit({ do: "landmarks", shapes: result.shapes, landmarks: result.landmarks });
   if (result.do === "symmetry" || result.shapes[0] === result.shapes[1]) return make("p", { class: "hint" }, "Save it below.");
   return make("div", {},
     make("div", { class: "controls", role: "group", "aria-label": "Match again" }, button("Place landmarks and match again", again)),

@@ -98,6 +98,11 @@ def cones_of(bones: Sequence[Bone], *, for_motion: bool = False) -> Cones:
     return Cones(heads, tails, head_radii, tail_radii, flats, factors - 1, chains, _BLEND)
 
 
+def pose_of(**angles: float | Sequence[float]) -> Pose:
+    """Make a pose from a bone's angles about x, y and z, or that about x alone."""
+    return {bone: (x, 0, 0) if isinstance(x, float | int) else x for bone, x in angles.items()}
+
+
 def skin_weights(bones: Sequence[Bone], points: FloatArray) -> FloatArray:
     """Shares of bones in the motion of points on the resting skin, (n_points, n_bones)."""
     distances = cones_of(bones, for_motion=True).distances(points)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, pose_of
 from unbend.datasets.shape import Maker, Shape, make_shape
 
 _SPECIES: dict[str, dict[str, float]] = {
@@ -16,58 +16,49 @@ _DEFAULTS = dict.fromkeys(("legs", "arms", "torso", "head", "girth", "hands", "l
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
 _POSES: dict[str, Pose] = {
-    "standing": {"upper_arm": (0, 0, -26), "forearm": (-8, -6, 4), "thigh": (0, 0, -3)},
-    "spread": {"upper_arm": (0, 0, 42), "thigh": (0, 0, 8)},
-    "walking": {
-        "left_upper_arm": (26, 0, -24), "right_upper_arm": (-30, 0, 24),
-        "left_forearm": (-12, -9, 0), "right_forearm": (-22, 17, 0),
-        "left_thigh": (-26, 0, -3), "left_shin": (8, 0, 0), "left_foot": (-8, 0, 0),
-        "right_thigh": (20, 0, 3), "right_shin": (24, 0, 0), "right_foot": (14, 0, 0),
-        "chest": (2, -8, 0), "head": (0, 4, 0),
-    },
-    "running": {
-        "pelvis": (8, 0, 0), "waist": (4, 4, 0), "chest": (4, 8, 0), "head": (-10, -6, 0),
-        "left_upper_arm": (-44, 0, -24), "right_upper_arm": (46, 0, 26),
-        "left_forearm": (-58, -42, 0), "right_forearm": (-56, 40, 0),
-        "left_thigh": (26, 0, -3), "left_shin": (52, 0, 0), "left_foot": (24, 0, 0),
-        "right_thigh": (-54, 0, 3), "right_shin": (58, 0, 0), "right_foot": (-6, 0, 0),
-    },
-    "sitting": {
-        "waist": (-2, 0, 0), "chest": (4, 0, 0), "upper_arm": (-22, 0, -24),
-        "forearm": (-38, -28, 0), "thigh": (-82, 0, 2), "shin": (82, 0, 0),
-    },
-    "squatting": {
-        "pelvis": (22, 0, 0), "waist": (8, 0, 0), "chest": (6, 0, 0), "head": (-22, 0, 0),
-        "thigh": (-86, 12, 4), "shin": (82, 0, 0), "foot": (-16, 0, 0),
-        "upper_arm": (-64, 0, -16), "forearm": (-16, -12, 0),
-    },
-    "waving": {
-        "left_upper_arm": (-6, 0, 52), "left_forearm": (0, 0, 68), "left_hand": (0, 0, 8),
-        "right_upper_arm": (0, 0, 26), "chest": (0, 0, -4), "head": (0, 8, -4),
-    },
-    "kicking": {
-        "pelvis": (-10, 10, 0), "chest": (6, 0, 0), "left_thigh": (-72, 0, 0),
-        "left_shin": (10, 0, 0), "left_foot": (14, 0, 0), "right_thigh": (8, 0, 6),
-        "right_shin": (6, 0, 0), "left_upper_arm": (16, 14, 16),
-        "right_upper_arm": (-44, 14, -10), "forearm": (-22, -18, 0), "head": (12, -8, 0),
-    },
-    "lunging": {
-        "left_thigh": (-60, 0, 2), "left_shin": (58, 0, 0), "right_thigh": (34, 0, 4),
-        "right_shin": (6, 0, 0), "right_foot": (-24, 0, 0), "upper_arm": (0, 0, 44),
-        "chest": (0, 16, 0), "waist": (0, 8, 0), "head": (0, -10, 0),
-    },
-    "bowing": {
-        "pelvis": (26, 0, 0), "waist": (16, 0, 0), "chest": (14, 0, 0), "neck": (8, 0, 0),
-        "head": (8, 0, 0), "thigh": (-26, 0, -3), "upper_arm": (-20, 0, -24),
-        "forearm": (-8, -6, 0),
-    },
-    "dancing": {
-        "waist": (0, 8, 6), "chest": (-4, 10, 8), "head": (0, -8, -8),
-        "left_upper_arm": (0, -12, 66), "left_forearm": (-22, -26, 22),
-        "right_upper_arm": (0, -18, -26), "right_forearm": (-24, 24, 0),
-        "left_thigh": (-38, -24, 22), "left_shin": (76, 0, 0), "left_foot": (24, 0, 0),
-        "right_thigh": (0, 0, 8),
-    },
+    "standing": pose_of(upper_arm=(0, 0, -26), forearm=(-8, -6, 4), thigh=(0, 0, -3)),
+    "spread": pose_of(upper_arm=(0, 0, 42), thigh=(0, 0, 8)),
+    "walking": pose_of(
+        left_upper_arm=(26, 0, -24), right_upper_arm=(-30, 0, 24), left_forearm=(-12, -9, 0),
+        right_forearm=(-22, 17, 0), left_thigh=(-26, 0, -3), left_shin=8, left_foot=-8,
+        right_thigh=(20, 0, 3), right_shin=24, right_foot=14, chest=(2, -8, 0), head=(0, 4, 0),
+    ),
+    "running": pose_of(
+        pelvis=8, waist=(4, 4, 0), chest=(4, 8, 0), head=(-10, -6, 0), left_upper_arm=(-44, 0, -24),
+        right_upper_arm=(46, 0, 26), left_forearm=(-58, -42, 0), right_forearm=(-56, 40, 0),
+        left_thigh=(26, 0, -3), left_shin=52, left_foot=24, right_thigh=(-54, 0, 3), right_shin=58,
+        right_foot=-6,
+    ),
+    "sitting": pose_of(
+        waist=-2, chest=4, upper_arm=(-22, 0, -24), forearm=(-38, -28, 0), thigh=(-82, 0, 2),
+        shin=82,
+    ),
+    "squatting": pose_of(
+        pelvis=22, waist=8, chest=6, head=-22, thigh=(-86, 12, 4), shin=82, foot=-16,
+        upper_arm=(-64, 0, -16), forearm=(-16, -12, 0),
+    ),
+    "waving": pose_of(
+        left_upper_arm=(-6, 0, 52), left_forearm=(0, 0, 68), left_hand=(0, 0, 8),
+        right_upper_arm=(0, 0, 26), chest=(0, 0, -4), head=(0, 8, -4),
+    ),
+    "kicking": pose_of(
+        pelvis=(-10, 10, 0), chest=6, left_thigh=-72, left_shin=10, left_foot=14,
+        right_thigh=(8, 0, 6), right_shin=6, left_upper_arm=(16, 14, 16),
+        right_upper_arm=(-44, 14, -10), forearm=(-22, -18, 0), head=(12, -8, 0),
+    ),
+    "lunging": pose_of(
+        left_thigh=(-60, 0, 2), left_shin=58, right_thigh=(34, 0, 4), right_shin=6, right_foot=-24,
+        upper_arm=(0, 0, 44), chest=(0, 16, 0), waist=(0, 8, 0), head=(0, -10, 0),
+    ),
+    "bowing": pose_of(
+        pelvis=26, waist=16, chest=14, neck=8, head=8, thigh=(-26, 0, -3), upper_arm=(-20, 0, -24),
+        forearm=(-8, -6, 0),
+    ),
+    "dancing": pose_of(
+        waist=(0, 8, 6), chest=(-4, 10, 8), head=(0, -8, -8), left_upper_arm=(0, -12, 66),
+        left_forearm=(-22, -26, 22), right_upper_arm=(0, -18, -26), right_forearm=(-24, 24, 0),
+        left_thigh=(-38, -24, 22), left_shin=76, left_foot=24, right_thigh=(0, 0, 8),
+    ),
 }  # fmt: skip
 
 
@@ -125,7 +116,7 @@ def make_biped(
 def _bones(p: Mapping[str, float]) -> list[Bone]:
     girth, head, torso = p["girth"], p["head"], p["torso"]
     crotch = 0.9 * p["legs"]
-    wide, deep = 0.5 + 0.5 * girth, girth
+    wide = 0.5 + 0.5 * girth
     limb = wide * p["limbs"]
 
     def trunk(x: float, y: float, z: float) -> Point:
@@ -155,7 +146,7 @@ def _bones(p: Mapping[str, float]) -> list[Bone]:
         Bone("chest", "waist", trunk(0, 1.13, 0), trunk(0, 1.31, -0.005), 0.14 * girth,
              0.168 * girth, "torso", flat, "spine"),
         Bone("left_collar", "chest", trunk(0.06, 1.375, -0.015), trunk(0.15, 1.38, -0.01),
-             0.062 * deep, 0.06 * wide, "torso"),
+             0.062 * girth, 0.06 * wide, "torso"),
         Bone("neck", "chest", trunk(0, 1.40, -0.015), face(0, 1.53, 0.005), 0.06 * wide,
              0.054 * wide, "head"),
         Bone("head", "neck", face(0, 1.585, 0), face(0, 1.64, -0.004), 0.088 * head, 0.1 * head,

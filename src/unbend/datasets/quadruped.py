@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chain_of
+from unbend.datasets._skeleton import Bone, Point, Pose, both_sides, chain_of, pose_of
 from unbend.datasets.shape import Maker, Shape, make_shape
 
 # Factors on the dog's proportions; ``tail_lift`` is the tail's angle above the horizontal, degrees.
@@ -36,62 +36,45 @@ _DEFAULTS = dict.fromkeys(
 
 # Degrees about x (positive: the top goes forward, a leg backward), y (to the left) and z.
 _POSES: dict[str, Pose] = {
-    "standing": {},
-    "walking": {
-        "left_upper_arm": (-28, 0, 0), "left_forearm": (-5, 0, 0), "left_fore_paw": (12, 0, 0),
-        "right_upper_arm": (22, 0, 0), "right_forearm": (-12, 0, 0), "right_pastern": (25, 0, 0),
-        "left_thigh": (24, 0, 0), "left_shin": (5, 0, 0), "left_metatarsus": (-8, 0, 0),
-        "right_thigh": (-26, 0, 0), "right_shin": (22, 0, 0), "right_metatarsus": (-14, 0, 0),
-        "neck": (12, 6, 0), "tail_1": (0, 12, 0), "tail_2": (0, 12, 0), "chest": (0, 4, 0),
-    },
-    "galloping": {
-        "pelvis": (-4, 0, 0), "loin": (5, 0, 0), "chest": (3, 0, 0),
-        "left_upper_arm": (-62, 0, 0), "right_upper_arm": (-48, 0, 0), "forearm": (-8, 0, 0),
-        "pastern": (14, 0, 0),
-        "left_thigh": (52, 0, 0), "right_thigh": (40, 0, 0), "shin": (12, 0, 0),
-        "metatarsus": (8, 0, 0), "neck": (30, 0, 0), "head": (-24, 0, 0),
-        "tail_1": (-15, 0, 0),
-    },
-    "sitting": {
-        "pelvis": (-37, 0, 0), "loin": (-6, 0, 0), "chest": (-4, 0, 0),
-        "upper_arm": (38, 0, 4), "forearm": (4, 0, 0), "pastern": (-4, 0, 0),
-        "fore_paw": (6, 0, 0), "thigh": (-26, 8, 8), "shin": (74, 0, 0),
-        "metatarsus": (-66, 0, 0), "hind_paw": (30, 0, 0), "neck": (20, 0, 0),
-        "head": (26, 0, 0), "tail_1": (-10, 20, 0), "tail_2": (-10, 22, 0), "tail_3": (0, 22, 0),
-    },
-    "lying": {
-        "upper_arm": (-66, 6, 0), "forearm": (-14, 0, 0), "fore_paw": (12, 0, 0),
-        "thigh": (-58, 14, 12), "shin": (74, 0, 0), "metatarsus": (-62, 0, 0),
-        "hind_paw": (20, 0, 0), "loin": (4, 0, 0), "chest": (-4, 0, 0), "neck": (-6, 24, 0),
-        "head": (6, 10, 0), "tail_1": (24, -18, 0), "tail_2": (8, -20, 0), "tail_3": (4, -22, 0),
-    },
-    "stretching": {
-        "pelvis": (22, 0, 0), "loin": (10, 0, 0), "chest": (-4, 0, 0),
-        "upper_arm": (-78, 0, 0), "forearm": (-14, 0, 0), "pastern": (10, 0, 0),
-        "thigh": (-24, 0, 0), "shin": (4, 0, 0), "metatarsus": (-2, 0, 0), "neck": (-28, 0, 0),
-        "head": (-8, 0, 0), "tail_1": (30, 0, 0), "tail_2": (12, 0, 0),
-    },
-    "howling": {
-        "pelvis": (-8, 0, 0), "neck": (-30, 0, 0), "head": (-48, 0, 0), "thigh": (8, 0, 0),
-        "upper_arm": (8, 0, 0), "tail_1": (-20, 0, 0),
-    },
-    "grazing": {
-        "chest": (10, 0, 0), "neck": (74, 0, 0), "head": (22, 0, 0), "upper_arm": (-10, 0, 3),
-        "left_upper_arm": (-18, 0, 0), "right_upper_arm": (14, 0, 0),
-    },
-    "rearing": {
-        "pelvis": (-58, 0, 0), "loin": (-4, 0, 0), "thigh": (44, 0, 0), "shin": (8, 0, 0),
-        "metatarsus": (6, 0, 0), "left_upper_arm": (-34, 0, 0), "right_upper_arm": (-8, 0, 0),
-        "left_forearm": (18, 0, 0), "right_forearm": (8, 0, 0), "pastern": (60, 0, 0),
-        "neck": (24, 0, 0), "head": (28, 0, 0),
-    },
-    "scratching": {
-        "pelvis": (-40, 0, 0), "loin": (-6, 14, 0), "chest": (-4, 16, 0), "neck": (16, 26, 0),
-        "head": (18, 16, 10), "upper_arm": (42, 0, 0), "right_thigh": (-26, -8, -8),
-        "right_shin": (74, 0, 0), "right_metatarsus": (-66, 0, 0), "right_hind_paw": (30, 0, 0),
-        "left_thigh": (-66, 0, 24), "left_shin": (50, 0, 0), "left_metatarsus": (-50, 0, 0),
-        "tail_1": (-6, -20, 0),
-    },
+    "standing": pose_of(),
+    "walking": pose_of(
+        left_upper_arm=-28, left_forearm=-5, left_fore_paw=12, right_upper_arm=22,
+        right_forearm=-12, right_pastern=25, left_thigh=24, left_shin=5, left_metatarsus=-8,
+        right_thigh=-26, right_shin=22, right_metatarsus=-14, neck=(12, 6, 0), tail_1=(0, 12, 0),
+        tail_2=(0, 12, 0), chest=(0, 4, 0),
+    ),
+    "galloping": pose_of(
+        pelvis=-4, loin=5, chest=3, left_upper_arm=-62, right_upper_arm=-48, forearm=-8, pastern=14,
+        left_thigh=52, right_thigh=40, shin=12, metatarsus=8, neck=30, head=-24, tail_1=-15,
+    ),
+    "sitting": pose_of(
+        pelvis=-37, loin=-6, chest=-4, upper_arm=(38, 0, 4), forearm=4, pastern=-4, fore_paw=6,
+        thigh=(-26, 8, 8), shin=74, metatarsus=-66, hind_paw=30, neck=20, head=26,
+        tail_1=(-10, 20, 0), tail_2=(-10, 22, 0), tail_3=(0, 22, 0),
+    ),
+    "lying": pose_of(
+        upper_arm=(-66, 6, 0), forearm=-14, fore_paw=12, thigh=(-58, 14, 12), shin=74,
+        metatarsus=-62, hind_paw=20, loin=4, chest=-4, neck=(-6, 24, 0), head=(6, 10, 0),
+        tail_1=(24, -18, 0), tail_2=(8, -20, 0), tail_3=(4, -22, 0),
+    ),
+    "stretching": pose_of(
+        pelvis=22, loin=10, chest=-4, upper_arm=-78, forearm=-14, pastern=10, thigh=-24, shin=4,
+        metatarsus=-2, neck=-28, head=-8, tail_1=30, tail_2=12,
+    ),
+    "howling": pose_of(pelvis=-8, neck=-30, head=-48, thigh=8, upper_arm=8, tail_1=-20),
+    "grazing": pose_of(
+        chest=10, neck=74, head=22, upper_arm=(-10, 0, 3), left_upper_arm=-18, right_upper_arm=14,
+    ),
+    "rearing": pose_of(
+        pelvis=-58, loin=-4, thigh=44, shin=8, metatarsus=6, left_upper_arm=-34, right_upper_arm=-8,
+        left_forearm=18, right_forearm=8, pastern=60, neck=24, head=28,
+    ),
+    "scratching": pose_of(
+        pelvis=-40, loin=(-6, 14, 0), chest=(-4, 16, 0), neck=(16, 26, 0), head=(18, 16, 10),
+        upper_arm=42, right_thigh=(-26, -8, -8), right_shin=74, right_metatarsus=-66,
+        right_hind_paw=30, left_thigh=(-66, 0, 24), left_shin=50, left_metatarsus=-50,
+        tail_1=(-6, -20, 0),
+    ),
 }  # fmt: skip
 
 
