@@ -12,14 +12,7 @@ import numpy as np
 from unbend._arrays import check_whole, is_number, nearest_rows
 from unbend._display import Brief
 from unbend._types import FloatArray, IntArray
-from unbend.datasets._skeleton import (
-    Bone,
-    Pose,
-    carry,
-    cones_of,
-    move_skin,
-    restore_lengths,
-)
+from unbend.datasets._skeleton import Bone, Pose, carry, cones_of, move_skin, restore_lengths
 from unbend.datasets._surface import skin
 from unbend.errors import InputError
 from unbend.mesh import Mesh
