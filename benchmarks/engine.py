@@ -27,7 +27,7 @@ from report import write_report
 from unbend import Mesh, canonical_form, distance, read_mesh, spectrum
 from unbend.canonical import distance_coefficients, sampled_scaling, shape_end, spread_samples
 from unbend.datasets import make_quadruped
-from unbend.distances import gram_metric
+from unbend.distances import make_metric
 from unbend.linalg.lanczos import smallest_eigenpairs
 from unbend.linalg.pseudoinverse import green_operator
 from unbend.spectral import Spectrum, Surface, make_surface, use_cache
@@ -120,14 +120,14 @@ def spectral_mds(mesh: Mesh, n_samples: int, k: int) -> np.ndarray:
     pairs = Spectrum(values, functions, surface.operator.areas, surface.operator.kind)
     unit = mesh.vertices / np.sqrt(surface.area)
     heat = potpourri3d.MeshHeatMethodDistanceSolver(unit, np.array(mesh.faces), use_robust=True)
-    samples = spread_samples(
+    samples, distances = spread_samples(
         lambda sources: heat.compute_distance(int(sources[0]))[None],
         mesh.n_vertices,
         n_samples,
         shape_end(pairs),
     )
     coefficients = distance_coefficients(
-        samples.distances**2, samples.indices, pairs, mu=1e4, interpolation="projection"
+        distances**2, samples, pairs, mu=1e4, interpolation="projection"
     )
     return sampled_scaling(coefficients, functions, pairs.areas, 3, "uniform")[0]
 
@@ -155,7 +155,7 @@ def bench_columns(mesh: Mesh, count: int, share: int, mark: float) -> list[Row]:
     sources = np.random.default_rng(0).permutation(n)[:count]
 
     def ours() -> np.ndarray:
-        gram = gram_metric("biharmonic", surface, 1.0).gram
+        gram = make_metric("biharmonic", surface).gram
         columns = np.empty((n, count))
         for start in range(0, count, 64):
             part = sources[start : start + 64]

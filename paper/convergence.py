@@ -87,9 +87,9 @@ def sweep(shapes: Collection, name: str) -> Arrays:
     whole = eigenpairs(surface, min(EIGENPAIRS[-1], surface.n_vertices))
     rough = truncated_metric("biharmonic", whole, 1.0)
     # Farthest points: the first of them are what fewer samples would have been.
-    samples = spread_samples(
+    samples, _ = spread_samples(
         rough.from_sources, surface.n_vertices, SAMPLES[-1], shape_end(whole)
-    ).indices
+    )
     squared = make_metric("biharmonic", surface).between(samples) ** 2
 
     def distance(k: int, p: int, mu: float, way: Interpolation) -> float:

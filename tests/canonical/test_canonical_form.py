@@ -250,11 +250,11 @@ def test_a_form_of_one_point_is_an_error(blob):
     ],
 )
 def test_a_form_that_is_not_on_its_axes_is_an_error(blob, monkeypatch, options, spoil):
-    def spoiled(scale, *arguments, **sampling):
-        points, *rest = scale(*arguments, **sampling)
+    def spoiled(scale, *arguments):
+        points, *rest = scale(*arguments)
         return spoil(points), *rest
 
-    for name in ("exact", "sampled"):
+    for name in ("_exact", "_sampled"):
         right = getattr(_canonical_form, name)
         monkeypatch.setattr(_canonical_form, name, partial(spoiled, right))
     with pytest.raises(SolverError, match="of the largest eigenvalue"):
@@ -264,14 +264,14 @@ def test_a_form_that_is_not_on_its_axes_is_an_error(blob, monkeypatch, options, 
 @pytest.mark.parametrize("shift", [[1e-5, -1e-5, 0], [0, 0, -1e-5]])
 def test_a_form_off_the_middle_is_an_error_with_the_figure(blob, monkeypatch, shift):
     """A shift so small that the columns' lengths and angles do not show it."""
-    right = _canonical_form.exact
+    right = _canonical_form._exact
     largest = canonical_form(blob).eigenvalues[0]
 
     def shifted(*arguments):
         points, *rest = right(*arguments)
         return points + np.append(shift, 0), *rest
 
-    monkeypatch.setattr(_canonical_form, "exact", shifted)
+    monkeypatch.setattr(_canonical_form, "_exact", shifted)
     with pytest.raises(SolverError, match=f"the middle by {1e-5 * (642 / largest) ** 0.5:.1e} of"):
         canonical_form(blob)
 

@@ -156,7 +156,7 @@ def test_what_rounding_leaves_of_an_eigenvalue_is_zero_in_any_unit(unit):
         return (frame * values) @ (frame.T @ block)
 
     for points, found in (
-        exact_scaling(gram, 40, 3),
+        exact_scaling(gram, 40, 3, 0),
         sampled_scaling(np.diag(-2 * values), frame, np.full(40, 1 / 40), 3, "uniform"),
     ):
         np.testing.assert_allclose(found[:2], values[:2], rtol=1e-6)

@@ -102,14 +102,14 @@ def test_all_samples_are_of_the_component_chosen(blob, blob_and_ball):
 
 
 def test_points_in_one_place_are_taken_once_each():
-    found = spread_samples(lambda sources: np.zeros((1, 5)), 5, 5, 2)
-    assert sorted(found.indices.tolist()) == [0, 1, 2, 3, 4]
-    assert found.indices[0] == 2
+    found, _ = spread_samples(lambda sources: np.zeros((1, 5)), 5, 5, 2)
+    assert sorted(found.tolist()) == [0, 1, 2, 3, 4]
+    assert found[0] == 2
 
 
 def test_distances_between_samples_come_with_them():
     places = np.array([0.0, 4.0, 1.0, 9.0, 6.0])
-    found = spread_samples(lambda sources: abs(places[sources, None] - places), 5, 4, 2)
-    assert found.indices.tolist() == [2, 3, 1, 4]
-    chosen = places[found.indices]
-    np.testing.assert_array_equal(found.distances, abs(chosen[:, None] - chosen))
+    samples, found = spread_samples(lambda sources: abs(places[sources, None] - places), 5, 4, 2)
+    assert samples.tolist() == [2, 3, 1, 4]
+    chosen = places[samples]
+    np.testing.assert_array_equal(found, abs(chosen[:, None] - chosen))

@@ -6,7 +6,7 @@ import pytest
 import dense
 from unbend import Mesh, diagnose, distance, farthest_point_sampling, laplacian, spectrum
 from unbend.datasets import make_sphere
-from unbend.distances import _gram, gram_metric, make_metric
+from unbend.distances import _gram, make_metric
 from unbend.errors import InputError, MeshError, SolverError, UnbendWarning
 from unbend.linalg.factorization import Factorization
 from unbend.linalg.pseudoinverse import green_and_diagonal
@@ -158,7 +158,7 @@ def test_as_many_eigenpairs_as_a_diffusion_time_needs(length, time):
 def test_all_that_a_metric_offers_is_of_one_kernel(blob, kind, operator):
     surface = make_surface(blob, laplacian=operator)
     kernel = dense.kernel(surface.operator, FILTERS[kind])
-    metric = gram_metric(kind, surface, TIME)
+    metric = make_metric(kind, surface, time=TIME)
     block = np.random.default_rng(0).standard_normal((blob.n_vertices, 3))
     np.testing.assert_allclose(
         metric.gram(block), kernel @ block, atol=1e-9 * abs(kernel @ block).max()
@@ -198,6 +198,15 @@ def test_a_kernel_that_does_not_fit_into_memory_is_refused(blob, monkeypatch):
     monkeypatch.setattr("unbend._memory.available_memory", lambda: 2**10)
     with pytest.raises(MeshError, match="blob: 642 vertices need about"):
         distance(Mesh(blob.vertices, blob.faces, name="blob"), 0, distance="biharmonic")
+
+
+def test_a_factorisation_that_fails_names_the_mesh_once(blob, monkeypatch):
+    def fails(*operator, **options):
+        raise SolverError("no pivot")
+
+    monkeypatch.setattr("unbend.distances._gram.green_and_diagonal", fails)
+    with pytest.raises(SolverError, match="^mesh: no pivot; if its faces are [^;]*$"):
+        distance(blob, 0, distance="biharmonic")
 
 
 def test_unknown_kinds_and_times_without_end_are_refused(blob):

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
 from unbend._arrays import check_whole
 from unbend._display import Brief, table
+from unbend._memory import check_memory
+from unbend._parallel import one_blas_thread
 from unbend._types import FloatArray, Progress
-from unbend.canonical._methods import Options, Scaled, Steps, exact, sampled
+from unbend.canonical._interpolation import distance_coefficients
+from unbend.canonical._mds import area_scaling, exact_scaling, sampled_scaling
+from unbend.canonical._sampling import shape_end, spread_samples
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
-from unbend.distances import GEODESIC, Metric, diffusion_time, length_power
+from unbend.distances import (
+    GEODESIC,
+    SPECTRAL,
+    Metric,
+    diffusion_time,
+    length_power,
+    make_metric,
+    spectral_filter,
+    truncated_metric,
+)
 from unbend.errors import InputError, SolverError, warn
 from unbend.io import MeshLike
-from unbend.spectral import Surface, make_surface
+from unbend.spectral import Surface, eigenpairs, make_surface
 
+# Vectors in memory for each dimension of an exact form, as measured for 3 to 100 dimensions.
+_FORM_COLUMNS = 16
 _STRESS_VERTICES = 32  # the stress is over all pairs of so many random vertices
 # Tolerance for columns' lengths, right angles and centres, as a share of the largest eigenvalue.
 _SKEW = 1e-6
@@ -89,9 +106,8 @@ def canonical_form(
 ) -> CanonicalForm:
     """Embed a surface in Euclidean space so that straight distances approximate intrinsic ones.
 
-    Poses of one shape have nearly the same intrinsic distances, hence nearly the same
-    canonical form, up to a rotation or reflection. This form is exact: it scales all n^2
-    distances, through an operator.
+    Poses of one shape have nearly the same intrinsic distances, hence nearly the same form, up to
+    a rotation or reflection. This form is exact: it scales all n^2 distances, through an operator.
 
     Parameters
     ----------
@@ -161,8 +177,8 @@ def canonical_form(
             "command line --method sampled"
         )
     time = diffusion_time(distance, time)
-    options = Options(distance, n_components, weighting, time, keep_scale, random_state)
-    return _form(mesh, exact, "exact", options, laplacian, component, progress)
+    options = _Options("exact", distance, n_components, weighting, time, keep_scale, random_state)
+    return _form(mesh, options, laplacian, component, progress)
 
 
 def sampled_canonical_form(
@@ -231,35 +247,64 @@ def sampled_canonical_form(
     time = diffusion_time(distance, time)
     check_whole(n_samples, "n_samples", 2)
     check_whole(n_eigenpairs, "n_eigenpairs", 2)
-    scale = partial(
-        sampled, n_samples=n_samples, n_eigenpairs=n_eigenpairs, mu=mu, interpolation=interpolation
+    options = _Options("sampled", distance, n_components, weighting, time, keep_scale, random_state)
+    options = options._replace(
+        n_samples=n_samples, n_eigenpairs=n_eigenpairs, mu=mu, interpolation=interpolation
     )
-    options = Options(distance, n_components, weighting, time, keep_scale, random_state)
-    # p samples span p - 1 dimensions, and the first eigenfunction is constant.
-    most = min(n_samples, n_eigenpairs) - 1
-    return _form(mesh, scale, "sampled", options, laplacian, component, progress, most)
+    return _form(mesh, options, laplacian, component, progress)
+
+
+class _Options(NamedTuple):
+    """Parameters of both methods, then those of the sampled one."""
+
+    method: str
+    distance: DistanceKind
+    n_components: int
+    weighting: Weighting
+    time: float
+    keep_scale: bool
+    random_state: int
+    n_samples: int = 0
+    n_eigenpairs: int = 0
+    mu: float = 0.0
+    interpolation: Interpolation = "projection"
+
+
+class _Steps:
+    """Report the steps of a computation and their times."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.seconds: dict[str, float] = {}
+        self._report = progress or (lambda stage, share: None)
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        self._report(name, 0.0)
+        start = perf_counter()
+        yield
+        self.seconds[name] = perf_counter() - start
+        self._report(name, 1.0)
 
 
 def _form(
     mesh: MeshLike,
-    scale: Callable[[Surface, Options, Steps], Scaled],
-    method: str,
-    options: Options,
+    options: _Options,
     laplacian: LaplacianKind,
     component: str | int | None,
     progress: Progress | None,
-    most: int | None = None,
 ) -> CanonicalForm:
-    """Scale a mesh's distances by a method that gives at most so many dimensions."""
-    d = options.n_components
+    method, d = options.method, options.n_components
     check_whole(options.random_state, "random_state")
     if options.weighting not in ("uniform", "area"):
         raise InputError(f'weighting must be "uniform" or "area", not {options.weighting!r}')
-    steps = Steps(progress)
+    steps = _Steps(progress)
     with steps("laplacian"):
         surface = make_surface(mesh, laplacian=laplacian, component=component)
-    most = min(most or surface.n_vertices, surface.n_vertices - 1)
-    check_whole(d, "the form's dimension", 1, most)
+    most = surface.n_vertices
+    if method == "sampled":  # p samples span p - 1 dimensions; an eigenfunction is constant
+        most = min(most, options.n_samples, options.n_eigenpairs)
+    check_whole(d, "the form's dimension", 1, most - 1)
+    scale = _exact if method == "exact" else _sampled
     points, values, metric = scale(surface, options, steps)
     points = points[:, :d].copy()
     by_area = options.weighting == "area"
@@ -287,6 +332,56 @@ def _form(
     )
 
 
+def _exact(
+    surface: Surface, options: _Options, steps: _Steps
+) -> tuple[FloatArray, FloatArray, Metric]:
+    """Scale all distances to points and eigenvalues, in a dimension more if there is one."""
+    n, d = surface.n_vertices, options.n_components
+    uniform = options.weighting == "uniform"
+    if uniform:
+        check_memory(surface.mesh.name, n, _FORM_COLUMNS * (d + 1))
+    with steps("factorisation"):
+        metric = make_metric(options.distance, surface, time=options.time)
+    if uniform:
+        assert metric.gram is not None  # every distance in SPECTRAL has one
+        with steps("scaling"):
+            scaled = exact_scaling(metric.gram, n, d + 1, options.random_state)
+    else:
+        with steps("spectrum"):
+            spectrum = eigenpairs(surface, min(d + 2, n))
+        filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
+        scaled = area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
+    return *scaled, metric
+
+
+def _sampled(
+    surface: Surface, options: _Options, steps: _Steps
+) -> tuple[FloatArray, FloatArray, Metric]:
+    """Scale distances between samples, interpolated, likewise: the paper's steps 1 to 8."""
+    n = surface.n_vertices
+    with steps("factorisation"):
+        metric = make_metric(options.distance, surface, time=options.time)
+    with steps("spectrum"):
+        spectrum = eigenpairs(surface, min(options.n_eigenpairs, n))
+    with steps("sampling"):
+        spreading = metric
+        if options.distance in SPECTRAL:  # truncated distances spread samples as well, and faster
+            spreading = truncated_metric(options.distance, spectrum, options.time)
+        indices, distances = spread_samples(
+            spreading.from_sources, n, min(options.n_samples, n), shape_end(spectrum)
+        )
+        if options.distance in SPECTRAL:
+            distances = metric.between(indices)
+    with steps("interpolation"), one_blas_thread():
+        coefficients = distance_coefficients(
+            distances**2, indices, spectrum, mu=options.mu, interpolation=options.interpolation
+        )
+    functions, d = spectrum.eigenfunctions, options.n_components + 1
+    with steps("scaling"), one_blas_thread():
+        scaled = sampled_scaling(coefficients, functions, spectrum.areas, d, options.weighting)
+    return *scaled, metric
+
+
 def _check_axes(
     points: FloatArray, eigenvalues: FloatArray, weights: FloatArray, name: str
 ) -> None:
@@ -295,9 +390,8 @@ def _check_axes(
         raise SolverError(
             f"{name}: all points of the form coincide, because its distances are lost in rounding"
         )
-    weighted = points * weights[:, None]
+    weighted, largest = points * weights[:, None], float(eigenvalues.max())
     apart = points.T @ weighted - np.diag(np.maximum(eigenvalues, 0))
-    largest = float(eigenvalues.max())
     middle = weighted.sum(axis=0) / np.sqrt(largest * weights.sum())
     skew = max(float(np.abs(apart).max()) / largest, float(np.abs(middle).max()))
     if not skew <= _SKEW:
@@ -308,8 +402,8 @@ def _check_axes(
 
 
 def _stress(points: FloatArray, metric: Metric, random_state: int) -> float:
-    rng = np.random.default_rng(random_state)
-    some = np.sort(rng.permutation(len(points))[:_STRESS_VERTICES])
+    order = np.random.default_rng(random_state).permutation(len(points))
+    some = np.sort(order[:_STRESS_VERTICES])
     distances = metric.between(some)
     straight = np.linalg.norm(points[some][:, None] - points[some], axis=2)
     return float(np.sqrt(((distances - straight) ** 2).sum() / (distances**2).sum()))

@@ -8,7 +8,6 @@ the rows of Phi at the samples, S = Phi_P^T Phi_P. The equations are those of Ya
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -101,19 +100,15 @@ def interpolate(
     )
     ids = vertex_ids(samples, len(spectrum.areas), "samples")
     operator = interpolation_operator(unit, ids, mu)
-    return np.asarray(unit.eigenfunctions @ (operator @ _rows(values, len(ids))))
-
-
-def _rows(values: Any, n_samples: int) -> FloatArray:
-    array = numbers_of(values, "values to interpolate")
-    if array.ndim not in (1, 2):
-        raise InputError(f"values must have one row for each sample, not shape {array.shape}")
-    if len(array) != n_samples:
-        raise InputError(f"there are {len(array)} values for {n_samples} samples")
-    finite = np.isfinite(array.reshape(n_samples, -1)).all(axis=1)
+    rows = numbers_of(values, "values to interpolate")
+    if rows.ndim not in (1, 2):
+        raise InputError(f"values must have one row for each sample, not shape {rows.shape}")
+    if len(rows) != len(ids):
+        raise InputError(f"there are {len(rows)} values for {len(ids)} samples")
+    finite = np.isfinite(rows.reshape(len(ids), -1)).all(axis=1)
     if not finite.all():
         raise InputError(f"value {int(finite.argmin())} is not finite; leave its sample out")
-    return array
+    return np.asarray(unit.eigenfunctions @ (operator @ rows))
 
 
 def distance_coefficients(

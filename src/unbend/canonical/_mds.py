@@ -21,7 +21,7 @@ _EQUAL, _NOTHING = 1e-9, 1e-14
 
 
 def exact_scaling(
-    gram: Callable[[FloatArray], FloatArray], n: int, n_components: int, *, random_state: int = 0
+    gram: Callable[[FloatArray], FloatArray], n: int, n_components: int, random_state: int
 ) -> tuple[FloatArray, FloatArray]:
     """Scale all n^2 distances with uniform weights to points (n, d) and eigenvalues (d,).
 

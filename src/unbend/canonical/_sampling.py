@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -80,21 +79,17 @@ def farthest_point_sampling(
         if np.ndim(start) != 0:
             raise InputError(f"start must be one vertex, not {start!r}")
         first = int(local_ids(surface, start)[0])
-    samples = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
-    return np.asarray(surface.prepared.kept[samples.indices])
-
-
-class Samples(NamedTuple):
-    """Sampled vertices (p,) and the distances between them (p, p)."""
-
-    indices: IntArray
-    distances: FloatArray
+    samples, _ = spread_samples(metric.from_sources, surface.n_vertices, n_samples, first)
+    return np.asarray(surface.prepared.kept[samples])
 
 
 def spread_samples(
     from_sources: Callable[[IntArray], FloatArray], n_vertices: int, n_samples: int, start: int
-) -> Samples:
-    """Sample farthest points by a function that gives the distances from a source."""
+) -> tuple[IntArray, FloatArray]:
+    """Sample farthest points by a function that gives the distances from a source.
+
+    Returns the vertices (p,) and the distances between them (p, p).
+    """
     check_whole(n_samples, "the number of samples", 1, n_vertices)
     indices = np.empty(n_samples, dtype=np.int64)
     distances = np.zeros((n_samples, n_samples))
@@ -107,7 +102,7 @@ def spread_samples(
         np.minimum(nearest, row, out=nearest)
         nearest[following] = -np.inf  # never twice, not even among coincident points
         following = int(first_largest(nearest))
-    return Samples(indices, distances)
+    return indices, distances
 
 
 def shape_end(spectrum: Spectrum) -> int:

@@ -133,12 +133,12 @@ def sample_form(basis: Basis) -> FloatArray:
     points = basis.functions[:, kept] / basis.values[kept]
     points = np.pad(points, ((0, 0), (0, FORM_COMPONENTS - points.shape[1])))
     start = int(first_largest((points**2).sum(axis=1)))
-    taken = spread_samples(
+    taken, _ = spread_samples(
         lambda sources: np.linalg.norm(points[None] - points[sources, None], axis=2),
         len(points),
         min(len(points), FORM_POINTS),
         start,
-    ).indices
+    )
     return points[np.resize(taken, FORM_POINTS)]
 
 

@@ -1,15 +1,15 @@
 """Distances on a surface: biharmonic, commute-time, diffusion, geodesic."""
 
-from unbend.distances._distance import distance, make_metric
-from unbend.distances._geodesic import geodesic_solver
-from unbend.distances._gram import SPECTRAL, gram_metric, spectral_filter, truncated_metric
-from unbend.distances._metric import (
+from unbend.distances._distance import (
     GEODESIC,
-    Metric,
     diffusion_time,
+    distance,
     length_power,
+    make_metric,
     refuse_of_geodesics,
 )
+from unbend.distances._geodesic import geodesic_solver
+from unbend.distances._gram import SPECTRAL, Metric, spectral_filter, truncated_metric
 
 __all__ = [
     "GEODESIC",
@@ -18,7 +18,6 @@ __all__ = [
     "diffusion_time",
     "distance",
     "geodesic_solver",
-    "gram_metric",
     "length_power",
     "make_metric",
     "refuse_of_geodesics",

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, get_args
 
 import numpy as np
 
-from unbend._types import FloatArray
-from unbend.choices import DIFFUSION_TIME, DistanceKind, LaplacianKind
-from unbend.distances._geodesic import geodesic_metric
-from unbend.distances._gram import gram_metric, truncated_metric
-from unbend.distances._metric import (
-    GEODESIC,
-    Metric,
-    diffusion_time,
-    length_power,
-    refuse_of_geodesics,
-)
+from unbend._arrays import is_number
+from unbend._types import FloatArray, IntArray
+from unbend.choices import DIFFUSION_TIME, DistanceKind, GeodesicKind, LaplacianKind
+from unbend.distances._geodesic import solver_of_component
+from unbend.distances._gram import Metric, gram_metric, truncated_metric
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Surface, eigenpairs, local_ids, make_surface
+
+GEODESIC = get_args(GeodesicKind)
 
 
 def make_metric(
@@ -29,9 +26,48 @@ def make_metric(
 
     `sources` says that distances from sources will be asked for: one factorisation then serves all.
     """
-    if kind in GEODESIC:
-        return geodesic_metric(surface, exact=kind == "geodesic-exact")
-    return gram_metric(kind, surface, time, sources=sources)
+    if kind not in GEODESIC:
+        return gram_metric(kind, surface, time, sources=sources)
+    one = solver_of_component(surface.mesh, exact=kind == "geodesic-exact")
+    scale = 1 / np.sqrt(surface.area)
+
+    def from_sources(sources: IntArray) -> FloatArray:
+        return np.asarray(np.stack([one(int(source)) for source in sources]) * scale)
+
+    def between(samples: IntArray) -> FloatArray:
+        rows = from_sources(samples)[:, samples]
+        return (rows + rows.T) / 2  # the heat method is symmetric only in the limit
+
+    return Metric(from_sources, between)
+
+
+def length_power(kind: str) -> int:
+    """Power of a length that the distance is measured in: scaling a mesh by s scales it by s^p."""
+    return {"commute-time": 0, "diffusion": -1}.get(kind, 1)
+
+
+def refuse_of_geodesics(kind: str, **options: bool) -> None:
+    """Refuse options, by whether they were given, that only spectral distances can use."""
+    for name, given in options.items():
+        if kind in GEODESIC and given:
+            raise InputError(f"{name} is for spectral distances, not {kind} ones; leave it out")
+
+
+def diffusion_time(kind: str, time: float | None) -> float:
+    """Take the default for a diffusion time that was not given.
+
+    Refuses a name that is no distance, and a time that is not used or not positive.
+    """
+    names = get_args(DistanceKind)
+    if kind not in names:
+        raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
+    if kind != "diffusion" and time is not None:
+        raise InputError(f"time is for diffusion distances, not {kind} ones; leave it out")
+    if time is None:
+        return DIFFUSION_TIME
+    if not is_number(time) or not 0 < time < math.inf:
+        raise InputError(f"the diffusion time must be positive, not {time!r}")
+    return time
 
 
 def distance(

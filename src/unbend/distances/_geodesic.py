@@ -10,7 +10,6 @@ import numpy as np
 from unbend._arrays import unit_of
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.distances._metric import Metric
 from unbend.errors import MeshError, MissingExtraError, SolverError, warn
 from unbend.mesh import (
     Mesh,
@@ -20,7 +19,7 @@ from unbend.mesh import (
     has_earlier_twin,
 )
 from unbend.preparation import check_size, restrict
-from unbend.spectral import Surface, delaunay_triangles
+from unbend.spectral import delaunay_triangles
 
 _FromVertex = Callable[[int], FloatArray]
 
@@ -28,21 +27,6 @@ _FromVertex = Callable[[int], FloatArray]
 # warned of: the heat method falls short of the straight line by 5 % at most on ordinary meshes,
 # which so many vertices show; exact distances change by no more than its length along an edge.
 _SHORT, _SHOWING, _STEEP = 0.1, 500, 1e-6
-
-
-def geodesic_metric(surface: Surface, *, exact: bool) -> Metric:
-    """Geodesic distance on a surface, at unit area."""
-    one = (_exact if exact else _heat)(surface.mesh)
-    scale = 1 / np.sqrt(surface.area)
-
-    def from_sources(sources: IntArray) -> FloatArray:
-        return np.asarray(np.stack([one(int(source)) for source in sources]) * scale)
-
-    def between(samples: IntArray) -> FloatArray:
-        rows = from_sources(samples)[:, samples]
-        return (rows + rows.T) / 2  # the heat method is symmetric only in the limit
-
-    return Metric(from_sources, between)
 
 
 def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
@@ -55,13 +39,12 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
     if twice.any():  # they add no surface
         mesh = Mesh(mesh.vertices, mesh.faces[~twice], name=mesh.name)
     of_vertex = find_components(mesh.faces, mesh.n_vertices).of_vertex
-    make = _exact if exact else _heat
 
     @functools.cache
     def on_component(number: int) -> tuple[IntArray, _FromVertex]:
         part, kept, _ = restrict(mesh, of_vertex == number)
         check_size(part)
-        return kept, make(part)
+        return kept, solver_of_component(part, exact=exact)
 
     def one(source: int) -> FloatArray:
         distances = np.full(mesh.n_vertices, np.inf)
@@ -73,6 +56,11 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
         return distances
 
     return one
+
+
+def solver_of_component(mesh: Mesh, *, exact: bool) -> _FromVertex:
+    """Geodesic distances from any vertex of a connected mesh, as :func:`geodesic_solver` does."""
+    return _exact(mesh) if exact else _heat(mesh)
 
 
 def _heat(mesh: Mesh) -> _FromVertex:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from unbend._memory import check_memory
 from unbend._parallel import by_columns, one_blas_thread, slices
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind
-from unbend.distances._metric import Metric
 from unbend.errors import InputError, SolverError
 from unbend.linalg.pseudoinverse import green_and_diagonal, green_operator
 from unbend.linalg.tall import inner
@@ -38,12 +38,23 @@ _AT_ONCE = 32
 _MOST_EIGENPAIRS = 2000
 
 
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """One distance on one surface of unit area.
+
+    `gram` gives products with g, (n, r), where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``.
+    """
+
+    from_sources: Callable[[IntArray], FloatArray]  # (s,) to (s, n): to all vertices
+    between: Callable[[IntArray], FloatArray]  # (p,) to (p, p)
+    gram: Callable[[FloatArray], FloatArray] | None = None
+
+
 def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) -> FloatArray:
     """h(lambda) of a kernel, 0 for the constant eigenfunction."""
-    weights = np.zeros_like(eigenvalues)
     values = eigenvalues[1:]
     if kind == "diffusion":
-        weights[1:] = np.exp(-2 * time * values)
+        weights = np.exp(-2 * time * values)
         if len(values) and weights.max() < _VANISHING:
             longest = _two_digits(-np.log(_VANISHING) / (2 * values[0]), np.floor)
             raise InputError(
@@ -51,8 +62,8 @@ def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) ->
                 f"{longest:g} or less"
             )
     else:
-        weights[1:] = values**-2.0 if kind == "biharmonic" else 1 / values
-    return weights
+        weights = values**-2.0 if kind == "biharmonic" else 1 / values
+    return np.append(0.0, weights)
 
 
 def truncated_metric(kind: DistanceKind, spectrum: Spectrum, time: float) -> Metric:
@@ -76,7 +87,6 @@ def gram_metric(
         return truncated_metric(kind, _diffusion_spectrum(surface, time), time)
     stiffness, areas = surface.operator.stiffness, surface.operator.areas
     biharmonic = kind == "biharmonic"
-
     check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
 
     @functools.cache
@@ -84,8 +94,11 @@ def gram_metric(
         with named(surface):
             return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
 
-    with named(surface):
-        green = with_diagonal()[0] if sources else green_operator(stiffness, areas)
+    if sources:
+        green = with_diagonal()[0]
+    else:
+        with named(surface):
+            green = green_operator(stiffness, areas)
 
     def product(green: _Green, block: FloatArray) -> FloatArray:
         once = green(block)
