@@ -129,7 +129,7 @@ def spectral_mds(mesh: Mesh, n_samples: int, k: int) -> np.ndarray:
     coefficients = distance_coefficients(
         distances**2, samples, pairs, mu=1e4, interpolation="projection"
     )
-    return sampled_scaling(coefficients, functions, pairs.areas, 3, "uniform")[0]
+    return sampled_scaling(coefficients, pairs, 3, "uniform")[0]
 
 
 def bench_spectral_mds(mesh: Mesh, n_samples: int, k: int, repeats: int, mark: float) -> Row:

@@ -101,7 +101,7 @@ def sweep(shapes: Collection, name: str) -> Arrays:
         alpha = distance_coefficients(
             squared[:p, :p], samples[:p], spectrum, mu=mu, interpolation=way
         )
-        points, _ = sampled_scaling(alpha, spectrum.eigenfunctions, whole.areas, 3, "uniform")
+        points, _ = sampled_scaling(alpha, spectrum, 3, "uniform")
         return difference(points, exact)[0]
 
     result: Arrays = {}

@@ -7,6 +7,7 @@ from unbend import canonical_form, laplacian, sampled_canonical_form
 from unbend.canonical import sampled_scaling
 from unbend.canonical._mds import area_scaling, exact_scaling
 from unbend.datasets import make_quadruped, make_sphere
+from unbend.spectral import Spectrum
 
 FILTERS = {
     "biharmonic": lambda values: values**-2,
@@ -18,6 +19,12 @@ FILTERS = {
 def unit(mesh):
     operator = laplacian(mesh)
     return type(operator)(operator.stiffness, operator.areas / operator.areas.sum(), operator.kind)
+
+
+def spectrum_of(frame):
+    """Functions on vertices of equal areas, whatever their eigenvalues."""
+    n, k = frame.shape
+    return Spectrum(np.zeros(k), frame, np.full(n, 1 / n), "cotangent")
 
 
 @pytest.mark.parametrize("distance", FILTERS)
@@ -84,7 +91,7 @@ def test_negative_eigenvalues_are_returned_and_their_columns_are_zero():
     """Distances 1 among four points but 3 between one pair: no such points exist."""
     squared = np.ones((4, 4)) - np.eye(4)
     squared[0, 1] = squared[1, 0] = 9.0
-    points, values = sampled_scaling(squared, np.eye(4), np.full(4, 0.25), 4, "uniform")
+    points, values = sampled_scaling(squared, spectrum_of(np.eye(4)), 4, "uniform")
     _, expected = dense.classical_scaling(squared, 4)
     np.testing.assert_allclose(values, expected, atol=1e-12)
     assert values[-1] < -0.1
@@ -157,7 +164,7 @@ def test_what_rounding_leaves_of_an_eigenvalue_is_zero_in_any_unit(unit):
 
     for points, found in (
         exact_scaling(gram, 40, 3, 0),
-        sampled_scaling(np.diag(-2 * values), frame, np.full(40, 1 / 40), 3, "uniform"),
+        sampled_scaling(np.diag(-2 * values), spectrum_of(frame), 3, "uniform"),
     ):
         np.testing.assert_allclose(found[:2], values[:2], rtol=1e-6)
         assert found[2] == 0

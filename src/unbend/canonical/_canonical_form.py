@@ -42,6 +42,8 @@ _SKEW = 1e-6
 # double eigenvalues by less than the first; samples split most by less than the second.
 _EQUAL = {"exact": 1e-6, "sampled": 5e-4}
 
+_Scaled = tuple[FloatArray, FloatArray]  # points and eigenvalues in d + 1 dimensions, or d
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CanonicalForm(Brief):
@@ -304,8 +306,12 @@ def _form(
     if method == "sampled":  # p samples span p - 1 dimensions; an eigenfunction is constant
         most = min(most, options.n_samples, options.n_eigenpairs)
     check_whole(d, "the form's dimension", 1, most - 1)
+    if method == "exact" and options.weighting == "uniform":
+        check_memory(surface.mesh.name, surface.n_vertices, _FORM_COLUMNS * (d + 1))
+    with steps("factorisation"):
+        metric = make_metric(options.distance, surface, time=options.time)
     scale = _exact if method == "exact" else _sampled
-    points, values, metric = scale(surface, options, steps)
+    points, values = scale(surface, metric, options, steps)
     points = points[:, :d].copy()
     by_area = options.weighting == "area"
     weights = surface.operator.areas if by_area else np.ones(len(points))
@@ -332,54 +338,38 @@ def _form(
     )
 
 
-def _exact(
-    surface: Surface, options: _Options, steps: _Steps
-) -> tuple[FloatArray, FloatArray, Metric]:
-    """Scale all distances to points and eigenvalues, in a dimension more if there is one."""
+def _exact(surface: Surface, metric: Metric, options: _Options, steps: _Steps) -> _Scaled:
+    """Scale all distances."""
     n, d = surface.n_vertices, options.n_components
-    uniform = options.weighting == "uniform"
-    if uniform:
-        check_memory(surface.mesh.name, n, _FORM_COLUMNS * (d + 1))
-    with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time)
-    if uniform:
+    if options.weighting == "uniform":
         assert metric.gram is not None  # every distance in SPECTRAL has one
         with steps("scaling"):
-            scaled = exact_scaling(metric.gram, n, d + 1, options.random_state)
-    else:
-        with steps("spectrum"):
-            spectrum = eigenpairs(surface, min(d + 2, n))
-        filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
-        scaled = area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
-    return *scaled, metric
+            return exact_scaling(metric.gram, n, d + 1, options.random_state)
+    with steps("spectrum"):
+        spectrum = eigenpairs(surface, min(d + 2, n))
+    filtered = spectral_filter(options.distance, spectrum.eigenvalues, options.time)
+    return area_scaling(filtered, spectrum.eigenfunctions, spectrum.areas)
 
 
-def _sampled(
-    surface: Surface, options: _Options, steps: _Steps
-) -> tuple[FloatArray, FloatArray, Metric]:
-    """Scale distances between samples, interpolated, likewise: the paper's steps 1 to 8."""
-    n = surface.n_vertices
-    with steps("factorisation"):
-        metric = make_metric(options.distance, surface, time=options.time)
+def _sampled(surface: Surface, metric: Metric, options: _Options, steps: _Steps) -> _Scaled:
+    """Scale distances between samples, interpolated: the paper's steps 1 to 8."""
+    n, kind = surface.n_vertices, options.distance
     with steps("spectrum"):
         spectrum = eigenpairs(surface, min(options.n_eigenpairs, n))
     with steps("sampling"):
-        spreading = metric
-        if options.distance in SPECTRAL:  # truncated distances spread samples as well, and faster
-            spreading = truncated_metric(options.distance, spectrum, options.time)
-        indices, distances = spread_samples(
-            spreading.from_sources, n, min(options.n_samples, n), shape_end(spectrum)
+        # Truncated distances spread samples as well as whole ones, and faster.
+        rough = truncated_metric(kind, spectrum, options.time) if kind in SPECTRAL else metric
+        samples, distances = spread_samples(
+            rough.from_sources, n, min(options.n_samples, n), shape_end(spectrum)
         )
-        if options.distance in SPECTRAL:
-            distances = metric.between(indices)
+        if rough is not metric:
+            distances = metric.between(samples)
     with steps("interpolation"), one_blas_thread():
         coefficients = distance_coefficients(
-            distances**2, indices, spectrum, mu=options.mu, interpolation=options.interpolation
+            distances**2, samples, spectrum, mu=options.mu, interpolation=options.interpolation
         )
-    functions, d = spectrum.eigenfunctions, options.n_components + 1
     with steps("scaling"), one_blas_thread():
-        scaled = sampled_scaling(coefficients, functions, spectrum.areas, d, options.weighting)
-    return *scaled, metric
+        return sampled_scaling(coefficients, spectrum, options.n_components + 1, options.weighting)
 
 
 def _check_axes(

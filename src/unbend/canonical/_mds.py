@@ -15,6 +15,7 @@ from unbend._types import FloatArray
 from unbend.choices import Weighting
 from unbend.linalg.lanczos import largest_eigenpairs
 from unbend.linalg.signs import fix_basis, fix_signs
+from unbend.spectral import Spectrum
 
 # As shares of the largest eigenvalue: differences that count as none, and values that count as 0.
 _EQUAL, _NOTHING = 1e-9, 1e-14
@@ -50,21 +51,18 @@ def area_scaling(
 
 
 def sampled_scaling(
-    coefficients: FloatArray,
-    eigenfunctions: FloatArray,
-    areas: FloatArray,
-    n_components: int,
-    weighting: Weighting,
+    coefficients: FloatArray, spectrum: Spectrum, n_components: int, weighting: Weighting
 ) -> tuple[FloatArray, FloatArray]:
     """Scale distances given as ``D = Phi alpha Phi^T`` (the paper's steps 5 to 8).
 
     ``J Phi = Q R`` with orthonormal columns in Q, ``R (-1/2 alpha) R^T = W psi W^T``, and the
     points are ``Q W psi^(1/2)``. The paper takes a thin SVD instead, of which only the span
-    matters. `coefficients` (k, k) are alpha, and the areas (n,) sum to one.
+    matters. `coefficients` (k, k) are alpha, and the spectrum is at unit area.
     """
-    weights = areas if weighting == "area" else np.full(len(areas), 1.0)
+    functions = spectrum.eigenfunctions
+    weights = spectrum.areas if weighting == "area" else np.ones(len(functions))
     root = np.sqrt(weights)[:, None]
-    centred = eigenfunctions - weights @ eigenfunctions / weights.sum()
+    centred = functions - weights @ functions / weights.sum()
     frame, half = scipy.linalg.qr(root * centred, mode="economic")
     values, rotation = scipy.linalg.eigh(half @ (-0.5 * coefficients) @ half.T)
     largest = np.argsort(-values, kind="stable")[:n_components]

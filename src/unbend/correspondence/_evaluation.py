@@ -82,11 +82,12 @@ class Evaluation(Brief):
         InputError
             If there is no such protocol, or it needs a mirrored ground truth.
         """
-        if protocol not in ("direct", "map-min", "vertex-min"):
+        known = {"direct": self.direct, "map-min": self.map_min, "vertex-min": self.vertex_min}
+        if protocol not in known:
             raise InputError(
                 f"protocol must be 'direct', 'map-min' or 'vertex-min', not {protocol!r}"
             )
-        found: FloatArray | None = getattr(self, protocol.replace("-", "_"))
+        found = known[protocol]
         if found is None:
             raise InputError(f"protocol {protocol!r} needs the mirrored ground truth")
         return found
@@ -110,16 +111,10 @@ class Evaluation(Brief):
         return float(((curve[1:] + curve[:-1]) / 2).mean())
 
     def _repr_html_(self) -> str:
-        protocols = ["direct"] + ["map-min", "vertex-min"] * (self.map_min is not None)
-        rows = [
-            (
-                name,
-                f"{self.mean(name):.4f}",
-                f"{self.median(name):.4f}",
-                *(f"{self.curve(name)[i]:.1f} %" for i in _SHOWN),
-            )
-            for name in protocols
-        ]
+        rows = []
+        for name in ["direct"] + ["map-min", "vertex-min"] * (self.map_min is not None):
+            shares = [f"{self.curve(name)[i]:.1f} %" for i in _SHOWN]
+            rows.append((name, f"{self.mean(name):.4f}", f"{self.median(name):.4f}", *shares))
         within = [f"within {THRESHOLDS[i]:g}" for i in _SHOWN]
         return table(rows, ("protocol", "mean error", "median", *within))
 
@@ -228,7 +223,7 @@ def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray
 def _errors(
     target: Mesh, truth: IntArray, found: IntArray, rows: IntArray, name: str, kind: str
 ) -> FloatArray:
-    """Errors of some rows, which must name vertices in use."""
+    """Errors of some rows, over the square root of the area; their truth must be vertices in use."""
     if not len(rows):
         raise InputError(f"{name}: no row counts, because none has an image and a true image")
     unused = rows[~np.isin(truth[rows], target.faces)]
@@ -237,28 +232,22 @@ def _errors(
             f"{name}: row {unused[0]} is {truth[unused[0]]}, a vertex that no face of "
             f"{target.name} uses; give -1 for rows that do not count"
         )
-    return _distances(target, truth[rows], found[rows], kind)
-
-
-def _distances(mesh: Mesh, sources: IntArray, targets: IntArray, kind: str) -> FloatArray:
-    """Geodesic distances between paired vertices, over the square root of the area."""
-    rows = _kept.setdefault((*mesh_hashes(mesh), kind), {})
-    missing = [int(i) for i in np.unique(sources) if int(i) not in rows]
+    kept = _kept.setdefault((*mesh_hashes(target), kind), {})
+    missing = set(truth[rows].tolist()) - set(kept)
     if missing:
-        from_vertex = geodesic_solver(mesh, exact=kind == "geodesic-exact")
-        scale = np.sqrt(vertex_areas(mesh).sum())
-        for vertex in missing:
-            rows[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
-    result = np.array([rows[int(i)][j] for i, j in zip(sources, targets, strict=True)], dtype=float)
+        from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
+        scale = np.sqrt(vertex_areas(target).sum())
+        for vertex in sorted(missing):
+            kept[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
+    errors = np.array([kept[truth[row]][found[row]] for row in rows], dtype=float)
     _forget()
-    return result
+    return errors
 
 
 def _forget() -> None:
     """Drop the oldest meshes' distances; other threads may add and drop some meanwhile."""
-
-    def size() -> int:
-        return sum(row.nbytes for rows in list(_kept.values()) for row in list(rows.values()))
-
-    while len(_kept) > 1 and size() > _KEPT_BYTES:
+    while len(_kept) > 1:
+        sizes = [row.nbytes for rows in list(_kept.values()) for row in list(rows.values())]
+        if sum(sizes) <= _KEPT_BYTES:
+            return
         _kept.pop(next(iter(_kept)), None)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from unbend._arrays import check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
-from unbend.choices import DistanceKind
+from unbend.choices import DistanceKind, Weighting
 from unbend.distances import SPECTRAL
 from unbend.errors import InputError
 from unbend.io import as_mesh, checked_map
@@ -91,27 +91,28 @@ def similarity(
     check_whole(n_components, "n_components", 1)
     if weighting == "uniform" and areas is not None:
         raise InputError('areas have no use with weighting="uniform"')
-    weighs = match is not None or areas is not None
-    by_area = weighting == "area" or (weighting == "auto" and weighs)
+    if weighting == "auto":
+        weighting = "uniform" if match is None and areas is None else "area"
     shapes = [one if isinstance(one, CanonicalForm) else as_mesh(one) for one in (model, probe)]
-    kinds = {_kind(one, distance, "area" if by_area else "uniform") for one in shapes}
+    kinds = {
+        (distance, weighting) if isinstance(one, Mesh) else (one.distance, one.weighting)
+        for one in shapes
+    }
     if len(kinds) > 1:
-        one, other = (f"{kind} distance, {weighting}" for kind, weighting in sorted(kinds))
+        one, other = (" distance, ".join(kind) for kind in sorted(kinds))
         raise InputError(
             f"a form by {one} weighting cannot be compared with one by {other} weighting; compute "
             "both alike"
         )
-    left, right = (
-        _points(one, n_components, distance, "area" if by_area else "uniform") for one in shapes
-    )
-    if by_area:
+    left, right = (_points(one, n_components, distance, weighting) for one in shapes)
+    if weighting == "area":
         given = (None, None) if areas is None else tuple(areas)
         if len(given) != 2:
             raise InputError("areas must be those of the model, then those of the probe")
         masses = [_areas(one, own) for one, own in zip(shapes, given, strict=True)]
     else:
         masses = [np.full(len(points), 1 / len(points)) for points in (left, right)]
-    rows, columns, weights = _pairs(match, masses[0], masses[1])
+    rows, columns, weights = _pairs(match, *masses)
     return aligned_cosine(left[rows], right[columns], weights)
 
 
@@ -137,18 +138,8 @@ def aligned_cosine(
     return float(min(np.linalg.svd(cross, compute_uv=False).sum(), 1.0))
 
 
-def _kind(shape: CanonicalForm | Mesh, distance: str, weighting: str) -> tuple[str, str]:
-    """Distance and weighting of a form, or of what is computed of a mesh."""
-    if isinstance(shape, Mesh):
-        return distance, weighting
-    return shape.distance, shape.weighting
-
-
 def _points(
-    shape: CanonicalForm | Mesh,
-    d: int,
-    distance: DistanceKind,
-    weighting: Literal["uniform", "area"],
+    shape: CanonicalForm | Mesh, d: int, distance: DistanceKind, weighting: Weighting
 ) -> FloatArray:
     if isinstance(shape, Mesh):
         make = canonical_form if distance in SPECTRAL else sampled_canonical_form
@@ -181,20 +172,19 @@ def _pairs(
     match: Any, ours: FloatArray, theirs: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Corresponding vertices of model and probe, and the weight of each pair."""
-    every, others = np.arange(len(ours)), np.arange(len(theirs))
+    n, m = len(ours), len(theirs)
     if match is None:
-        if len(ours) != len(theirs):
+        if n != m:
             raise InputError(
-                f"the shapes have {len(ours)} and {len(theirs)} vertices; pass a match of the "
-                "model with the probe"
+                f"the shapes have {n} and {m} vertices; pass a match of the model with the probe"
             )
-        return every, every, ours + theirs
+        return np.arange(n), np.arange(n), ours + theirs
     if isinstance(match, Match):
-        rows = np.concatenate([every, _images(match.target_to_source, len(theirs), len(ours))])
-        forward = _images(match.source_to_target, len(ours), len(theirs))
-        columns, weights = np.concatenate([forward, others]), np.concatenate([ours, theirs])
+        rows = np.append(np.arange(n), _images(match.target_to_source, m, n))
+        columns = np.append(_images(match.source_to_target, n, m), np.arange(m))
+        weights = np.append(ours, theirs)
     else:
-        rows, columns, weights = every, _images(match, len(ours), len(theirs)), ours
+        rows, columns, weights = np.arange(n), _images(match, n, m), ours
     matched = (rows >= 0) & (columns >= 0)
     return rows[matched], columns[matched], weights[matched]
 

@@ -237,14 +237,13 @@ def _checked_numbers(array: npt.NDArray[Any], kind: str) -> FloatArray:
             )
     if kind == "uv" and (numbers.ndim != 2 or numbers.shape[1] != 2):
         raise InputError(f"texture coordinates must have two columns, not {numbers.shape}")
-    if kind == "color" and (
-        numbers.ndim != 2 or not (np.isfinite(numbers) & (numbers >= 0) & (numbers <= 255)).all()
-    ):
-        raise InputError("colours must be rows of numbers from 0 to 255")
-    if kind == "color" and numbers.max(initial=0) <= 1 and (numbers % 1).any():
-        raise InputError(
-            "colours must be from 0 to 255, and these are from 0 to 1; multiply by 255"
-        )
+    if kind == "color":
+        if numbers.ndim != 2 or not ((numbers >= 0) & (numbers <= 255)).all():
+            raise InputError("colours must be rows of numbers from 0 to 255")
+        if numbers.max(initial=0) <= 1 and (numbers % 1).any():
+            raise InputError(
+                "colours must be from 0 to 255, and these are from 0 to 1; multiply by 255"
+            )
     return numbers
 
 
