@@ -21,7 +21,6 @@ from unbend.canonical._sampling import shape_end, spread_samples
 from unbend.choices import DistanceKind, Interpolation, LaplacianKind, Weighting
 from unbend.distances import (
     GEODESIC,
-    SPECTRAL,
     Metric,
     diffusion_time,
     length_power,
@@ -155,10 +154,6 @@ def canonical_form(
     UnbendWarning
         If a change to the input affects the result; or if the last eigenvalue nearly equals the
         first one left out, as on symmetric shapes: then the form depends on the vertices' order.
-
-    See Also
-    --------
-    unbend.lay_into_pose : The surface itself, deformed into the pose of its form.
 
     References
     ----------
@@ -342,7 +337,7 @@ def _exact(surface: Surface, metric: Metric, options: _Options, steps: _Steps) -
     """Scale all distances."""
     n, d = surface.n_vertices, options.n_components
     if options.weighting == "uniform":
-        assert metric.gram is not None  # every distance in SPECTRAL has one
+        assert metric.gram is not None  # every spectral distance has one
         with steps("scaling"):
             return exact_scaling(metric.gram, n, d + 1, options.random_state)
     with steps("spectrum"):
@@ -358,7 +353,7 @@ def _sampled(surface: Surface, metric: Metric, options: _Options, steps: _Steps)
         spectrum = eigenpairs(surface, min(options.n_eigenpairs, n))
     with steps("sampling"):
         # Truncated distances spread samples as well as whole ones, and faster.
-        rough = truncated_metric(kind, spectrum, options.time) if kind in SPECTRAL else metric
+        rough = metric if kind in GEODESIC else truncated_metric(kind, spectrum, options.time)
         samples, distances = spread_samples(
             rough.from_sources, n, min(options.n_samples, n), shape_end(spectrum)
         )

@@ -9,7 +9,7 @@ import numpy as np
 from unbend._arrays import check_whole, first_largest
 from unbend._types import FloatArray, IntArray
 from unbend.choices import DistanceKind, LaplacianKind
-from unbend.distances import diffusion_time, make_metric, refuse_of_geodesics
+from unbend.distances import diffusion_time, make_metric
 from unbend.errors import InputError
 from unbend.io import MeshLike
 from unbend.spectral import Spectrum, eigenpairs, local_ids, make_surface
@@ -68,9 +68,9 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
-    diffused = diffusion_time(distance, time)
-    if start is not None:  # else an eigenfunction chooses it
-        refuse_of_geodesics(distance, laplacian=laplacian != "auto")
+    # Without a start, an eigenfunction chooses it.
+    unused = start is not None and laplacian != "auto"
+    diffused = diffusion_time(distance, time, laplacian=unused)
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     metric = make_metric(distance, surface, time=diffused, sources=True)
     if start is None:

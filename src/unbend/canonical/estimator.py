@@ -46,10 +46,6 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
     form_ : CanonicalForm
         The whole result.
 
-    See Also
-    --------
-    unbend.canonical_form, unbend.sampled_canonical_form : The functions behind it.
-
     Notes
     -----
     `X` is one mesh: a path, a Mesh, a (vertices, faces) pair, or an (n, 3) array, which is a

@@ -41,7 +41,7 @@ def make_form(
     **options: Any,
 ) -> unbend.canonical.CanonicalForm:
     """Compute the exact form; the paper's if it is sampled, or the distance has no exact one."""
-    if distance in unbend.distances.SPECTRAL and not sampling:
+    if distance not in unbend.distances.GEODESIC and not sampling:
         return unbend.canonical_form(mesh, distance=distance, **options)
     return unbend.sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
 

@@ -136,9 +136,9 @@ def read_match(
     """
     data = read_bytes(Path(path), (".npz",))
     with prefixed(Path(path).name):
-        folders: dict[str, _Arrays] = {"": {}}
         arrays = _load(data)
         hashes = [arrays.pop(name, None) for name in _MESHES]
+        folders: dict[str, _Arrays] = {"": {}}
         for name, array in arrays.items():
             folder, _, own_name = name.rpartition("/")
             folders.setdefault(folder, {})[own_name] = array
@@ -158,7 +158,7 @@ def _checked_match(arrays: _Arrays) -> Match:
     found: dict[str, Any] = {
         "source_to_target": _vertices(arrays, "source_to_target", n, m),
         "target_to_source": _vertices(arrays, "target_to_source", m, n),
-        "functional_map": _numbers("functional_map", arrays["functional_map"], 2),
+        "functional_map": _numbers(arrays, "functional_map", 2),
     }
     rows, columns = found["functional_map"].shape
     if rows > n or columns > m:
@@ -170,7 +170,7 @@ def _checked_match(arrays: _Arrays) -> Match:
         if name == "confidence" and is_float and np.array_equal(arrays[name], np.nan, True):
             found[name] = np.nan
         else:
-            found[name] = float(_numbers(name, arrays[name], 0, *_RANGES[name]))
+            found[name] = float(_in_range(name, _numbers(arrays, name, 0), *_RANGES[name]))
     if "mirrored" in arrays:
         found["mirrored"] = _vertices(arrays, "mirrored", n, m)
     if "expected_error" in arrays:
@@ -183,11 +183,11 @@ def _checked_match(arrays: _Arrays) -> Match:
         found["faces"] = _vertices(arrays, "faces", n, None)
         found["weights"] = _row_numbers(arrays, "weights", found["faces"], "face", 3)
     if "hypotheses" in arrays:
-        known = _numbers("hypotheses", arrays["hypotheses"], 2)
-        if known.shape[1] != 3:
-            raise FileError(f"its hypotheses have {known.shape[1]} columns, not 3; match again")
-        _numbers("hypotheses", known[:, 1], 1, -1, 1)
-        found["hypotheses"] = tuple(Hypothesis(*row) for row in known.tolist())
+        rows = _numbers(arrays, "hypotheses", 2)
+        if rows.shape[1] != 3:
+            raise FileError(f"its hypotheses have {rows.shape[1]} columns, not 3; match again")
+        _in_range("hypotheses", rows[:, 1], *_RANGES["orientation"])
+        found["hypotheses"] = tuple(Hypothesis(*row) for row in rows.tolist())
     for name, below in (("missed_landmarks", None), ("landmark_hints", n)):
         if name in arrays:
             found[name] = tuple(_vertices(arrays, name, None, below).tolist())
@@ -203,22 +203,21 @@ def _vertices(arrays: _Arrays, name: str, n: int | None, below: int | None) -> I
     return found
 
 
-def _numbers(
-    name: str,
-    array: npt.NDArray[Any],
-    n_dimensions: int,
-    least: float = -np.inf,
-    most: float = np.inf,
-) -> FloatArray:
-    """Check finite numbers in a range."""
+def _numbers(arrays: _Arrays, name: str, n_dimensions: int) -> FloatArray:
+    """Check finite numbers."""
+    array = arrays[name]
     if array.ndim != n_dimensions or array.dtype.kind not in "fiu":
         what = f"a table of {n_dimensions} dimensions" if n_dimensions else "a number"
         raise FileError(f"its {name} is {array.dtype} of shape {array.shape}, not {what}")
     if not np.isfinite(array).all():
         raise FileError(f"its {name} holds what is not finite")
-    if array.size and not (least - _ROUNDING <= array.min() and array.max() <= most + _ROUNDING):
-        raise FileError(f"its {name} is not from {least:g} to {most:g}")
     return np.asarray(array, dtype=np.float64)
+
+
+def _in_range(name: str, array: FloatArray, least: float, most: float) -> FloatArray:
+    if ((array < least - _ROUNDING) | (array > most + _ROUNDING)).any():
+        raise FileError(f"its {name} is not from {least:g} to {most:g}")
+    return array
 
 
 def _row_numbers(
@@ -277,22 +276,19 @@ def _check_sizes(archive: zipfile.ZipFile, wanted: dict[str, zipfile.ZipInfo], p
             raise FileError(
                 f"its {name} is {info.file_size} bytes, but with shape {shape} it would be {size}"
             )
-    largest = max(wanted, key=lambda name: wanted[name].file_size)
-    total = sum(info.file_size for info in wanted.values())
-    if total > max(_ALWAYS_ALLOWED, _MOST_GROWTH * packed):
+    name, info = max(wanted.items(), key=lambda one: one[1].file_size)
+    if sum(one.file_size for one in wanted.values()) > max(_ALWAYS_ALLOWED, _MOST_GROWTH * packed):
         raise FileError(
-            f"its {largest} would grow from {wanted[largest].compress_size} bytes to "
-            f"{wanted[largest].file_size}: no match does"
+            f"its {name} would grow from {info.compress_size} bytes to {info.file_size}: no match "
+            "does"
         )
 
 
 def mesh_hashes(mesh: Mesh) -> list[int]:
     """Hash positions and faces, apart: of one mesh either may change, by rounding or by a pose."""
-    arrays = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
-    return [
-        int.from_bytes(blake2b(array.tobytes(), digest_size=8).digest(), "little")
-        for array in arrays
-    ]
+    parts = [mesh.vertices.astype("<f8")] + [mesh.faces.astype("<i8")] * (mesh.n_faces > 0)
+    digests = [blake2b(part.tobytes(), digest_size=8).digest() for part in parts]
+    return [int.from_bytes(digest, "little") for digest in digests]
 
 
 def _check_mesh(mesh: Mesh, n_vertices: int, hashes: npt.NDArray[Any] | None) -> None:

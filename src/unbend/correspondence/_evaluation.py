@@ -52,16 +52,15 @@ class Evaluation(Brief):
     """Geodesic errors of a point map, by three protocols.
 
     Errors are geodesic distances on the target from the true image to the image found, divided by
-    the square root of the target's area; infinite where no path joins them. `direct` compares with
-    the ground truth as given, `map_min` with the better of the direct and the mirrored ground
-    truth for the whole map, and `vertex_min` with the better for every row, which is the loosest.
+    the square root of the target's area; infinite where no path joins them.
 
     Attributes
     ----------
     direct : (r,) ndarray of float64
-        One error for each row of the ground truth that has an image.
+        By the ground truth as given, one for each of its rows that has an image.
     map_min, vertex_min : (q,) ndarray of float64, or None
-        One error for each of these rows that also has a mirrored image; None without any.
+        One for each of these rows that also has a mirrored image, by the better of the direct and
+        the mirrored ground truth for the whole map, or for every row, which is the loosest.
     coverage : float
         Share of the target's area at vertices that some source vertex is mapped to.
     overlap : Overlap
@@ -223,7 +222,7 @@ def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray
 def _errors(
     target: Mesh, truth: IntArray, found: IntArray, rows: IntArray, name: str, kind: str
 ) -> FloatArray:
-    """Errors of some rows, over the square root of the area; their truth must be vertices in use."""
+    """Geodesic errors of some rows, whose true images must be vertices in use."""
     if not len(rows):
         raise InputError(f"{name}: no row counts, because none has an image and a true image")
     unused = rows[~np.isin(truth[rows], target.faces)]

@@ -99,10 +99,6 @@ def register(
     UnbendWarning
         Of a match that is in disorder, see :class:`unbend.Match`.
 
-    See Also
-    --------
-    unbend.transfer : Carries values instead of a mesh.
-
     References
     ----------
     Sorkine & Alexa, "As-rigid-as-possible surface modeling", SGP 2007; Amberg, Romdhani &

@@ -11,7 +11,7 @@ from unbend._arrays import check_whole, numbers_of
 from unbend._types import FloatArray, IntArray
 from unbend.canonical import CanonicalForm, canonical_form, sampled_canonical_form
 from unbend.choices import DistanceKind, Weighting
-from unbend.distances import SPECTRAL
+from unbend.distances import GEODESIC
 from unbend.errors import InputError
 from unbend.io import as_mesh, checked_map
 from unbend.matching import Match
@@ -142,7 +142,7 @@ def _points(
     shape: CanonicalForm | Mesh, d: int, distance: DistanceKind, weighting: Weighting
 ) -> FloatArray:
     if isinstance(shape, Mesh):
-        make = canonical_form if distance in SPECTRAL else sampled_canonical_form
+        make = sampled_canonical_form if distance in GEODESIC else canonical_form
         shape = make(shape, n_components=d, distance=distance, weighting=weighting)
     if shape.points.shape[1] < d:
         raise InputError(

@@ -68,10 +68,6 @@ def transfer(
     UnbendWarning
         Of a match that is in disorder, see :class:`unbend.Match`.
 
-    See Also
-    --------
-    unbend.morph : Moves vertices instead of values.
-
     Notes
     -----
     To invert barycentric coordinates, the source's vertices are moved to their images on the
@@ -115,11 +111,10 @@ def carry(
     lost = corners[:, 0] < 0
     if chosen == "label":
         return _vote(array, corners, shares, lost)
-    numbers = _checked_numbers(array, chosen)
-    carried = _average(numbers, corners, shares)
+    carried = _average(_checked_numbers(array, chosen), corners, shares)
     carried[lost] = np.nan
     if chosen == "weights":
-        carried = carried / carried.sum(axis=1, keepdims=True)
+        carried /= carried.sum(axis=1, keepdims=True)
     if chosen == "color":
         return np.where(np.isfinite(carried), np.rint(carried), _GREY).astype(np.uint8)
     return carried
@@ -134,9 +129,7 @@ def positions_on_target(
     not fit the meshes, or its barycentric coordinates do not sum to one.
     """
     images = as_point_map(match, source, target)
-    positions = np.full((len(images), 3), np.nan)
-    there = images >= 0
-    positions[there] = target.vertices[images[there]]
+    positions = np.where(images[:, None] >= 0, target.vertices[images], np.nan)
     if isinstance(match, Match) and match.faces is not None and match.weights is not None:
         if match.faces.max(initial=-1) >= target.n_faces:
             raise InputError(f"the match names faces that {target.name} does not have")
@@ -179,7 +172,7 @@ def _preimages(
     )
     # Partners without faces are used as they are.
     corners, shares = vertices.repeat(3).reshape(-1, 3), np.tile([1.0, 0, 0], (len(vertices), 1))
-    on_face = weights.sum(axis=1) != 0
+    on_face = weights.any(axis=1)
     inside = there[on_face]
     corners[inside], shares[inside] = source.faces[faces[on_face]], weights[on_face]
     return corners, shares

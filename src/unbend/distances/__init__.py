@@ -6,21 +6,18 @@ from unbend.distances._distance import (
     distance,
     length_power,
     make_metric,
-    refuse_of_geodesics,
 )
 from unbend.distances._geodesic import geodesic_solver
-from unbend.distances._gram import SPECTRAL, Metric, spectral_filter, truncated_metric
+from unbend.distances._gram import Metric, spectral_filter, truncated_metric
 
 __all__ = [
     "GEODESIC",
-    "SPECTRAL",
     "Metric",
     "diffusion_time",
     "distance",
     "geodesic_solver",
     "length_power",
     "make_metric",
-    "refuse_of_geodesics",
     "spectral_filter",
     "truncated_metric",
 ]

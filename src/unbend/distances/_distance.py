@@ -46,23 +46,20 @@ def length_power(kind: str) -> int:
     return {"commute-time": 0, "diffusion": -1}.get(kind, 1)
 
 
-def refuse_of_geodesics(kind: str, **options: bool) -> None:
-    """Refuse options, by whether they were given, that only spectral distances can use."""
-    for name, given in options.items():
-        if kind in GEODESIC and given:
-            raise InputError(f"{name} is for spectral distances, not {kind} ones; leave it out")
-
-
-def diffusion_time(kind: str, time: float | None) -> float:
+def diffusion_time(kind: str, time: float | None, **spectral: bool) -> float:
     """Take the default for a diffusion time that was not given.
 
-    Refuses a name that is no distance, and a time that is not used or not positive.
+    Refuses a name that is no distance, a time that is not used or not positive, and, for geodesic
+    distances, options that only spectral ones can use: `spectral` says which of them were given.
     """
     names = get_args(DistanceKind)
     if kind not in names:
         raise InputError(f"there is no distance {kind!r}; choose one of {', '.join(names)}")
     if kind != "diffusion" and time is not None:
         raise InputError(f"time is for diffusion distances, not {kind} ones; leave it out")
+    for name, given in spectral.items():
+        if kind in GEODESIC and given:
+            raise InputError(f"{name} is for spectral distances, not {kind} ones; leave it out")
     if time is None:
         return DIFFUSION_TIME
     if not is_number(time) or not 0 < time < math.inf:
@@ -133,9 +130,8 @@ def distance(
     >>> distance(make_sphere(2), 0).shape
     (1, 162)
     """
-    diffused = diffusion_time(distance, time)
-    refuse_of_geodesics(
-        distance, n_eigenpairs=n_eigenpairs is not None, laplacian=laplacian != "auto"
+    diffused = diffusion_time(
+        distance, time, n_eigenpairs=n_eigenpairs is not None, laplacian=laplacian != "auto"
     )
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     local = local_ids(surface, sources)

@@ -23,8 +23,6 @@ from unbend.spectral import Spectrum, Surface, eigenpairs, named
 
 _Green = Callable[[FloatArray], FloatArray]
 
-SPECTRAL = ("biharmonic", "commute-time", "diffusion")
-
 # exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
 _NEGLIGIBLE = 1e-16
 # A kernel below this is rounded like numbers too small for float64, or is 0.
