@@ -158,7 +158,7 @@ def test_as_many_eigenpairs_as_a_diffusion_time_needs(length, time):
 def test_all_that_a_metric_offers_is_of_one_kernel(blob, kind, operator):
     surface = make_surface(blob, laplacian=operator)
     kernel = dense.kernel(surface.operator, FILTERS[kind])
-    metric = make_metric(kind, surface, time=TIME)
+    metric = make_metric(kind, surface, time=TIME, sources=True)
     block = np.random.default_rng(0).standard_normal((blob.n_vertices, 3))
     np.testing.assert_allclose(
         metric.gram(block), kernel @ block, atol=1e-9 * abs(kernel @ block).max()
@@ -205,7 +205,7 @@ def test_a_factorisation_that_fails_names_the_mesh_once(blob, monkeypatch):
         raise SolverError("no pivot")
 
     monkeypatch.setattr("unbend.distances._gram.green_and_diagonal", fails)
-    with pytest.raises(SolverError, match="^mesh: no pivot; if its faces are [^;]*$"):
+    with pytest.raises(SolverError, match=r"^mesh: no pivot; if its faces are [^;]*$"):
         distance(blob, 0, distance="biharmonic")
 
 

@@ -24,7 +24,7 @@ def make_metric(
 ) -> Metric:
     """Set up the exact distance of a given kind on a surface, at unit area.
 
-    `sources` says that distances from sources will be asked for: one factorisation then serves all.
+    A spectral one gives distances from sources only if `sources` says so.
     """
     if kind not in GEODESIC:
         return gram_metric(kind, surface, time, sources=sources)

@@ -6,7 +6,6 @@ Over the non-constant eigenpairs, ``g = sum_i h(lambda_i) phi_i phi_i^T``, with 
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,8 +19,6 @@ from unbend.errors import InputError, SolverError
 from unbend.linalg.pseudoinverse import green_and_diagonal, green_operator
 from unbend.linalg.tall import inner
 from unbend.spectral import Spectrum, Surface, eigenpairs, named
-
-_Green = Callable[[FloatArray], FloatArray]
 
 # exp(-2 t (lambda - lambda_1)) below this no longer changes a diffusion distance in float64.
 _NEGLIGIBLE = 1e-16
@@ -43,7 +40,7 @@ class Metric:
     `gram` gives products with g, (n, r), where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``.
     """
 
-    from_sources: Callable[[IntArray], FloatArray]  # (s,) to (s, n): to all vertices
+    from_sources: Callable[[IntArray], FloatArray]  # (s,) to (s, n), if they were asked for
     between: Callable[[IntArray], FloatArray]  # (p,) to (p, p)
     gram: Callable[[FloatArray], FloatArray] | None = None
 
@@ -87,23 +84,18 @@ def gram_metric(
     biharmonic = kind == "biharmonic"
     check_memory(surface.mesh.name, len(areas), 2 * _AT_ONCE)
 
-    @functools.cache
-    def with_diagonal() -> tuple[_Green, FloatArray]:
-        with named(surface):
-            return green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
+    with named(surface):
+        if sources:
+            green, diagonal = green_and_diagonal(stiffness, areas, biharmonic=biharmonic)
+        else:
+            green, diagonal = green_operator(stiffness, areas), None
 
-    if sources:
-        green = with_diagonal()[0]
-    else:
-        with named(surface):
-            green = green_operator(stiffness, areas)
-
-    def product(green: _Green, block: FloatArray) -> FloatArray:
+    def product(block: FloatArray) -> FloatArray:
         once = green(block)
         return green((once.T * areas).T) if biharmonic else once
 
     def gram(block: FloatArray) -> FloatArray:
-        return by_columns(functools.partial(product, green), block)
+        return by_columns(product, block)
 
     def between(samples: IntArray) -> FloatArray:
         n = len(areas)
@@ -117,19 +109,17 @@ def gram_metric(
         return _distances(kernel, kernel.diagonal(), kernel.diagonal())
 
     def from_sources(sources: IntArray) -> FloatArray:
-        green, every = with_diagonal()
-        columns = functools.partial(product, green)
-        kernel = by_columns(columns, _indicators(sources, len(areas))).T
-        own = np.arange(len(sources))
+        assert diagonal is not None  # these distances were asked for
+        kernel, own = gram(_indicators(sources, len(areas))).T, np.arange(len(sources))
         # The kernel comes from solves. Its diagonal comes from the entries of the factor or, on a
         # small mesh, from other products.
-        apart = float(np.abs(kernel[own, sources] - every[sources]).max() / every.max())
+        apart = float(np.abs(kernel[own, sources] - diagonal[sources]).max() / diagonal.max())
         if not apart <= _ROUNDING:
             raise SolverError(
                 f"{surface.mesh.name}: two computations of the {kind} kernel differ by {apart:.1e} "
                 "of its largest entry"
             )
-        distances = _distances(kernel, every[sources], every)
+        distances = _distances(kernel, diagonal[sources], diagonal)
         distances[own, sources] = 0.0  # but for rounding
         return distances
 
