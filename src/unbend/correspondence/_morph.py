@@ -89,13 +89,16 @@ def morph(source: MeshLike, target: MeshLike, match: Match | npt.ArrayLike, t: f
     rotation, translation = procrustes(start[moving], goal[moving], reflect=False)
     size, center = _growth(start, goal, moving, source.faces), start[moving].mean(axis=0)
     goal[~moving] = size * (start[~moving] - center) @ rotation.T + goal[moving].mean(axis=0)
-    if not moving.all() and source.n_faces:
-        goal = _extended(start, goal, moving, source.faces, rotation, size)
+    surface = _evenly_weighted(start, source.faces) if source.n_faces else None
+    if surface is not None and not moving.all():
+        goal = _extended(surface, goal, moving, rotation, size)
     if t == 1:
         return Mesh(goal, source.faces, name=name)
     # The shape changes in the source's own frame; then the rigid motion follows.
     goal = (goal - translation) @ rotation
-    between = _bend(start, goal, source.faces, t)
+    between = start + t * (goal - start)
+    if surface is not None:
+        between = _bend(surface, goal, between, t)
     share = Rotation.from_rotvec(t * Rotation.from_matrix(rotation).as_rotvec()).as_matrix()
     travel = center @ rotation.T + translation - center
     return Mesh((between - center) @ share.T + center + t * travel, source.faces, name=name)
@@ -113,15 +116,10 @@ def _growth(start: FloatArray, goal: FloatArray, moving: BoolArray, faces: IntAr
 
 
 def _extended(
-    start: FloatArray,
-    goal: FloatArray,
-    moving: BoolArray,
-    faces: IntArray,
-    rotation: FloatArray,
-    size: float,
+    surface: ElasticSurface, goal: FloatArray, moving: BoolArray, rotation: FloatArray, size: float
 ) -> FloatArray:
     """Move parts without an image like their neighbours, or rigidly, and keep their shape."""
-    surface, used = _evenly_weighted(start, faces)
+    used = surface.areas > 0
     before, after = surface.vertices, np.where(used[:, None], goal, 0)
     i, j = surface.edge_weights.nonzero()
     edges, mask = before[j] - before[i], sp.diags(moving.astype(np.float64))
@@ -137,11 +135,9 @@ def _extended(
     return np.where((used & ~moving)[:, None], moved, goal)
 
 
-def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> FloatArray:
-    straight = start + t * (goal - start)
-    if not len(faces):
-        return straight
-    surface, used = _evenly_weighted(start, faces)
+def _bend(surface: ElasticSurface, goal: FloatArray, straight: FloatArray, t: float) -> FloatArray:
+    """Rotate and stretch edges by the share `t`; vertices that no face uses stay on the way."""
+    used, n = surface.areas > 0, len(goal)
     before, after = surface.vertices, np.where(used[:, None], goal, 0)
     i, j = surface.edge_weights.nonzero()
     turns = _rotation_vectors(surface, after)[i]
@@ -149,23 +145,23 @@ def _bend(start: FloatArray, goal: FloatArray, faces: IntArray, t: float) -> Flo
     # Without its end's rotation, an edge's image differs from the edge by stretch alone.
     still = Rotation.from_rotvec(turns).apply(images, inverse=True)
     wanted = Rotation.from_rotvec(t * turns).apply(edges + t * (still - edges))
-    pull = sum_rows(j, wanted, len(start)) - sum_rows(i, wanted, len(start))
+    pull = sum_rows(j, wanted, n) - sum_rows(i, wanted, n)
     line = np.where(used[:, None], straight, 0)
-    tie = _TIE * max(len(i) / len(start), 1.0)
-    fitted = surface.system_of(np.full(len(start), tie / 2)).solve((pull + tie * line) / 2)
+    tie = _TIE * max(len(i) / n, 1.0)
+    fitted = surface.system_of(np.full(n, tie / 2)).solve((pull + tie * line) / 2)
     return np.where(used[:, None], fitted, straight)
 
 
-def _evenly_weighted(points: FloatArray, faces: IntArray) -> tuple[ElasticSurface, BoolArray]:
-    """Surface with equal edge weights, and which vertices are in use; the others are put at 0."""
+def _evenly_weighted(points: FloatArray, faces: IntArray) -> ElasticSurface:
+    """Surface with equal weights of its edges, and equal areas of the vertices in use."""
     n = len(points)
     used = np.zeros(n, dtype=bool)
     used[faces] = True
-    # Unreferenced vertices, which may be NaN, must not enter the equations.
+    # Unreferenced vertices, which may be NaN, must not enter the equations: they are put at 0.
     surface = ElasticSurface(np.where(used[:, None], points, 0), faces, used / used.sum())
     i, j = edge_ends(faces, n).T
     links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
-    return surface.with_edge_weights(sp.csr_matrix(links + links.T)), used
+    return surface.with_edge_weights(sp.csr_matrix(links + links.T))
 
 
 def _rotation_vectors(surface: ElasticSurface, places: FloatArray) -> FloatArray:

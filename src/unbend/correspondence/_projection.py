@@ -20,20 +20,15 @@ _FANS = 3  # faces around the closest vertex, then around the heaviest corner of
 
 
 class Target(NamedTuple):
-    """A surface to project onto: n vertices and m faces.
-
-    `fans` are the faces around each vertex, and `neighbors` is the graph (n, n) of the edges, both
-    in compressed rows. `boundary_sides` (m, 3) tells whether the side opposite each corner of a
-    face is on the boundary, and `on_boundary` (n,) whether a vertex is.
-    """
+    """A surface to project onto: n vertices and m faces."""
 
     vertices: FloatArray
     normals: FloatArray
     faces: IntArray
-    fans: tuple[IntArray, IntArray]
-    neighbors: SparseMatrix
-    boundary_sides: BoolArray
-    on_boundary: BoolArray
+    fans: tuple[IntArray, IntArray]  # faces around each vertex, in compressed rows
+    neighbors: SparseMatrix  # the graph (n, n) of the edges, in compressed rows
+    boundary_sides: BoolArray  # (m, 3), whether the side opposite each corner is on the boundary
+    on_boundary: BoolArray  # (n,)
 
 
 class Projection(NamedTuple):

@@ -92,9 +92,9 @@ def transfer(
 def carry(
     values: npt.ArrayLike,
     match: Match | npt.ArrayLike,
-    kind: ValueKind = "scalar",
-    source: Mesh | None = None,
-    target: Mesh | None = None,
+    kind: ValueKind,
+    source: Mesh | None,
+    target: Mesh | None,
 ) -> npt.NDArray[Any]:
     """Transfer values as :func:`transfer` does; for pictures, which warn of nothing."""
     array = values_of(values, "values")

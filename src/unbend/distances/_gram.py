@@ -35,14 +35,11 @@ _MOST_EIGENPAIRS = 2000
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """One distance on one surface of unit area.
-
-    `gram` gives products with g, (n, r), where the distance is ``d_ij^2 = g_ii + g_jj - 2 g_ij``.
-    """
+    """One distance on one surface of unit area."""
 
     from_sources: Callable[[IntArray], FloatArray]  # (s,) to (s, n), if they were asked for
     between: Callable[[IntArray], FloatArray]  # (p,) to (p, p)
-    gram: Callable[[FloatArray], FloatArray] | None = None
+    gram: Callable[[FloatArray], FloatArray] | None = None  # (n, r) to products with g, (n, r)
 
 
 def spectral_filter(kind: DistanceKind, eigenvalues: FloatArray, time: float) -> FloatArray:
