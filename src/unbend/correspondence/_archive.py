@@ -127,8 +127,7 @@ def read_match(
     >>> import tempfile
     >>> from pathlib import Path
     >>> from unbend.datasets import make_sphere
-    >>> from unbend import read_match, write_match
-    >>> from unbend import match
+    >>> from unbend import match, read_match, write_match
     >>> path = Path(tempfile.mkdtemp()) / "match.npz"
     >>> write_match(path, match(make_sphere(2), make_sphere(2), refine=False))
     >>> len(read_match(path).source_to_target)

@@ -155,8 +155,7 @@ def _bend(surface: ElasticSurface, goal: FloatArray, straight: FloatArray, t: fl
 def _evenly_weighted(points: FloatArray, faces: IntArray) -> ElasticSurface:
     """Surface with equal weights of its edges, and equal areas of the vertices in use."""
     n = len(points)
-    used = np.zeros(n, dtype=bool)
-    used[faces] = True
+    used = np.isin(np.arange(n), faces)
     # Unreferenced vertices, which may be NaN, must not enter the equations: they are put at 0.
     surface = ElasticSurface(np.where(used[:, None], points, 0), faces, used / used.sum())
     i, j = edge_ends(faces, n).T

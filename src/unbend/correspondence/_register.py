@@ -18,7 +18,7 @@ from unbend.errors import InputError, MeshError
 from unbend.io import COLOR_SUFFIXES, SCALAR_SUFFIXES, MeshLike, as_mesh, value_colors, write_mesh
 from unbend.matching import Match, warn_of_disorder
 from unbend.matching import match as find_match
-from unbend.mesh import Mesh, orient_consistently, vertex_areas
+from unbend.mesh import Mesh, orient_consistently, used_vertices, vertex_areas
 from unbend.preparation import surface_of_points
 
 _COVERED = 0.1  # mean edges that a vertex on the scan may lie off it
@@ -129,10 +129,8 @@ def register(
         points = surface_of_points(scan)
         images = np.where(images < 0, -1, points.vertex_of_point[images])
         scan = points.mesh
-    on_surface = np.zeros(scan.n_vertices, dtype=bool)
-    on_surface[scan.faces] = True
     used = np.unique(template.faces)
-    matched = (images[used] >= 0) & on_surface[images[used]]
+    matched = np.isin(images[used], scan.faces)
     if matched.sum() < 4:
         raise InputError(
             f"fewer than 4 vertices of {template.name} have a partner on {scan.name}, "
@@ -148,11 +146,10 @@ def register(
     size = np.sqrt(area) * _scale(rest, goal, matched, faces)
     middle = goal[matched].mean(axis=0)
     surface = ElasticSurface((rest - rest.mean(axis=0)) / np.sqrt(area), faces, areas / area)
-    seen = np.where(on_surface[:, None], scan.vertices - middle, 0) / size
+    seen = np.nan_to_num(used_vertices(scan) - middle) / size
     target = make_target(seen, _oriented(scan))
     fit = Fit(surface, target, images[used], (goal - middle) / size, matched)
     fit.run(progress)
-
     places = fit.places * size + middle
     # Vertices that no face uses follow the similarity nearest to the motion of the others.
     scale = _extent(places) / _extent(rest)
