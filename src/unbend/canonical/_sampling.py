@@ -68,8 +68,7 @@ def farthest_point_sampling(
     >>> len(farthest_point_sampling(make_sphere(2), 10))
     10
     """
-    # Without a start, an eigenfunction chooses it.
-    unused = start is not None and laplacian != "auto"
+    unused = start is not None and laplacian != "auto"  # else an eigenfunction chooses the start
     diffused = diffusion_time(distance, time, laplacian=unused)
     surface = make_surface(mesh, laplacian=laplacian, component=component)
     metric = make_metric(distance, surface, time=diffused, sources=True)

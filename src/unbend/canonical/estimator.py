@@ -37,14 +37,9 @@ class SpectralMDS(BaseEstimator):  # type: ignore[misc]
 
     Attributes
     ----------
-    embedding_ : (n, d) ndarray of float64
-        The canonical form, one row per vertex.
-    eigenvalues_ : (d,) ndarray of float64
-        Of the Gram matrix.
-    stress_ : float
-        Normalised stress.
     form_ : CanonicalForm
-        The whole result.
+    embedding_, eigenvalues_, stress_ : (n, d) and (d,) ndarrays of float64, float
+        Its `points`, `eigenvalues` and `stress`.
 
     Notes
     -----

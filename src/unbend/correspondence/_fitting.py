@@ -131,9 +131,8 @@ class Fit:
         """Vertices of flipped faces: if nothing pulls them, their stiffness flips them back."""
         faces = self.surface.faces
         facing = found.normals[faces].sum(axis=1)
-        flipped = np.zeros(len(self.ahead), dtype=bool)
-        flipped[faces[(face_normals(self.ahead, faces) * facing).sum(axis=1) < 0]] = True
-        return flipped
+        flipped = faces[(face_normals(self.ahead, faces) * facing).sum(axis=1) < 0]
+        return np.isin(np.arange(len(self.ahead)), flipped)
 
     def _target_pull(self, length: float) -> tuple[FloatArray, FloatArray]:
         """Force and pull of the target's vertices on those nearest to their projections."""

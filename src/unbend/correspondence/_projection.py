@@ -47,8 +47,6 @@ def make_target(vertices: FloatArray, faces: IntArray) -> Target:
     edges = find_edges(faces, n)
     # Side k in a list of edges starts at corner k; the side opposite corner k is the next one.
     boundary_sides = (edges.n_faces == 1)[edges.of_side].reshape(-1, 3)[:, [1, 2, 0]]
-    on_boundary = np.zeros(n, dtype=bool)
-    on_boundary[edges.ends[edges.n_faces == 1]] = True
     links = sp.csr_matrix((np.ones(len(edges.ends)), tuple(edges.ends.T)), shape=(n, n))
     return Target(
         vertices,
@@ -57,7 +55,7 @@ def make_target(vertices: FloatArray, faces: IntArray) -> Target:
         faces_around(faces, n),
         sp.csr_matrix(links + links.T),
         boundary_sides,
-        on_boundary,
+        on_boundary=np.isin(np.arange(n), edges.ends[edges.n_faces == 1]),
     )
 
 
