@@ -129,12 +129,13 @@ def distance_coefficients(
     if interpolation == "projection":
         operator = interpolation_operator(spectrum, samples, mu)
         coefficients: FloatArray = operator @ squared @ operator.T
-        return (coefficients + coefficients.T) / 2
-    if interpolation == "least-squares":
-        return _least_squares(squared, samples, spectrum, mu)
-    raise InputError(
-        f'interpolation must be "projection" or "least-squares", not {interpolation!r}'
-    )
+    elif interpolation == "least-squares":
+        coefficients = _least_squares(squared, samples, spectrum, mu)
+    else:
+        raise InputError(
+            f'interpolation must be "projection" or "least-squares", not {interpolation!r}'
+        )
+    return (coefficients + coefficients.T) / 2
 
 
 def _least_squares(
@@ -166,8 +167,7 @@ def _least_squares(
     alpha, unsettled = cg(system, target, precondition(target), M=inverse, **steps)
     if unsettled:
         raise SolverError(_UNDETERMINED)
-    alpha = alpha.reshape(shape)
-    return np.asarray((alpha + alpha.T) / 2)
+    return np.asarray(alpha.reshape(shape))
 
 
 def _factor(system: FloatArray) -> tuple[FloatArray, bool]:

@@ -48,7 +48,7 @@ def geodesic_solver(mesh: Mesh, *, exact: bool) -> _FromVertex:
 
     def one(source: int) -> FloatArray:
         distances = np.full(mesh.n_vertices, np.inf)
-        if of_vertex[source] < 0:  # no face uses it
+        if of_vertex[source] < 0:  # no face uses it, or only one that names a vertex twice
             distances[source] = 0.0
         else:
             kept, from_vertex = on_component(int(of_vertex[source]))
