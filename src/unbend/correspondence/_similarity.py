@@ -116,20 +116,16 @@ def similarity(
     return aligned_cosine(left[rows], right[columns], weights)
 
 
-def aligned_cosine(
-    source_points: npt.ArrayLike, target_points: npt.ArrayLike, weights: npt.ArrayLike
-) -> float:
+def aligned_cosine(source: FloatArray, target: FloatArray, weights: FloatArray) -> float:
     """Cosine (0 to 1) of corresponding points (r, d) after the best rotation or reflection.
 
     Points are centred; rows that are not finite in both, or have no positive weight (r,), do not
     count. Raises InputError if no rows count, or all points of one side coincide.
     """
-    left, right = np.asarray(source_points, dtype=float), np.asarray(target_points, dtype=float)
-    mass = np.asarray(weights, dtype=float)
-    counted = np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1) & (mass > 0)
+    counted = np.isfinite(source).all(axis=1) & np.isfinite(target).all(axis=1) & (weights > 0)
     if not counted.any():
         raise InputError("no vertex of one shape corresponds to a vertex of the other")
-    left, right, mass = left[counted], right[counted], mass[counted] / mass[counted].sum()
+    left, right, mass = source[counted], target[counted], weights[counted] / weights[counted].sum()
     left, right = left - mass @ left, right - mass @ right
     norms = [float(np.sqrt(mass @ (one**2).sum(axis=1))) for one in (left, right)]
     if min(norms) == 0:
