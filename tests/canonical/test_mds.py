@@ -78,9 +78,8 @@ def test_all_samples_and_all_eigenpairs_leave_nothing_to_approximate(
     assert dense.relative_error(sampled.points, exact.points) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["cat0", "cat3", "cat8"])
-def test_the_paper_s_sampling_comes_within_a_thousandth_on_cats(real_data, name):
-    mesh = real_data / "tosca_remeshed" / f"{name}.off"
+def test_the_paper_s_sampling_comes_within_a_thousandth_on_a_cat(real_data):
+    mesh = real_data / "tosca_remeshed" / "cat3.off"
     exact = canonical_form(mesh)
     for interpolation in ("projection", "least-squares"):
         sampled = sampled_canonical_form(mesh, interpolation=interpolation)
