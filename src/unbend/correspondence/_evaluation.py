@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._display import Brief, table
-from unbend._types import FloatArray, IntArray
+from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.choices import GeodesicKind
 from unbend.correspondence._archive import mesh_hashes
 from unbend.correspondence._transfer import as_point_map
@@ -188,41 +188,36 @@ def evaluate(
     if target.is_point_cloud:
         raise MeshError(f"{target.name}: errors are measured along faces; this is a point cloud")
     images = as_point_map(match, target=target)
-    sources = vertex_ids(source_points, len(images), "source_points")
-    truth = _ground_truth(target_points, len(sources), target, "target_points")
-    found = images[sources]
-    given, true = found >= 0, truth >= 0
-    rows = np.flatnonzero(given & true)
-    direct = _errors(target, truth, found, rows, "target_points", distance)
+    found = images[vertex_ids(source_points, len(images), "source_points")]
+    direct, true = _errors(target, target_points, found, "target_points", distance)
+    given = found >= 0
     map_min = vertex_min = None
     if mirrored_target_points is not None:
-        name = "mirrored_target_points"
-        mirrored_truth = _ground_truth(mirrored_target_points, len(sources), target, name)
-        both = mirrored_truth[rows] >= 0
-        mirrored = _errors(target, mirrored_truth, found, rows[both], name, distance)
-        map_min = min(direct[both], mirrored, key=lambda one: float(one.mean()))
-        vertex_min = np.minimum(direct[both], mirrored)
+        name, counted = "mirrored_target_points", np.where(true, found, -1)
+        mirrored, both = _errors(target, mirrored_target_points, counted, name, distance)
+        ours = direct[both[given & true]]
+        map_min = min(ours, mirrored, key=lambda one: float(one.mean()))
+        vertex_min = np.minimum(ours, mirrored)
     areas = vertex_areas(target)
     return Evaluation(
         direct=direct,
         map_min=map_min,
         vertex_min=vertex_min,
         coverage=float(areas[np.unique(images[images >= 0])].sum() / areas.sum()),
-        overlap=Overlap(*(len(rows) / int(some.sum()) for some in (given, true, given | true))),
+        overlap=Overlap(*(len(direct) / int(some.sum()) for some in (given, true, given | true))),
     )
 
 
-def _ground_truth(values: Any, n_rows: int, target: Mesh, name: str) -> IntArray:
-    truth = checked_map(values, target.n_vertices, name)
-    if len(truth) != n_rows:
-        raise InputError(f"the ground truth has {n_rows} source and {len(truth)} target vertices")
-    return truth
-
-
 def _errors(
-    target: Mesh, truth: IntArray, found: IntArray, rows: IntArray, name: str, kind: str
-) -> FloatArray:
-    """Geodesic errors of some rows, whose true images must be vertices in use."""
+    target: Mesh, points: Any, found: IntArray, name: str, kind: str
+) -> tuple[FloatArray, BoolArray]:
+    """Geodesic errors of rows with an image and a true one, and which rows have a true one."""
+    truth = checked_map(points, target.n_vertices, name)
+    if len(truth) != len(found):
+        raise InputError(
+            f"the ground truth has {len(found)} source and {len(truth)} target vertices"
+        )
+    rows = np.flatnonzero((found >= 0) & (truth >= 0))
     if not len(rows):
         raise InputError(f"{name}: no row counts, because none has an image and a true image")
     unused = rows[~np.isin(truth[rows], target.faces)]
@@ -240,7 +235,7 @@ def _errors(
             kept[vertex] = (from_vertex(vertex) / scale).astype(np.float32)
     errors = np.array([kept[truth[row]][found[row]] for row in rows], dtype=float)
     _forget()
-    return errors
+    return errors, truth >= 0
 
 
 def _forget() -> None:
