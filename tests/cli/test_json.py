@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 from typer.testing import CliRunner
 
+from every_command import every_command
 from stones import write_pair
 from unbend.cli import app, demo
 from unbend.collection import Collection
@@ -206,14 +205,7 @@ def test_json_has_the_keys_and_types_of_the_table(
 
 
 def test_every_command_is_in_the_table() -> None:
-    def commands(group: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-        for name, one in group.commands.items():
-            if hasattr(one, "commands"):
-                yield from commands(one, (*words, name))
-            else:
-                yield (*words, name)
-
-    for words in commands(typer.main.get_command(app)):
+    for words, _ in every_command():
         assert any(tuple(line.split()[: len(words)]) == words for line in SCHEMA), words
 
 

@@ -9,24 +9,22 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-import unbend
+import unbend.__main__
+from every_command import every_command
 from unbend import Mesh, write_mesh
 from unbend._memory import LIMIT_VARIABLE
 from unbend._text import quoted
-from unbend.cli import _options, _output, app, main
+from unbend.cli import _output, app, main
 from unbend.datasets import make_sphere
-from unbend.errors import InputError, MeshError, UnbendWarning
-
-RUN = [sys.executable, "-c", "from unbend.cli import main; main()"]
+from unbend.errors import MeshError, UnbendWarning
 
 
 @pytest.fixture
@@ -58,15 +56,7 @@ def test_without_arguments_help_is_shown() -> None:
         assert "Commands" in CliRunner().invoke(app, words).output
 
 
-def every_command(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    for name, one in (group or typer.main.get_command(app)).commands.items():
-        if hasattr(one, "commands"):
-            yield from every_command(one, (*words, name))
-        else:
-            yield (*words, name)
-
-
-@pytest.mark.parametrize("words", list(every_command()), ids=" ".join)
+@pytest.mark.parametrize("words", [words for words, _ in every_command()], ids=" ".join)
 def test_every_command_shows_examples(words: tuple[str, ...]) -> None:
     result = CliRunner().invoke(app, [*words, "--help"])
     assert result.exit_code == 0
@@ -173,7 +163,7 @@ def test_an_interruption_before_a_command(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(typer.Typer, "__call__", interrupt)
     with pytest.raises(SystemExit) as caught:
-        main()
+        unbend.__main__.main()
     assert caught.value.code == 130
 
 
@@ -185,14 +175,6 @@ def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
     assert {name: told[name] for name in "abc"} == {"a": [1.5, None], "b": [3, None], "c": "x"}
 
 
-def test_components_are_largest_or_numbers() -> None:
-    assert _options.parse_component(None) is None
-    assert _options.parse_component("largest") == "largest"
-    assert _options.parse_component("12") == 12
-    with pytest.raises(InputError, match="largest or a number"):
-        _options.parse_component("-1")
-
-
 @pytest.mark.parametrize("quiet", [False, True])
 def test_quiet_leaves_results_and_warnings(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, quiet: bool
@@ -200,8 +182,7 @@ def test_quiet_leaves_results_and_warnings(
     monkeypatch.setattr(_output, "_SECONDS_BETWEEN_LINES", -1.0)
     shape = Mesh(np.zeros((1, 3)), notes=("one", "two"))
     _output.begin(as_json=False, quiet=quiet)
-    with _output.progress_on_stderr() as progress:
-        progress("3 of 4 shapes", 0.75)
+    _output.progress("3 of 4 shapes", 0.75)
     _output.say("warning", "three")
     _output.tell({}, ["found"], shapes=[shape], written=["a.npz", None], next_step="look")
     captured = capsys.readouterr()
@@ -219,8 +200,8 @@ def test_a_person_gets_a_bar(
     monkeypatch.setenv("COLUMNS", "200")
     for quiet in (False, True):
         _output.begin(as_json=False, quiet=quiet)
-        with _output.progress_on_stderr() as progress:
-            progress("3 of 4 [shapes]", 0.75)
+        _output.progress("3 of 4 [shapes]", 0.75)
+        _output.end_progress()
         assert ("75%  3 of 4 [shapes]" in capsys.readouterr().err) != quiet
 
 

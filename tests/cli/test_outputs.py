@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
-import typer.main
 from typer.testing import CliRunner
 
+from every_command import every_command
 from stones import write_pair
 from unbend.cli import app
+from unbend.cli._options import written
 
 # Options that take text: what each writes, and those that are read or are no files.
 OUTPUTS = {
@@ -52,17 +53,6 @@ LINES = {
 ELSEWHERE = {"demo", "collection match", "collection register", "collection mean"}
 
 
-def commands(
-    group: Any = None, words: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Give every command with the words that call it."""
-    for name, one in (group or typer.main.get_command(app)).commands.items():
-        if hasattr(one, "commands"):
-            yield from commands(one, (*words, name))
-        else:
-            yield (*words, name), one
-
-
 def options(command: Any) -> dict[str, Any]:
     """Options that take text of any kind, by their long names."""
     hints = get_type_hints(command.callback)
@@ -91,7 +81,7 @@ def with_outputs(line: str, chosen: list[str], folder: Path) -> tuple[list[str],
 
 def combinations() -> Iterator[tuple[str, list[str], list[str]]]:
     """Give each command line, the outputs that it needs and those that it can have."""
-    for words, command in commands():
+    for words, command in every_command():
         if line := line_of(words):
             outputs = {name: one for name, one in options(command).items() if name in OUTPUTS}
             must = [name for name, one in outputs.items() if one.required]
@@ -120,10 +110,10 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_option_that_takes_text_is_known_and_every_output_tried() -> None:
-    for words, command in commands():
+    for words, command in every_command():
         for name, one in options(command).items():
             assert name in OUTPUTS.keys() | INPUTS | APART, f"{words}: does {name} read or write?"
-            assert name in INPUTS or one.callback, f"{words}: {name} lacks options.claim"
+            assert (name in INPUTS) != (one.name in written()), f"{words}: {name} in written()"
             tried = line_of(words) is not None or " ".join(words) in ELSEWHERE
             assert name not in OUTPUTS or tried, f"{words} has no line in LINES"
 

@@ -1,11 +1,11 @@
-"""The command line: one file per command, no numerics.
+"""The command line: no numerics. A file has a command, or a few that are alike.
 
 To add a command, write a function, and add it to `app` below. Its parameters are the arguments and
-options, as in ``distance.py``; its docstring, or `_options.HELP`, has their help, and it ends with
-examples. Call what is numerical by its full name, as `unbend.match` or `unbend.io.read_map`: it is
-loaded on first use, for ``unbend --help`` must not wait for it. End with ``tell(...)``, which
-prints text or JSON. Raise :class:`unbend.errors.UnbendError` for anything the user can put right;
-it is turned into one sentence and exit code 2 here, in one place.
+options. Its docstring, or `_options.HELP`, has their help, and examples, as in ``distance.py``.
+Call what is numerical by its full name, as `unbend.match` or `unbend.io.read_map`: it is loaded on
+first use, for ``unbend --help`` must not wait for it. End with ``tell(...)``, which prints text or
+JSON. Raise :class:`unbend.errors.UnbendError` for anything the user can put right; it is turned
+into one sentence and exit code 2 here, in one place.
 """
 
 from __future__ import annotations
@@ -31,18 +31,14 @@ from unbend.cli import (
     collection,
     demo,
     distance,
-    evaluate,
     match,
-    morph,
     register,
     similarity,
-    symmetry,
-    transfer,
+    uses,
     view,
-    window,
 )
 from unbend.cli._command import make_group
-from unbend.cli._output import EXIT_REFUSED, say, warning_printer
+from unbend.cli._output import EXIT_REFUSED, say, show_warning
 from unbend.errors import UnbendError, UnbendWarning
 
 _EXIT_INTERRUPTED = 130  # what shells report after Ctrl-C
@@ -58,7 +54,7 @@ class _Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         try:
             with warnings.catch_warnings():
-                warnings.showwarning = warning_printer()
+                warnings.showwarning = show_warning
                 warnings.simplefilter("always", UnbendWarning)
                 result = super().invoke(ctx)
                 if sys.stdout is not None:  # as it is where the shell closed it
@@ -93,14 +89,14 @@ app = make_group(
     canonical.canonical,
     distance.distance,
     match.match,
-    symmetry.symmetry,
-    evaluate.evaluate,
-    transfer.transfer,
+    match.symmetry,
+    uses.evaluate,
+    uses.transfer,
     register.register,
-    morph.morph,
+    uses.morph,
     similarity.similarity,
     view.view,
-    window.app,
+    view.app,
     demo.demo,
     name="unbend",
     cls=_Group,
@@ -146,7 +142,7 @@ def _interrupt_again(ignored: Any) -> None:
 
 
 def main() -> None:
-    """Run the command line; the ``unbend`` script calls this."""
+    """Run the command line; `unbend.__main__` calls this."""
     # A pipe on Windows, or a name that is no text, has characters that cannot be written as they
     # are: better escaped than an end halfway through.
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -154,7 +150,5 @@ def main() -> None:
     before, sys.unraisablehook = sys.unraisablehook, _interrupt_again
     try:
         app()
-    except KeyboardInterrupt:  # before a command began
-        raise SystemExit(_EXIT_INTERRUPTED) from None
     finally:
         sys.unraisablehook = before

@@ -1,18 +1,18 @@
-"""How functions become commands: groups of them, and the options that all have."""
+"""How functions become commands: groups of them, their help, and the options that all have."""
 
 from __future__ import annotations
 
-import copy
-import inspect
 import re
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from dataclasses import is_dataclass
+from inspect import Parameter, Signature, signature
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
-from unbend.cli._options import HELP, keep_what_is_given
-from unbend.cli._output import begin
+from unbend.cli._options import HELP, check_files
+from unbend.cli._output import begin, end_progress
 
 
 def make_group(help: str, *functions: Callable[..., None], **options: Any) -> typer.Typer:
@@ -25,56 +25,52 @@ def make_group(help: str, *functions: Callable[..., None], **options: Any) -> ty
         **options,
     )
     for function in functions:
-        app.command(function.__name__.rstrip("_"))(_command(function))
+        app.command(function.__name__.rstrip("_"), cls=_Command)(_with_common_options(function))
     return app
 
 
-def _command(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --quiet to a function; its docstring, or `HELP`, has the help of its options.
+class _Command(TyperCommand):
+    """A command whose docstring has examples, and the help of its options that is not in `HELP`."""
 
-    A parameter that is a dataclass stands for the options that are its fields.
-    """
-    defaults: dict[str, Any] = {}
-    hints: dict[str, Any] = {}
-    groups: dict[str, Any] = {}
-    own = get_type_hints(function, include_extras=True)
-    for name, one in inspect.signature(function).parameters.items():
-        if is_dataclass(own[name]):
-            groups[name] = own[name]
-            defaults |= {each.name: each.default for each in fields(own[name])}
-            hints |= get_type_hints(own[name], include_extras=True)
-        else:
-            defaults[name], hints[name] = one.default, own[name]
-    text, _, examples = (function.__doc__ or "").partition("    Examples\n    --------\n")
-    text, _, options = text.partition("    Options\n    -------\n")
-    about = HELP | dict(re.findall(r"^ {6}(\w+): (.*(?:\n {10}.*)*)", options, re.MULTILINE))
-    defaults |= {"as_json": False, "quiet": False}
-    hints["as_json"] = Annotated[bool, typer.Option("--json")]
-    hints["quiet"] = Annotated[bool, typer.Option("--quiet", "-q")]
-    for name, hint in hints.items():
-        kind, option = hint, typer.Option()
-        if get_origin(hint) is Annotated:
-            kind, option = get_args(hint)
-        elif defaults[name] is inspect.Parameter.empty:
-            option = typer.Argument(metavar=name.upper())
-        option = copy.copy(option)  # which other commands may share
-        option.help = " ".join(about[name].split())
-        hints[name] = Annotated[kind, option]
+    def __init__(self, *args: Any, help: str, **settings: Any) -> None:
+        text, *examples = help.split("\n$ ")
+        text, *options = re.split(r"\n {2}(\w+): ", text)
+        about = HELP | dict(zip(options[::2], options[1::2], strict=True))
+        lines = "".join(f"\n  {one}" for one in examples)
+        super().__init__(*args, help=f"{text}\n\b\nExamples:{lines}", **settings)
+        params: list[Any] = self.params
+        for one in params:
+            one.help = " ".join(about[one.name].split())
+            if one.param_type_name == "argument" and one.metavar is None:
+                one.metavar = one.name.upper()
 
-    def run(*, ctx: typer.Context, as_json: bool, quiet: bool, **given: Any) -> None:
+
+def _with_common_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add --json and --quiet; a parameter that is a dataclass stands for the options in it."""
+    own = signature(function, eval_str=True).parameters
+    groups = {
+        name: signature(one.annotation, eval_str=True).parameters
+        for name, one in own.items()
+        if isinstance(one.annotation, type) and is_dataclass(one.annotation)
+    }
+
+    def run(
+        ctx: typer.Context,
+        as_json: Annotated[bool, typer.Option("--json")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False,
+        **given: Any,
+    ) -> None:
         begin(as_json, quiet)
-        keep_what_is_given(ctx)
-        for name, group in groups.items():
-            given[name] = group(**{each.name: given.pop(each.name) for each in fields(group)})
+        check_files(given)
+        ctx.call_on_close(end_progress)
+        for name, fields in groups.items():
+            given[name] = own[name].annotation(**{field: given.pop(field) for field in fields})
         function(**given)
 
-    run.__name__, run.__annotations__ = function.__name__, hints
-    run.__doc__ = f"{text}    \b\n    Examples:\n{examples}"
-    kind = inspect.Parameter.KEYWORD_ONLY
-    parameters = [inspect.Parameter("ctx", kind, annotation=typer.Context)]
-    parameters += [
-        inspect.Parameter(name, kind, default=default, annotation=hints[name])
-        for name, default in defaults.items()
-    ]
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    ctx, *common, _ = signature(run, eval_str=True).parameters.values()
+    chosen = [each for name, one in own.items() for each in groups.get(name, {name: one}).values()]
+    every = [one.replace(kind=Parameter.KEYWORD_ONLY) for one in (ctx, *chosen, *common)]
+    run.__name__, run.__doc__ = function.__name__, function.__doc__
+    run.__annotations__ = {one.name: one.annotation for one in every}
+    run.__signature__ = Signature(every)  # type: ignore[attr-defined]
     return run

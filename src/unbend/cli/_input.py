@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +11,26 @@ import typer
 
 import unbend
 from unbend._text import plural
-from unbend.choices import DistanceKind
 from unbend.cli._options import MatchOptions
-from unbend.cli._output import EXIT_UNSURE, command_line, say, warn_if_doubtful
-from unbend.errors import InputError
+from unbend.cli._output import (
+    EXIT_UNSURE,
+    command_line,
+    list_failures,
+    progress,
+    say,
+    warn_if_doubtful,
+)
+from unbend.errors import FileError, InputError
 
 if TYPE_CHECKING:
-    from unbend._types import IntArray, Progress
+    from unbend._types import IntArray
+
+_SAMPLING = {"n_samples", "n_eigenpairs"}
 
 
 def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbend.Mesh]:
     """Read meshes; choose a component of those that have several, if any has."""
+    progress("reading", 0)
     shapes = [unbend.read_mesh(path) for path in paths]
     if component is None:
         return shapes
@@ -34,28 +43,24 @@ def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbe
     ]
 
 
-def make_form(
-    mesh: unbend.Mesh,
-    distance: DistanceKind,
-    sampling: Mapping[str, Any] | None = None,
-    **options: Any,
-) -> unbend.canonical.CanonicalForm:
+def make_form(mesh: unbend.Mesh, **options: Any) -> unbend.canonical.CanonicalForm:
     """Compute the exact form; the paper's if it is sampled, or the distance has no exact one."""
-    if distance not in unbend.distances.GEODESIC and not sampling:
-        return unbend.canonical_form(mesh, distance=distance, **options)
-    return unbend.sampled_canonical_form(mesh, distance=distance, **(sampling or {}), **options)
+    given = {name: value for name, value in options.items() if value is not None}
+    if given["distance"] not in unbend.distances.GEODESIC and not given.keys() & _SAMPLING:
+        return unbend.canonical_form(mesh, **given)
+    return unbend.sampled_canonical_form(mesh, **given)
 
 
-def expand_folders(paths: Iterable[str]) -> list[str]:
+def expand_folders(paths: Sequence[str]) -> list[str]:
     """Replace folders by the meshes in and below them, in order."""
+    unbend.collection.warn_of_others(paths)
     found: list[str] = []
-    unbend.collection.warn_of_others(paths := list(paths))
     for path in paths:
-        if not os.path.isdir(path):
+        if os.path.isdir(path):
+            inside = unbend.collection.find_files([path])
+            found += [os.path.join(path, os.path.relpath(one, path)) for one in inside]
+        else:
             found.append(path)
-            continue
-        inside = unbend.collection.find_files([path])
-        found += [os.path.join(path, os.path.relpath(one, path)) for one in inside]
     return found
 
 
@@ -70,41 +75,30 @@ def is_batch(
     """
     suffixes = unbend.io.WRITE_SUFFIXES + unbend.io.VALUE_SUFFIXES
     is_file = out is not None and Path(out).suffix.lower() in suffixes
-    into_folder = out is not None and any(map(os.path.isdir, (out, *given)))
-    if len(paths) == 1 and (is_file or not into_folder):
+    if len(paths) == 1 and (is_file or out is None or not any(map(os.path.isdir, (out, *given)))):
         return False
     if is_file:
         raise InputError(f"{len(paths)} meshes need a folder to write to, and {out} is a file")
     for name, value in of_one.items():
-        if value is not None:
-            raise InputError(f"{name} is for a single mesh; leave it out, or -o FOLDER")
+        if value not in (None, "auto"):
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{option} is for a single mesh; leave it out, or -o FOLDER")
     return True
 
 
-def files_in(folder: str, paths: Sequence[str], suffix: Callable[[str], str]) -> list[str]:
-    """Make the folder; name a file in it after each mesh."""
-    found: dict[str, str] = {}
-    for path in paths:
-        file = os.path.join(folder, Path(path).stem + suffix(path))
-        if file in found:
-            raise InputError(f"{found[file]} and {path} would both be written to {file}")
-        found[file] = path
-    unbend.collection.make_folder(folder)
-    return list(found)
-
-
-def read_truth(paths: Sequence[str], n_source: int, n_target: int) -> list[IntArray]:
-    """Read source vertices whose images are known, and those images, in one or more files."""
-    sources = unbend.read_map(paths[0], n_target=n_source)
+def read_truth(paths: Sequence[str | None], n_source: int, n_target: int) -> list[IntArray]:
+    """Read source vertices whose images are known, and those images, in as many files as given."""
+    first, *others = [path for path in paths if path is not None]
+    sources = unbend.read_map(first, n_target=n_source)
     if (sources < 0).any():
         row = int((sources < 0).argmax())
-        raise InputError(f"{paths[0]}: row {row} is -1, but each must be a source vertex")
+        raise InputError(f"{first}: row {row} is -1, but each must be a source vertex")
     found = [sources]
-    for path in paths[1:]:
+    for path in others:
         found.append(unbend.read_map(path, n_target=n_target))
         if len(found[-1]) != len(sources):
             raise InputError(
-                f"{path} holds {plural(len(found[-1]), 'row')}, but {paths[0]} {len(sources)}; "
+                f"{path} holds {plural(len(found[-1]), 'row')}, but {first} {len(sources)}; "
                 "each row of the one is the image of that row of the other"
             )
     return found
@@ -125,9 +119,9 @@ def landmarks_of(paths: Sequence[str] | None, shapes: Sequence[unbend.Mesh]) -> 
     return unbend.io.read_landmarks(paths[0], source.n_vertices, target.n_vertices)
 
 
-def keeps_all(path: str | None) -> bool:
-    """Whether a file will hold all of a match, not its point map alone."""
-    return path is not None and path.lower().endswith(".npz")
+def keeps_all(path: str) -> bool:
+    """Whether a file holds all of a match, not its point map alone."""
+    return path.lower().endswith(".npz")
 
 
 def write_result(path: str, found: unbend.Match, shapes: Sequence[unbend.Mesh]) -> None:
@@ -143,16 +137,16 @@ def show_match(
     found: unbend.Match,
     figure: str | None,
     report: str | None,
-    **options: Any,
+    **looks: Any,
 ) -> None:
     """Write the figure and the page of a match, if they are asked for."""
+    source, target = shapes
     if figure is not None:
-        options["progress"]("drawing", 0)
-        unbend.report.draw_match(shapes[0], shapes[1], found, figure, up=options["up"])
+        progress("drawing", 0)
+        unbend.report.draw_match(source, target, found, figure, up=looks["up"])
     if report is not None:
-        unbend.report.match_page(
-            shapes[0], shapes[1], found, report, command=command_line(), **options
-        )
+        looks |= {"command": command_line(), "progress": progress}
+        unbend.report.match_page(source, target, found, report, **looks)
 
 
 def is_unsure(found: unbend.Match, least: float | None) -> bool:
@@ -163,34 +157,49 @@ def is_unsure(found: unbend.Match, least: float | None) -> bool:
     return True
 
 
-def read_or_match(
-    shapes: Sequence[unbend.Mesh], given: MatchOptions, progress: Progress
-) -> unbend.Match | IntArray:
+def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.Match | IntArray:
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
     source, target = shapes
     if given.map is None:
-        found = unbend.match(
-            source,
-            target,
-            partial=given.partial,
-            landmarks=landmarks_of(given.landmarks, shapes),
-            barycentric=True,
-            progress=progress,
+        landmarks = landmarks_of(given.landmarks, shapes)
+        options: Any = {"partial": given.partial, "landmarks": landmarks, "progress": progress}
+        found = unbend.match(source, target, barycentric=True, **options)
+    elif given.landmarks or given.save_match is not None or given.partial != "auto":
+        raise InputError(
+            "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
         )
-    else:
-        if given.landmarks or given.save_match is not None or given.partial != "auto":
-            raise InputError(
-                "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
-            )
-        if not keeps_all(given.map):
-            if given.min_confidence is not None:
-                raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
-            sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
-            return unbend.read_map(given.map, base=given.base, **sizes)
+    elif keeps_all(given.map):
         found = unbend.read_match(given.map, source=source, target=target)
+    elif given.min_confidence is None:
+        sizes = {"n_source": source.n_vertices, "n_target": target.n_vertices}
+        return unbend.read_map(given.map, base=given.base, **sizes)
+    else:
+        raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
     warn_if_doubtful(found)
     if is_unsure(found, given.min_confidence):
         raise typer.Exit(EXIT_UNSURE)
     if given.save_match is not None:
         write_result(given.save_match, found, shapes)
     return found
+
+
+def opened(store: str, *outputs: str | None) -> unbend.collection.Collection:
+    """Open a collection that must be there, and in whose folder nothing else shall be written."""
+    found = unbend.collection.Collection(store)
+    if not found.exists:
+        raise FileError(
+            f"there is no collection at {store}: unbend collection add {store} MESHES makes one"
+        )
+    for out in filter(None, outputs):
+        unbend.collection.check_outside(store, out)
+    return found
+
+
+def read_shown(
+    shapes: Sequence[unbend.collection.Entry | unbend.collection.Hit], store: str
+) -> list[unbend.Mesh]:
+    """Read shapes to show them, and name on stderr what cannot be read."""
+    unbend.report.check_count(len(shapes))
+    meshes, failures = unbend.collection.read_found(shapes, store)
+    list_failures(failures)
+    return meshes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -14,14 +14,41 @@ from unbend.choices import Partial
 from unbend.errors import InputError
 
 
-def claim(ctx: typer.Context, given: Any) -> Any:
-    """Refuse one file for two results, of which the second would take the place of the first."""
-    claimed = ctx.meta.setdefault("unbend.claimed", {})
-    for path in [given] if isinstance(given, str) else given or ():
-        if (place := os.path.realpath(path)) in claimed:
-            raise InputError(f"two results cannot be written to one file: {path}")
-        claimed[place] = path
-    return given
+def written() -> dict[str, tuple[str, ...]]:
+    """Options that name files to write, with their suffixes where no command takes others."""
+    io = unbend.io
+    maps, pictures = (".npz", *io.MAP_SUFFIXES), (".png", ".pdf", ".svg")
+    return {
+        "out": (),
+        "map_out": maps,
+        "save_match": maps,
+        "page": (".html",),
+        "report": (".html",),
+        "picture": pictures,
+        "figure": pictures,
+        "thumbnail": (".png",),
+        "csv": (".csv",),
+        "colored": io.COLOR_SUFFIXES,
+        "expected_error": io.VALUE_SUFFIXES + io.COLOR_SUFFIXES,
+    }
+
+
+def check_files(given: Mapping[str, Any]) -> None:
+    """Refuse files that cannot be written, one for two results, and to write over what is read."""
+    suffixes = written()
+    claimed: dict[str, str] = {}
+    read = []
+    for name, value in given.items():
+        for path in value if isinstance(value, list | tuple) else [value]:
+            if name not in suffixes and isinstance(path, str):
+                read.append(path)
+            elif name in suffixes and path is not None:
+                if suffixes[name]:
+                    unbend.io.check_writable(path, suffixes[name])
+                if (place := os.path.realpath(path)) in claimed:
+                    raise InputError(f"two results cannot be written to one file: {path}")
+                claimed[place] = path
+    keep_inputs(claimed.values(), read)
 
 
 def keep_inputs(written: Iterable[str], read: Iterable[str]) -> None:
@@ -38,34 +65,7 @@ def _identity(path: str) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def keep_what_is_given(ctx: typer.Context) -> None:
-    """Refuse to write over a file that an argument or option names; those to write are claimed."""
-    given = [ctx.params[one.name] for one in ctx.command.params if one.name and not one.callback]
-    words = [[one] if isinstance(one, str) else one for one in given]
-    read = [path for one in words if isinstance(one, list | tuple) for path in one]
-    keep_inputs(ctx.meta.get("unbend.claimed", {}).values(), read)
-
-
-def _writable(*suffixes: str) -> Callable[[typer.Context, str | None], Any]:
-    """Refuse a file that cannot be written before anything is read."""
-
-    def check(ctx: typer.Context, path: str | None) -> Any:
-        if path is not None:
-            unbend.io.check_writable(path, suffixes)
-        return claim(ctx, path)
-
-    return check
-
-
-html_file = _writable(".html")
-figure_file = _writable(".png", ".pdf", ".svg")
-
-
-def _map_file(ctx: typer.Context, path: str | None) -> Any:
-    return _writable(".npz", *unbend.io.MAP_SUFFIXES)(ctx, path)
-
-
-def parse_component(text: str | None) -> Any:
+def _component(text: str | None) -> Any:
     """Turn the value of ``--component`` into what the library takes."""
     if text is None or text == "largest":
         return text
@@ -80,8 +80,8 @@ def _switch_cache(ctx: typer.Context, keep: bool) -> bool:
     return keep
 
 
-def out(metavar: str = "OUT", callback: Any = claim) -> Any:
-    return typer.Option("-o", "--out", metavar=metavar, callback=callback)
+def out(metavar: str = "OUT") -> Any:
+    return typer.Option("-o", "--out", metavar=metavar)
 
 
 def count(name: str, least: int | None = 1) -> Any:
@@ -95,7 +95,7 @@ HELP = {
     "source": "The mesh to map from.",
     "target": "The mesh to map to.",
     "store": "The collection: a folder, or s3://bucket/name.",
-    "out": "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
+    "map_out": "Where to write the match: .npz (all of it); .npy, .txt, .csv (the target vertex of "
     "each source vertex, from 0) or .vts (from 1).",
     "report": "Write an interactive page of pictures, for a browser.",
     "csv": "Write the table to a file, too.",
@@ -120,16 +120,14 @@ HELP = {
     "quiet": "No progress, notes or hints; only results, warnings and errors.",
 }
 
-Figure = Annotated[str | None, typer.Option(metavar="PNG", callback=figure_file)]
-Report = Annotated[str | None, typer.Option(metavar="HTML", callback=html_file)]
-Csv = Annotated[str | None, typer.Option(metavar="OUT", callback=_writable(".csv"))]
-Component = Annotated[  # a number where it is one
-    str | None, typer.Option(metavar="largest|NUMBER", callback=parse_component)
-]
+Figure = Annotated[str | None, typer.Option(metavar="PNG")]
+Report = Annotated[str | None, typer.Option(metavar="HTML")]
+Csv = Annotated[str | None, typer.Option(metavar="OUT")]
+Component = Annotated[str | None, typer.Option(metavar="largest|NUMBER", callback=_component)]
 Cache = Annotated[bool, typer.Option(callback=_switch_cache)]
 Workers = Annotated[int | None, typer.Option(metavar="N", min=0)]
 Scheduler = Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")]
-MapOut = Annotated[str | None, out("MAP", _map_file)]
+MapOut = Annotated[str | None, out("MAP")]
 Base = Annotated[int | None, typer.Option(metavar="0|1")]
 Landmarks = Annotated[list[str] | None, typer.Option(metavar="FILE")]
 MinConfidence = Annotated[float | None, typer.Option(metavar="X", min=0, max=1)]
@@ -143,5 +141,5 @@ class MatchOptions:
     base: Base = None
     partial: Partial = "auto"
     landmarks: Landmarks = None
-    save_match: Annotated[str | None, typer.Option(metavar="MAP", callback=_map_file)] = None
+    save_match: Annotated[str | None, typer.Option(metavar="MAP")] = None
     min_confidence: MinConfidence = None

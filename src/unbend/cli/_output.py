@@ -7,9 +7,9 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -20,11 +20,12 @@ from unbend._text import printable, quoted
 from unbend.errors import UnbendWarning
 
 if TYPE_CHECKING:
-    from unbend._types import FloatArray, Progress
+    from unbend._types import FloatArray
 
 EXIT_SOME_FAILED = 1
 EXIT_REFUSED = 2
 EXIT_UNSURE = 3
+SHORT_ID = 12  # digits of an id in a collection that are shown
 _SECONDS_BETWEEN_LINES = 30.0
 
 
@@ -36,6 +37,8 @@ class _Run:
     quiet: bool = False
     warnings: list[str] = field(default_factory=list)
     start: float = field(default_factory=time.perf_counter)
+    last_line: float = 0.0  # when a line of progress was printed, or the first was not
+    bar: Any = None
 
 
 _run = _Run()
@@ -66,11 +69,9 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
     """
     held = unbend.io.file_extras(original)
     if whole and out.lower().endswith(".obj") and original.lower().endswith(".obj"):
-        kept = (
-            "; its normals are recomputed, or left out where unlike faces share one"
-            if "normals" in held
-            else ""
-        )
+        kept = ""
+        if "normals" in held:
+            kept = "; its normals are recomputed, or left out where unlike faces share one"
         folders = {os.path.realpath(os.path.dirname(path)) for path in (out, original)}
         if "materials" in held and len(folders) == 2:
             kept += f"; its materials stay in the folder of {original}"
@@ -81,17 +82,16 @@ def lines_to_keep(out: str, original: str, *, whole: bool = True) -> str | None:
     return None
 
 
-def warning_printer() -> Callable[..., None]:
-    """Make what prints each warning once, without the line of code: users did not write it."""
-    printed: set[str] = set()
+def numbered(path: str, number: object) -> str:
+    """Name one of several files of a result."""
+    return str(Path(path).with_stem(f"{Path(path).stem}-{number}"))
 
-    def print_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
-        if str(message) not in printed:
-            printed.add(str(message))
-            ours = issubclass(category, UnbendWarning)
-            say("warning" if ours else f"warning ({category.__name__})", str(message))
 
-    return print_warning
+def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """Print a warning once, without the line of code: users did not write it."""
+    if str(message) not in _run.warnings:
+        ours = issubclass(category, UnbendWarning)
+        say("warning" if ours else f"warning ({category.__name__})", str(message))
 
 
 def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
@@ -112,31 +112,41 @@ def warn_if_doubtful(match: unbend.Match, *, seen: bool = False) -> None:
     )
 
 
-@contextmanager
-def progress_on_stderr() -> Iterator[Progress]:
+def confidence_of(result: object) -> str:
+    """Say how far the match behind a result is to be trusted."""
+    confidence = getattr(result, "confidence", math.nan)
+    return "not estimated" if math.isnan(confidence) else f"{confidence:.2f}, of the match"
+
+
+def progress(stage: str, share: float) -> None:
     """Show the step under way and its share: a bar, or a line now and then in a log."""
     if _run.quiet or sys.stderr is None:
-        yield lambda stage, share: None
         return
+    now = time.perf_counter()
+    _run.last_line = _run.last_line or now
     if sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+        if _run.bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-        words = TextColumn("{task.percentage:>3.0f}%  {task.description}", markup=False)
-        console = Console(stderr=True)
-        with Progress(SpinnerColumn(), BarColumn(), words, console=console, transient=True) as bar:
-            task = bar.add_task("reading", total=1.0)
-            yield lambda stage, share: bar.update(task, description=stage, completed=share)
-        return
-    last = time.monotonic()
+            words = TextColumn("{task.percentage:>3.0f}%  {task.description}", markup=False)
+            console = Console(stderr=True)
+            _run.bar = Progress(
+                SpinnerColumn(), BarColumn(), words, console=console, transient=True
+            )
+            _run.bar.add_task(stage, total=1.0)
+            _run.bar.start()
+        _run.bar.update(_run.bar.task_ids[0], description=stage, completed=share)
+    elif now - _run.last_line > _SECONDS_BETWEEN_LINES:
+        _run.last_line = now
+        say("progress", stage if not share else f"{stage}, {share:.0%}")
 
-    def line(stage: str, share: float) -> None:
-        nonlocal last
-        if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
-            last = time.monotonic()
-            say("progress", stage if not share else f"{stage}, {share:.0%}")
 
-    yield line
+def end_progress() -> None:
+    """Remove the bar."""
+    if _run.bar is not None:
+        _run.bar.stop()
+        _run.bar = None
 
 
 def shown(path: str) -> str:
@@ -173,16 +183,16 @@ def tell(
     """Tell what a command found: as JSON if that was asked for, else in lines.
 
     Notes of the readers of `shapes` go to stderr. `written` and `report` are the files of options,
-    None for those not given. `failures` end with exit code 1; a match that is `unsure`, which was
-    not written, with 3.
+    None for those not given. `failures` end with exit code 1; a match that is `unsure` with 3.
     """
+    end_progress()
     if failures is not None:
         list_failures(failures)
         result = {**result, "failed": failures}
     for shape in shapes:
         for note in shape.notes:
             say("note", note)
-    paths = [path for path in (*written, report) if path is not None and not unsure]
+    paths = [path for path in (*written, report) if path is not None]
     if report is not None:
         next_step = f"open {report} in a browser"
     if _run.as_json:
@@ -197,6 +207,10 @@ def tell(
             typer.echo(f"next: {printable(next_step)}")
     if failures or unsure:
         raise typer.Exit(EXIT_UNSURE if unsure else EXIT_SOME_FAILED)
+
+
+def fields_of(result: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(result, name) for name in names}
 
 
 def _plain(value: Any) -> Any:

@@ -10,10 +10,8 @@ from unbend.cli._output import rows, tell
 def info() -> None:
     """Show where the cache is and what it holds.
 
-    Examples
-    --------
-      unbend cache info
-      unbend cache info --json
+    $ unbend cache info
+    $ unbend cache info --json
     """
     found = unbend.spectral.cache_info()
     lines = {
@@ -27,9 +25,7 @@ def info() -> None:
 def clear() -> None:
     """Remove every cached spectrum.
 
-    Examples
-    --------
-      unbend cache clear
+    $ unbend cache clear
     """
     removed = unbend.spectral.clear_cache()
     tell({"n_removed": removed}, [f"removed {removed:,} spectra"])

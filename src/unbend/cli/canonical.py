@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,13 +14,14 @@ import unbend
 from unbend.choices import Axis, Detail, DistanceKind, LaplacianKind, Weighting
 from unbend.cli import _options as options
 from unbend.cli import _output as output
-from unbend.cli._input import expand_folders, files_in, is_batch, make_form
+from unbend.cli._input import expand_folders, is_batch, make_form
 from unbend.errors import InputError, UnbendError
 
 if TYPE_CHECKING:
     from unbend._types import FloatArray
 
 _MESH_SUFFIXES = (".ply", ".off", ".obj", ".glb", ".vtp")
+_TOLD = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
 
 
 def canonical(
@@ -45,8 +47,6 @@ def canonical(
     is given. Several meshes get one table, and a file each in the format of the mesh if that holds
     the form, else .ply or .npy; those that cannot be used are listed, with exit code 1.
 
-    Options
-    -------
       out: Where to write the form: .ply, .off, .obj, .glb or .vtp with the mesh's faces (dimension
           3; from .obj to .obj texture, materials, groups and polygons stay), .npy or .csv (any
           dimension). For several meshes, a folder.
@@ -61,28 +61,23 @@ def canonical(
       keep_scale: Keep the mesh's unit; otherwise its area becomes 1.
       detail: preserved: write the surface, deformed as rigidly as possible into the form's pose.
 
-    Examples
-    --------
-      unbend canonical cat.off -o cat_canonical.ply
-      unbend canonical scans/ -o forms
-      unbend canonical cat.off -o cat_unbent.ply --detail preserved
-      unbend canonical cat.off --report form.html --up z
-      unbend canonical cat.off --detail preserved --figure form.pdf --up z
-      unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
-      unbend canonical cat.off --distance geodesic --n-samples 300 --json
+    $ unbend canonical cat.off -o cat_canonical.ply
+    $ unbend canonical scans/ -o forms
+    $ unbend canonical cat.off -o cat_unbent.ply --detail preserved
+    $ unbend canonical cat.off --report form.html --up z
+    $ unbend canonical cat.off --detail preserved --figure form.pdf --up z
+    $ unbend canonical cat.off -o cat.npy --n-components 10 --weighting area
+    $ unbend canonical cat.off --distance geodesic --n-samples 300 --json
     """
     if detail is not None and n_components < 3:
         raise InputError(f"--detail needs a form of at least 3 dimensions, not {n_components}")
     paths = expand_folders(meshes)
     if out is None and len(paths) > 1 and not os.path.exists(paths[-1]):
         raise InputError(f"cannot read {paths[-1]}: there is no such file; or was -o meant?")
-    batch = is_batch(meshes, paths, out, {"--figure": figure, "--report": report})
-
-    def suffix_of(path: str) -> str:
-        own = Path(path).suffix.lower()
-        return ".npy" if n_components != 3 else own if own in _MESH_SUFFIXES else ".ply"
-
-    files = [] if out is None else files_in(out, paths, suffix_of) if batch else [out]
+    batch = is_batch(meshes, paths, out, {"figure": figure, "report": report})
+    files = []
+    if out is not None:
+        files = _files_in(out, paths, n_components) if batch else [out]
     options.keep_inputs(files, paths)
     for file in files:
         suffix = unbend.io.check_writable(file, (*_MESH_SUFFIXES, ".npy", ".csv")).suffix.lower()
@@ -91,28 +86,27 @@ def canonical(
                 f"{suffix} files hold 3 dimensions, not {n_components}; write the form as .npy "
                 "or .csv"
             )
-    given = {"n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
-    sampling = {name: number for name, number in given.items() if number is not None}
-    of_all: dict[str, Any] = {"n_components": n_components, "weighting": weighting}
+    of_all: dict[str, Any] = {"n_components": n_components, "distance": distance}
+    of_all |= {"weighting": weighting, "n_samples": n_samples, "n_eigenpairs": n_eigenpairs}
     of_all |= {"laplacian": laplacian, "component": component, "keep_scale": keep_scale}
 
     def compute(i: int, path: str) -> dict[str, Any]:
         def step(stage: str, share: float) -> None:
             of_many = f"{i + 1} of {len(paths)}, {path}: " if batch else ""
-            progress(of_many + stage, (i + share) / len(paths))
+            output.progress(of_many + stage, (i + share) / len(paths))
 
         step("reading", 0)
         shape = unbend.read_mesh(path)
-        form = make_form(shape, distance, sampling, **of_all, progress=step)
-        posed, seconds = None, form.seconds
+        form = make_form(shape, **of_all, progress=step)
+        points, posed, seconds = form.points, None, form.seconds
         if detail is not None:
             start = perf_counter()
             posed = unbend.lay_into_pose(shape, form, progress=step)
-            posed = posed if keep_scale else posed / form.area**0.5
+            points = posed = posed if keep_scale else posed / form.area**0.5
             seconds = seconds | {"detail": perf_counter() - start}
         if files:
             step("writing", 0)
-            _write(files[i], path, shape, form.points if posed is None else posed)
+            _write(files[i], path, shape, points)
         if figure is not None:
             step("drawing", 0)
             unbend.report.draw_form(shape, form, figure, posed=posed, up=up)
@@ -120,21 +114,18 @@ def canonical(
             looks: dict[str, Any] = {"posed": posed, "up": up, "keep_scale": keep_scale}
             looks |= {"command": output.command_line(), "progress": step}
             unbend.report.form_page(shape, form, report, **looks)
-        names = ("method", "distance", "weighting", "laplacian", "area", "eigenvalues", "stress")
-        one = {name: getattr(shape, name) for name in ("n_vertices", "n_faces", "notes")}
-        one |= {name: getattr(form, name) for name in names}
-        return {"file": path, **one, "steps": seconds}
+        of_shape = output.fields_of(shape, "n_vertices", "n_faces", "notes")
+        return {"file": path, **of_shape, **output.fields_of(form, *_TOLD), "steps": seconds}
 
     done: list[dict[str, Any]] = []
     failures: list[unbend.collection.Failure] = []
-    with output.progress_on_stderr() as progress:
-        for i, path in enumerate(paths):
-            try:
-                done.append(compute(i, path))
-            except (UnbendError, MemoryError) as error:
-                if not batch:
-                    raise
-                failures.append(unbend.collection.Failure.of(path, error))
+    for i, path in enumerate(paths):
+        try:
+            done.append(compute(i, path))
+        except (UnbendError, MemoryError) as error:
+            if not batch:
+                raise
+            failures.append(unbend.collection.Failure.of(path, error))
     for one in done:
         for note in one["notes"]:
             output.say("note", f"{one['file']}: {note}" if batch else note)
@@ -147,6 +138,20 @@ def canonical(
         next_step=None if out or figure or batch else hint,
         failures=failures,
     )
+
+
+def _files_in(folder: str, paths: Sequence[str], n_components: int) -> list[str]:
+    """Make the folder; name a file in it after each mesh."""
+    found: dict[str, str] = {}
+    for path in paths:
+        own = Path(path).suffix.lower()
+        suffix = ".npy" if n_components != 3 else own if own in _MESH_SUFFIXES else ".ply"
+        file = os.path.join(folder, Path(path).stem + suffix)
+        if file in found:
+            raise InputError(f"{found[file]} and {path} would both be written to {file}")
+        found[file] = path
+    unbend.collection.make_folder(folder)
+    return list(found)
 
 
 def _write(out: str, path: str, shape: unbend.Mesh, points: FloatArray) -> None:

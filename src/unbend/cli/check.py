@@ -9,7 +9,7 @@ import typer
 import unbend
 from unbend._text import quoted
 from unbend.cli._input import expand_folders
-from unbend.cli._output import EXIT_REFUSED, progress_on_stderr, say, table, tell
+from unbend.cli._output import EXIT_REFUSED, progress, say, table, tell
 from unbend.errors import InputError, UnbendError
 
 
@@ -20,19 +20,16 @@ def check(meshes: list[str]) -> None:
     The exit code is 0 if unbend can use all meshes, perhaps with an option that it names, and 2 if
     not.
 
-    Examples
-    --------
-      unbend check cat.off
-      unbend check scans/
-      unbend check scan.ply --json
+    $ unbend check cat.off
+    $ unbend check scans/
+    $ unbend check scan.ply --json
     """
     paths, found = expand_folders(meshes), []
     lines: list[str] = []
-    with progress_on_stderr() as progress:
-        for i, path in enumerate(paths):
-            progress(f"{i + 1} of {len(paths)}, {path}", i / len(paths))
-            one, lines = _checked(path)
-            found.append(one)
+    for i, path in enumerate(paths):
+        progress(f"{i + 1} of {len(paths)}, {path}", i / len(paths))
+        one, lines = _checked(path)
+        found.append(one)
     next_step = found[0]["next_step"]
     if len(found) > 1:
         lines, next_step = _overview(found), "unbend check MESH shows the details of one"
@@ -43,20 +40,19 @@ def check(meshes: list[str]) -> None:
 
 def _checked(path: str) -> tuple[dict[str, Any], list[str]]:
     """Give what was found in a file, and all lines about it."""
+    health: Any
     try:
         shape = unbend.read_mesh(path)
         health = unbend.diagnose(shape)
         usable, verdict, next_step = _judge(shape, health, path)
+        notes, lines = shape.notes, [*_details(shape, health), "", verdict]
     except (UnbendError, MemoryError) as error:
-        sentence = str(error)
+        usable, verdict, next_step, notes, health, lines = False, str(error), None, (), None, []
         if isinstance(error, MemoryError):
-            sentence = f"{path}: there is too little memory; reduce it to fewer vertices"
-        say("error", sentence)
-        one = {"file": path, "usable": False, "verdict": sentence, "next_step": None}
-        return one | {"notes": (), "health": None}, []
+            verdict = f"{path}: there is too little memory; reduce it to fewer vertices"
+        say("error", verdict)
     one = {"file": path, "usable": usable, "verdict": verdict, "next_step": next_step}
-    lines = [*_details(shape, health), "", verdict]
-    return one | {"notes": shape.notes, "health": health}, lines
+    return one | {"notes": notes, "health": health}, lines
 
 
 def _judge(
@@ -93,8 +89,8 @@ def _overview(found: list[dict[str, Any]]) -> list[str]:
     for one in found:
         counts, health = ["-"] * 4, one["health"]
         if health is not None:
-            names = ("n_vertices", "n_faces", "n_components", "boundary_edges")
-            counts = [f"{getattr(health, name):,}" for name in names]
+            numbers = health.n_vertices, health.n_faces, health.n_components, health.boundary_edges
+            counts = [f"{number:,}" for number in numbers]
         lines.append([one["file"], *counts, one["verdict"]])
     return table("<>>>><", *lines)
 

@@ -9,7 +9,8 @@ import typer
 import unbend
 from unbend.choices import Axis, DistanceKind, LaplacianKind
 from unbend.cli import _options as options
-from unbend.cli._output import lines_to_keep, progress_on_stderr, rows, tell, write_columns
+from unbend.cli._input import read_shapes
+from unbend.cli._output import lines_to_keep, progress, rows, tell, write_columns
 from unbend.errors import InputError
 
 
@@ -35,8 +36,6 @@ def distance(
 ) -> None:
     """Measure distances on the surface from vertices to all others, in the mesh's unit.
 
-    Options
-    -------
       sources: A vertex id, from 0; may be repeated.
       out: .npy or .csv: a row per vertex, a column per source; .ply, .vtp: the mesh with one value
           per vertex and source, distance_VERTEX.
@@ -48,11 +47,9 @@ def distance(
       figure: Draw the mesh, coloured by the distance to the nearest VERTEX (.png, .pdf, .svg).
       report: Write a page to look at these distances in a browser.
 
-    Examples
-    --------
-      unbend distance cat.off --from 12 -o field.ply
-      unbend distance cat.off --from 12 --from 480 --figure distances.png
-      unbend distance cat.off --from 12 --distance biharmonic -o field.npy
+    $ unbend distance cat.off --from 12 -o field.ply
+    $ unbend distance cat.off --from 12 --from 480 --figure distances.png
+    $ unbend distance cat.off --from 12 --distance biharmonic -o field.npy
     """
     import numpy as np
 
@@ -63,18 +60,17 @@ def distance(
         raise InputError(f"--from {twice} is given twice; leave one out")
     if out is not None:
         unbend.io.check_writable(out, (".ply", ".vtp", ".npy", ".csv"))
-    with progress_on_stderr() as progress:
-        shape = unbend.read_mesh(mesh)
-        progress(f"{kind} distance", 0)
-        field = unbend.distance(
-            shape,
-            sources,
-            distance=kind,
-            n_eigenpairs=n_eigenpairs,
-            time=time,
-            laplacian=laplacian,
-            component=component,
-        )
+    (shape,) = read_shapes([mesh])
+    progress(f"{kind} distance", 0)
+    field = unbend.distance(
+        shape,
+        sources,
+        distance=kind,
+        n_eigenpairs=n_eigenpairs,
+        time=time,
+        laplacian=laplacian,
+        component=component,
+    )
     names = [f"distance_{source}" for source in sources]
     if out is not None and out.lower().endswith(unbend.io.SCALAR_SUFFIXES):
         lines_to_keep(out, mesh)

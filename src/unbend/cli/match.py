@@ -1,9 +1,8 @@
-"""``unbend match``: which point of one shape is which of another."""
+"""``unbend match`` and ``unbend symmetry``: which point is which of another shape or side."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -17,12 +16,13 @@ from unbend.errors import InputError
 
 # A map that is not sure of its side has about as much of the surface on either.
 _CLEAR_SIDE = 0.1
+_MEASURES = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
 
 
 def match(
     source: str,
     target: str,
-    out: options.MapOut = None,
+    map_out: options.MapOut = None,
     partial: Partial = "auto",
     landmarks: options.Landmarks = None,
     min_confidence: options.MinConfidence = None,
@@ -32,9 +32,7 @@ def match(
     refine: bool = True,
     component: options.Component = None,
     figure: options.Figure = None,
-    colored: Annotated[
-        tuple[str, str] | None, typer.Option(metavar="OUT OUT", callback=options.claim)
-    ] = None,
+    colored: Annotated[tuple[str, str] | None, typer.Option(metavar="OUT OUT")] = None,
     report: options.Report = None,
     truth: Annotated[
         tuple[str, str] | None, typer.Option(metavar="SOURCE_TRUTH TARGET_TRUTH")
@@ -49,8 +47,6 @@ def match(
     give the same map. With --min-confidence, a less confident match is printed but not written, and
     the exit code is 3.
 
-    Options
-    -------
       n_matches: Write the N best distinct maps: MAP, MAP-2, MAP-3 ...
       n_eigenpairs: Eigenfunctions of each shape.
       allow_mirror: Let the map turn the surface inside out, as from a left hand to a right one.
@@ -64,64 +60,56 @@ def match(
           then shows the errors.
       mirrored_truth: Their images on the other side.
 
-    Examples
-    --------
-      unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
-      unbend match cat0.off cat1.off -o cat0_cat1.vts --min-confidence 0.7
-      unbend match cat0.off cat1.off --report match.html --up z
-      unbend match cat0.off cat1.off --colored cat0.glb cat1.glb
-      unbend match scan.ply model.ply --component largest --json
-      unbend match torn.ply model.ply --partial source -o torn.npz
-      unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
+    $ unbend match cat0.off cat1.off -o cat0_cat1.npz --figure match.png
+    $ unbend match cat0.off cat1.off -o cat0_cat1.vts --min-confidence 0.7
+    $ unbend match cat0.off cat1.off --report match.html --up z
+    $ unbend match cat0.off cat1.off --colored cat0.glb cat1.glb
+    $ unbend match scan.ply model.ply --component largest --json
+    $ unbend match torn.ply model.ply --partial source -o torn.npz
+    $ unbend match a.ply b.ply --landmarks hints.csv --n-matches 3 -o map.npz
     """
-    for path in colored or ():
-        unbend.io.check_writable(path, unbend.io.COLOR_SUFFIXES)
     if truth is not None and report is None:
         raise InputError("ground truth is shown by --report; add it, or leave out --truth")
     if mirrored_truth is not None and truth is None:
         raise InputError("--mirrored-truth needs --truth")
-    with output.progress_on_stderr() as progress:
-        shapes = inputs.read_shapes((source, target), component)
-        known = None
-        if truth is not None:
-            files = [*truth] + ([] if mirrored_truth is None else [mirrored_truth])
-            known = inputs.read_truth(files, shapes[0].n_vertices, shapes[1].n_vertices)
-        hints = inputs.landmarks_of(landmarks, shapes)
-        found = unbend.match(
-            *shapes,
-            partial=partial,
-            landmarks=hints,
-            n_matches=n_matches,
-            n_eigenpairs=n_eigenpairs,
-            refine=refine,
-            allow_mirror=allow_mirror,
-            barycentric=any((figure, report, colored, inputs.keeps_all(out))),
-            progress=progress,
-        )
-        seconds = output.elapsed()
-        unsure = inputs.is_unsure(found, min_confidence)
-        maps = []
-        if not unsure:
-            progress("writing", 0)
-            if out is not None:
-                plain = Path(out)
-                for i, one in enumerate((found, *found.alternatives)):
-                    maps.append(str(plain.with_stem(f"{plain.stem}-{i + 1}")) if i else out)
-                    inputs.write_result(maps[i], one, shapes)
-            if colored is not None:
-                colors = unbend.report.match_colors(shapes[0], shapes[1], found)
-                for i, original in enumerate((source, target)):
-                    like = output.lines_to_keep(colored[i], original, whole=component is None)
-                    unbend.write_mesh(colored[i], shapes[i], colors=colors[i], like=like)
-            looks: dict[str, Any] = {"up": up, "truth": known, "landmarks": hints}
-            inputs.show_match(shapes, found, figure, report, progress=progress, **looks)
-    output.warn_if_doubtful(found, seen=report is not None and not unsure)
+    shapes = inputs.read_shapes((source, target), component)
+    known = None
+    if truth is not None:
+        sizes = [shape.n_vertices for shape in shapes]
+        known = inputs.read_truth((*truth, mirrored_truth), *sizes)
+    hints = inputs.landmarks_of(landmarks, shapes)
+    found = unbend.match(
+        *shapes,
+        partial=partial,
+        landmarks=hints,
+        n_matches=n_matches,
+        n_eigenpairs=n_eigenpairs,
+        refine=refine,
+        allow_mirror=allow_mirror,
+        barycentric=any((figure, report, colored, map_out and inputs.keeps_all(map_out))),
+        progress=output.progress,
+    )
+    seconds = output.elapsed()
+    if unsure := inputs.is_unsure(found, min_confidence):
+        map_out = figure = report = colored = None
+    output.progress("writing", 0)
+    maps: list[str] = []
     next_step = "add -o MAP.npz to keep the match, --report HTML to look at it"
-    if out is not None:
-        paths = f"{quoted(source, target)} --map {quoted(out)}"
+    if map_out is not None:
+        maps = [map_out, *(output.numbered(map_out, i + 2) for i in range(len(found.alternatives)))]
+        for path, one in zip(maps, (found, *found.alternatives), strict=True):
+            inputs.write_result(path, one, shapes)
+        paths = f"{quoted(source, target)} --map {quoted(map_out)}"
         next_step = f"unbend transfer {paths} --values VALUES.npy -o OUT.npy"
-    others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
+    if colored is not None:
+        colors = unbend.report.match_colors(shapes[0], shapes[1], found)
+        for i, original in enumerate((source, target)):
+            like = output.lines_to_keep(colored[i], original, whole=component is None)
+            unbend.write_mesh(colored[i], shapes[i], colors=colors[i], like=like)
+    inputs.show_match(shapes, found, figure, report, up=up, truth=known, landmarks=hints)
+    output.warn_if_doubtful(found, seen=report is not None)
     median, within_95 = found.expected_error_quantiles()
+    others = [f"or, at confidence {one.confidence:.2f}, another map" for one in found.alternatives]
     output.tell(
         {
             "source": source,
@@ -129,18 +117,65 @@ def match(
             "n_source": len(found.source_to_target),
             "n_target": len(found.target_to_source),
             "n_matched": int((found.source_to_target >= 0).sum()),
-            **_measures(found),
-            "residual": found.residual,
+            **output.fields_of(found, *_MEASURES, "residual"),
             "expected_error": {"median": median, "within_95": within_95},
-            "missed_landmarks": found.missed_landmarks,
-            "hypotheses": found.hypotheses,
-            "alternatives": [_measures(one) for one in found.alternatives],
+            **output.fields_of(found, "missed_landmarks", "hypotheses"),
+            "alternatives": [output.fields_of(one, *_MEASURES) for one in found.alternatives],
         },
         output.rows(summary(shapes, found, seconds)) + others,
         shapes=shapes,
         written=[*maps, figure, *(colored or ())],
         report=report,
         next_step=next_step,
+        unsure=unsure,
+    )
+
+
+def symmetry(
+    mesh: str,
+    map_out: options.MapOut = None,
+    min_confidence: options.MinConfidence = None,
+    refine: bool = True,
+    component: options.Component = None,
+    figure: options.Figure = None,
+    report: options.Report = None,
+    up: Axis = "y",
+    cache: options.Cache = True,
+) -> None:
+    """Find the left-right symmetry of a shape, in any pose: the mirror partner of each vertex.
+
+    The confidence says how likely it is that the shape has such a symmetry and that this is it.
+
+      refine: Refine the map on the full mesh.
+      figure: Draw the shape twice, mirror partners in one colour (.png, .pdf, .svg).
+      report: Write a page on which a place shows its partner on the other side.
+
+    $ unbend symmetry cat.off -o partners.csv
+    $ unbend symmetry cat.off --report symmetry.html --up z
+    $ unbend transfer cat.off cat.off --map partners.csv --values left.csv -o right.csv
+    """
+    (shape,) = inputs.read_shapes([mesh], component)
+    found = unbend.symmetry(shape, refine=refine, progress=output.progress)
+    seconds = output.elapsed()
+    if unsure := inputs.is_unsure(found, min_confidence):
+        map_out = figure = report = None
+    output.progress("writing", 0)
+    if map_out is not None:
+        inputs.write_result(map_out, found, (shape, shape))
+    inputs.show_match((shape, shape), found, figure, report, up=up)
+    output.warn_if_doubtful(found, seen=report is not None)
+    matched, n = int((found.source_to_target >= 0).sum()), len(found.source_to_target)
+    partners = f"{matched:,} of {n:,} vertices of {shape.name}, {seconds:.1f} s"
+    way = output.fields_of(found, "confidence", "orientation")
+    output.tell(
+        {"file": mesh, "n_vertices": n, "n_matched": matched, **way},
+        output.rows({"partners": partners, "confidence": f"{found.confidence:.2f}"}),
+        shapes=[shape],
+        written=[map_out, figure],
+        report=report,
+        next_step="add --report HTML to look at it"
+        if map_out
+        else "add -o PARTNERS.csv to keep them",
         unsure=unsure,
     )
 
@@ -152,12 +187,16 @@ def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> d
     trust = f"{found.confidence:.2f}"
     if found.confidence_bound < 1:
         trust += f" (limited to {found.confidence_bound:.2f} by errors of the final map)"
+    side = "unclear which side is out"
+    if abs(found.orientation) >= _CLEAR_SIDE:
+        side = f"{(1 + abs(found.orientation)) / 2:.0%} of the surface "
+        side += "right side out" if found.orientation > 0 else "inside out, a reflection"
     told = {
         "matched": f"{count} vertices of {shapes[0].name} to {shapes[1].name}, {seconds:.1f} s",
         "confidence": trust,
         "overlap": f"{found.overlap_source:.0%} of the source's area, {found.overlap_target:.0%} "
         "of the target's",
-        "orientation": describe_side(found.orientation),
+        "orientation": side,
     }
     if matched:
         median, high = found.expected_error_quantiles()
@@ -166,16 +205,3 @@ def summary(shapes: list[unbend.Mesh], found: unbend.Match, seconds: float) -> d
             f"vertices, {high:.1%} at 95 %"
         )
     return told
-
-
-def describe_side(orientation: float) -> str:
-    """Say how much of the surface a map keeps right side out."""
-    if abs(orientation) < _CLEAR_SIDE:
-        return "unclear which side is out"
-    side = "right side out" if orientation > 0 else "inside out, a reflection"
-    return f"{(1 + abs(orientation)) / 2:.0%} of the surface {side}"
-
-
-def _measures(found: unbend.Match) -> dict[str, Any]:
-    names = ("confidence", "confidence_bound", "orientation", "overlap_source", "overlap_target")
-    return {name: getattr(found, name) for name in names}

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import unbend
 from unbend._text import quoted
 from unbend.choices import Axis
 from unbend.cli import _options as options
+from unbend.cli import _output as output
 from unbend.cli._input import expand_folders, is_batch, read_or_match, read_shapes
-from unbend.cli._output import (
-    lines_to_keep,
-    progress_on_stderr,
-    rows,
-    shown,
-    shown_shape,
-    table,
-    tell,
-)
+
+if TYPE_CHECKING:
+    from unbend._types import FloatArray
 
 
 def register(
@@ -41,8 +35,6 @@ def register(
     and tables of all; scans that cannot be registered are listed, with exit code 1. The command
     unbend collection register does the same on all processors.
 
-    Options
-    -------
       template: The mesh to deform.
       scans: The meshes to fit it to, or folders of them.
       out: The fitted template: .ply, .obj, .glb or .vtp, coloured by the distance of each vertex
@@ -51,21 +43,17 @@ def register(
           polygons stay. For several scans, or a folder of them, a folder.
       report: Write a page for a browser: the template, coloured by distance, beside the scan.
 
-    Examples
-    --------
-      unbend register template.ply scan.ply -o fitted.ply
-      unbend register template.ply scans/ -o fitted
-      unbend register template.obj scan.stl --map template_scan.npz -o fitted.obj
-      unbend register template.ply torn.ply --partial target --save-match map.npz -o fitted.ply
-      unbend register template.ply scan.ply --landmarks hints.csv -o fitted.glb
-      unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
+    $ unbend register template.ply scan.ply -o fitted.ply
+    $ unbend register template.ply scans/ -o fitted
+    $ unbend register template.obj scan.stl --map template_scan.npz -o fitted.obj
+    $ unbend register template.ply torn.ply --partial target --save-match map.npz -o fitted.ply
+    $ unbend register template.ply scan.ply --landmarks hints.csv -o fitted.glb
+    $ unbend register template.ply scan.ply --min-confidence 0.7 -o fitted.ply --json
     """
     paths = expand_folders(scans)
-    given = {name: None if one in ("auto", []) else one for name, one in vars(matching).items()}
-    of_one = {f"--{name.replace('_', '-')}": value for name, value in given.items()}
-    if is_batch(scans, paths, out, of_one | {"--component": component, "--report": report}):
-        with progress_on_stderr() as progress:
-            done = unbend.collection.register_files(paths, template, out, progress)
+    of_one = vars(matching) | {"component": component, "report": report}
+    if is_batch(scans, paths, out, of_one):
+        done = unbend.collection.register_files(paths, template, out, output.progress)
         _, fitted, _ = unbend.collection.read_registrations(out)
         of_all = [
             _numbers(row.path, os.path.join(out, row.file), one, row.also)
@@ -75,28 +63,26 @@ def register(
         return
     options.keep_inputs([out], paths)
     unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".vtp", ".off", ".stl"))
-    with progress_on_stderr() as progress:
-        shapes = read_shapes((template, paths[0]), component)
-        match = read_or_match(shapes, matching, progress)
-        found = unbend.register(shapes[0], shapes[1], match, progress=progress)
-        progress("writing", 0)
-        like = lines_to_keep(out, template, whole=component is None)
-        unbend.correspondence.write_registration(out, found, like=like)
-        if report is not None:
-            unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
+    shapes = read_shapes((template, paths[0]), component)
+    match = read_or_match(shapes, matching)
+    found = unbend.register(shapes[0], shapes[1], match, progress=output.progress)
+    output.progress("writing", 0)
+    like = output.lines_to_keep(out, template, whole=component is None)
+    unbend.correspondence.write_registration(out, found, like=like)
+    if report is not None:
+        unbend.report.view(found.mesh, shapes[1], path=report, values=found.distances, up=up)
     one = _numbers(paths[0], out, found)
-    unknown = math.isnan(found.confidence)
     lines = {
         "covered": f"{found.coverage:.1%} of the area, within {found.tolerance:.3g}",
         "distance there": _in_words(one["distance_covered"]),
         "distance of all": _in_words(one["distance_all"]),
-        "confidence": "not estimated" if unknown else f"{found.confidence:.2f}, of the match",
+        "confidence": output.confidence_of(found),
     }
     colored = Path(out).suffix.lower() in unbend.io.COLOR_SUFFIXES and like is None
     legend = "; its colours are the distance from the scan" if colored else ""
-    tell(
+    output.tell(
         {"template": template, "scans": [one]},
-        rows(lines),
+        output.rows(lines),
         failures=(),
         shapes=shapes,
         written=[out, matching.save_match],
@@ -110,13 +96,15 @@ def tell_registered(
 ) -> None:
     """Tell how registering many shapes went, the least confident last, where they are seen."""
     if done.shapes and os.path.exists(template):  # not a shape of a collection by its id
-        lines_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
+        output.lines_to_keep(os.path.join(out, f"*{Path(done.shapes[0].file).suffix}"), template)
     lines = [("shape", "confidence", "covered", "mean distance", "95 % within", "")]
     for one in sorted(done.shapes, key=lambda one: -one.confidence):
         numbers = f"{one.confidence:.2f}", f"{one.coverage:.1%}"
         distances = f"{one.mean_distance:.3g}", f"{one.distance_95:.3g}"
-        lines.append((shown_shape(one), *numbers, *distances, "doubtful" if one.doubtful else ""))
-    lines += [(shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
+        lines.append(
+            (output.shown_shape(one), *numbers, *distances, "doubtful" if one.doubtful else "")
+        )
+    lines += [(output.shown(one.path), "-", "-", "-", "-", "failed") for one in done.failures]
     doubtful = [one for one in done.shapes if one.doubtful]
     counts = f"registered {done.registered:,}, there before {done.skipped:,}"
     failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
@@ -124,12 +112,12 @@ def tell_registered(
     if doubtful:
         worst = min(doubtful, key=lambda one: one.confidence)
         hint = (
-            f"look at doubtful ones: unbend match {quoted(template, shown(worst.path))} "
+            f"look at doubtful ones: unbend match {quoted(template, output.shown(worst.path))} "
             "--report match.html; where limbs are swapped, register again with --landmarks"
         )
-    tell(
+    output.tell(
         result,
-        [*table("<>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
+        [*output.table("<>>>><", *lines), "", f"{counts}, {failed}; doubtful {len(doubtful):,}"],
         written=[out],
         next_step=hint if done.shapes else None,
         failures=done.failures,
@@ -137,39 +125,33 @@ def tell_registered(
 
 
 def _numbers(
-    scan: str,
-    file: str,
-    found: unbend.correspondence.Registration,
-    also: tuple[str, ...] = (),
+    scan: str, file: str, found: unbend.correspondence.Registration, also: tuple[str, ...] = ()
 ) -> dict[str, Any]:
+    """Give what the JSON has of a scan; lengths are in its unit."""
+    import numpy as np
+
+    side = np.sqrt(unbend.mesh.vertex_areas(found.mesh).sum())
+
+    def spread(distances: FloatArray) -> dict[str, float]:
+        known = distances[np.isfinite(distances)]
+        mean, most = (known.mean(), np.quantile(known, 0.95)) if len(known) else (np.nan, np.nan)
+        relative = {"mean_relative": mean / side, "within_95_relative": most / side}
+        return {"mean": mean, "within_95": most} | relative
+
     return {
         "scan": scan,
         "also": also,
         "file": file,
         "n_vertices": found.mesh.n_vertices,
         "n_covered": int(found.covered.sum()),
-        "coverage": found.coverage,
-        "tolerance": found.tolerance,
-        "distance_covered": _spread(found, covered_only=True),
-        "distance_all": _spread(found, covered_only=False),
+        **output.fields_of(found, "coverage", "tolerance"),
+        "distance_covered": spread(found.distances[found.covered]),
+        "distance_all": spread(found.distances),
         "confidence": found.confidence,
     }
 
 
-def _spread(found: unbend.correspondence.Registration, *, covered_only: bool) -> dict[str, Any]:
-    """Mean and 95 % quantile of distances, in the scan's unit and in sqrt(area)."""
-    import numpy as np
-
-    distances = found.distances[found.covered] if covered_only else found.distances
-    mean = most = np.nan
-    if len(known := distances[np.isfinite(distances)]):
-        mean, most = known.mean(), np.quantile(known, 0.95)
-    side = np.sqrt(unbend.mesh.vertex_areas(found.mesh).sum())
-    relative = {"mean_relative": mean / side, "within_95_relative": most / side}
-    return {"mean": mean, "within_95": most} | relative
-
-
-def _in_words(spread: dict[str, Any]) -> str:
+def _in_words(spread: dict[str, float]) -> str:
     return (
         f"mean {spread['mean']:.3g}, 95 % within {spread['within_95']:.3g} "
         f"({spread['mean_relative']:.2g} and {spread['within_95_relative']:.2g} of sqrt(area))"

@@ -36,8 +36,6 @@ def similarity(
 
     The measure is the cosine of the canonical forms after the best alignment.
 
-    Options
-    -------
       model: The mesh to compare with.
       probes: Meshes to compare it with.
       known: Vertex i is the same point on all shapes; else they are matched, in seconds a pair.
@@ -48,80 +46,74 @@ def similarity(
       report: Write a page to look at in a browser: the probes as pictures, the most alike first;
           with --matrix a heat map with its dendrogram, and pictures that open.
 
-    Examples
-    --------
-      unbend similarity cat0.off cat1.off dog0.off
-      unbend similarity wolf0.off wolf1.off wolf2.off --known-correspondence --json
-      unbend similarity shapes/*.off --matrix --csv table.csv --figure heat.png
-      unbend similarity cat0.off cat1.off dog0.off --matrix --report similarity.html
+    $ unbend similarity cat0.off cat1.off dog0.off
+    $ unbend similarity wolf0.off wolf1.off wolf2.off --known-correspondence --json
+    $ unbend similarity shapes/*.off --matrix --csv table.csv --figure heat.png
+    $ unbend similarity cat0.off cat1.off dog0.off --matrix --report similarity.html
     """
     if figure is not None and not matrix:
         raise InputError("a heat map shows all pairs; add --matrix to --figure")
     paths = [model, *probes]
-    square: list[list[float]] = []
-    with output.progress_on_stderr() as progress:
-        shapes = read_shapes(paths, component)
-        for shape in shapes[1:]:
-            if known and shape.n_vertices != shapes[0].n_vertices:
-                raise InputError(
-                    f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
-                    f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
-                    "--known-correspondence"
-                )
-        forms = []
-        for shape in shapes:
-            progress(f"{shape.name}, canonical form", 0)
-            weighting = "uniform" if known else "area"
-            forms.append(make_form(shape, distance, n_components=n_components, weighting=weighting))
-        pairs: list[tuple[int, int, float, float | None]] = []
-        for i, j in itertools.combinations(range(len(shapes)), 2):
-            if i and not matrix:
-                break
-            found = areas = None
-            if not known:
-                areas = unbend.mesh.vertex_areas(shapes[i]), unbend.mesh.vertex_areas(shapes[j])
-
-                def step(stage: str, share: float, i: int = i, j: int = j) -> None:
-                    progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
-
-                found = unbend.match(shapes[i], shapes[j], progress=step)
-            value = unbend.similarity(
-                forms[i], forms[j], match=found, n_components=n_components, areas=areas
+    shapes = read_shapes(paths, component)
+    for shape in shapes[1:]:
+        if known and shape.n_vertices != shapes[0].n_vertices:
+            raise InputError(
+                f"{shapes[0].name} and {shape.name} have {shapes[0].n_vertices} and "
+                f"{shape.n_vertices} vertices, so they do not correspond one by one; leave out "
+                "--known-correspondence"
             )
-            pairs.append((i, j, value, None if found is None else found.confidence))
-        ranked = sorted(pairs, key=lambda one: -round(one[2], 9))
-        named = [
-            {"model": paths[i], "probe": paths[j], "similarity": value, "confidence": confidence}
-            for i, j, value, confidence in pairs
-        ]
-        cells: list[list[Any]] = [["model", "probe", "similarity", "match_confidence"]]
-        cells += [list(one.values()) for one in named]
+    kind: Any = {"distance": distance, "weighting": "uniform" if known else "area"}
+    forms = []
+    for shape in shapes:
+        output.progress(f"{shape.name}, canonical form", 0)
+        forms.append(make_form(shape, n_components=n_components, **kind))
+    pairs: list[tuple[str, str, float, float | None]] = []
+    square = [[1.0] * len(paths) for _ in paths]
+    for i, j in itertools.combinations(range(len(paths)), 2):
+        if i and not matrix:
+            break
+        given: Any = {"n_components": n_components}
+        confidence = None
+        if not known:
+
+            def step(stage: str, share: float, i: int = i, j: int = j) -> None:
+                output.progress(f"{shapes[i].name} to {shapes[j].name}: {stage}", share)
+
+            given["match"] = unbend.match(shapes[i], shapes[j], progress=step)
+            given["areas"] = tuple(unbend.mesh.vertex_areas(shapes[k]) for k in (i, j))
+            confidence = given["match"].confidence
+        value = unbend.similarity(forms[i], forms[j], **given)
+        square[i][j] = square[j][i] = value
+        pairs.append((paths[i], paths[j], value, confidence))
+    # With --matrix these pairs are not all, and are not shown.
+    ranked = sorted(zip(shapes[1:], pairs, strict=False), key=lambda one: -round(one[1][2], 9))
+    if csv is not None:
+        cells: list[Any] = [("model", "probe", "similarity", "match_confidence"), *pairs]
         if matrix:
-            square = [[1.0] * len(paths) for _ in paths]
-            for i, j, value, _ in pairs:
-                square[i][j] = square[j][i] = value
-            cells = [["shape", *paths], *([paths[i], *row] for i, row in enumerate(square))]
-        if csv is not None:
-            unbend.io.write_table(csv, cells)
-        if figure is not None:
-            unbend.report.draw_similarities([Path(path).stem for path in paths], square, figure)
-        if report is not None:
-            looks: Any = {"up": up, "command": output.command_line(), "progress": progress}
-            if matrix:
-                unbend.report.similarity_page(shapes, square, report, **looks)
-            else:
-                looks["measure"] = "similarity"
-                alike, values = [], [one[2] for one in ranked]
-                for _, j, _, confidence in ranked:
-                    doubt = confidence is not None and is_doubtful(confidence)
-                    name = f"{shapes[j].name} (doubtful match)" if doubt else shapes[j].name
-                    alike.append(replace(shapes[j], name=name))
-                unbend.report.search_page(shapes[0], alike, values, report, **looks)
+            cells = [
+                ["shape", *paths],
+                *([path, *row] for path, row in zip(paths, square, strict=True)),
+            ]
+        unbend.io.write_table(csv, cells)
+    if figure is not None:
+        unbend.report.draw_similarities([Path(path).stem for path in paths], square, figure)
+    looks: Any = {"up": up, "command": output.command_line(), "progress": output.progress}
+    if report is not None and matrix:
+        unbend.report.similarity_page(shapes, square, report, **looks)
+    elif report is not None:
+        alike = []
+        for shape, (_, _, _, confidence) in ranked:
+            doubt = confidence is not None and is_doubtful(confidence)
+            alike.append(replace(shape, name=f"{shape.name} (doubtful match)") if doubt else shape)
+        values = [one[2] for _, one in ranked]
+        looks["measure"] = "similarity"
+        unbend.report.search_page(shapes[0], alike, values, report, **looks)
     lines = [["probe", "similarity", "" if known else "confidence of the match"]]
-    for _, j, value, confidence in ranked:
-        lines.append([paths[j], f"{value:.4f}", "" if known else f"{confidence:.2f}"])
+    for _, (_, probe, value, confidence) in ranked:
+        lines.append([probe, f"{value:.4f}", "" if confidence is None else f"{confidence:.2f}"])
+    names = ("model", "probe", "similarity", "confidence")
     output.tell(
-        {"pairs": named},
+        {"pairs": [dict(zip(names, one, strict=True)) for one in pairs]},
         output.matrix(paths, square) if matrix else output.table("<>>", *lines),
         shapes=shapes,
         written=[csv, figure],

@@ -12,12 +12,20 @@ import typer
 import unbend
 from unbend.choices import Axis, Rerank
 from unbend.cli import _options as options
-from unbend.cli._output import command_line, progress_on_stderr, rows, say, shown_shape, table, tell
-from unbend.cli._output import matrix as matrix_lines
-from unbend.cli.collection._common import SHORT_ID, opened, read_shown
+from unbend.cli import _output as output
+from unbend.cli._input import opened, read_shown
+from unbend.cli._output import command_line, progress, say, shown_shape, tell
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24
+_RETRIEVAL = {
+    "nearest_neighbor": "nearest neighbour",
+    "first_tier": "first tier",
+    "second_tier": "second tier",
+    "e_measure": "E-measure",
+    "dcg": "DCG",
+    "map": "mAP",
+}
 
 
 def search(
@@ -31,39 +39,34 @@ def search(
 ) -> None:
     """Find the most similar shapes, whatever their poses. The query need not be in the collection.
 
-    Options
-    -------
       query: The query: a mesh.
       n: Number of results.
       rerank: Order the best again: form, by aligned canonical forms (hundredths of a second each),
           or match, by point maps (seconds each).
       index: Use an index, which is created or updated first. It is faster beyond 100,000 shapes.
 
-    Examples
-    --------
-      unbend collection search shapes dog.ply
-      unbend collection search shapes dog.ply -n 5 --rerank form --json
-      unbend collection search shapes dog.ply --index
-      unbend collection search shapes dog.ply -n 20 --report found.html
+    $ unbend collection search shapes dog.ply
+    $ unbend collection search shapes dog.ply -n 5 --rerank form --json
+    $ unbend collection search shapes dog.ply --index
+    $ unbend collection search shapes dog.ply -n 20 --report found.html
     """
     collection = opened(store, report)
-    with progress_on_stderr() as progress:
-        hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
-        if report is not None:
-            ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
-            looks: Any = {"up": up, "command": command_line(), "progress": progress}
-            looks["measure"] = _MEASURES[rerank]
-            unbend.report.search_page(query, read_shown(hits, store), ranked, report, **looks)
+    hits = collection.search(query, n, rerank=rerank, index=index, progress=progress)
+    if report is not None:
+        ranked = [hit.distance if hit.reranked is None else hit.reranked for hit in hits]
+        looks: Any = {"up": up, "command": command_line(), "progress": progress}
+        looks["measure"] = _MEASURES[rerank]
+        unbend.report.search_page(query, read_shown(hits, store), ranked, report, **looks)
     ranks = [{"rank": i + 1, **vars(hit)} for i, hit in enumerate(hits)]
     cells = [["rank", "distance", "" if rerank == "none" else rerank, "id", "path"]]
     for i, hit in enumerate(hits):
         again = "" if hit.reranked is None else "none"
         if hit.reranked is not None and math.isfinite(hit.reranked):
             again = f"{hit.reranked:.4f}"
-        known = hit.id[:SHORT_ID], shown_shape(hit)
+        known = hit.id[: output.SHORT_ID], shown_shape(hit)
         cells.append([str(i + 1), f"{hit.distance:.4f}", again, *known])
     result = {"store": store, "query": query, "rerank": rerank, "hits": ranks}
-    tell(result, table(">>><<", *cells), report=report)
+    tell(result, output.table(">>><<", *cells), report=report)
 
 
 def matrix(
@@ -75,15 +78,11 @@ def matrix(
 ) -> None:
     """Compare every shape with every other: distances of the descriptors, 0 for the same shape.
 
-    Options
-    -------
       figure: Draw a heat map with its dendrogram (.png, .pdf, .svg).
 
-    Examples
-    --------
-      unbend collection matrix shapes
-      unbend collection matrix shapes --csv distances.csv --figure distances.png
-      unbend collection matrix shapes --report distances.html
+    $ unbend collection matrix shapes
+    $ unbend collection matrix shapes --csv distances.csv --figure distances.png
+    $ unbend collection matrix shapes --report distances.html
     """
     entries, distances = opened(store, csv, figure, report).distances()
     paths = [entry.path for entry in entries]
@@ -96,7 +95,7 @@ def matrix(
         looks: Any = {"measure": "distance", "up": up, "command": command_line()}
         unbend.report.similarity_page(read_shown(entries, store), distances, report, **looks)
     if len(entries) <= _MOST_PRINTED:
-        lines = matrix_lines([shown_shape(entry) for entry in entries], distances)
+        lines = output.matrix([shown_shape(entry) for entry in entries], distances)
     else:
         hint = "" if csv or figure or report else ": add --csv OUT or --figure PNG"
         lines = [f"compared {len(entries):,} shapes, too many to print{hint}"]
@@ -130,15 +129,11 @@ def groups(
     The groups are those of average linkage of the descriptors. By default their number has the
     largest mean silhouette.
 
-    Options
-    -------
       n: Number of groups, by default the best of 2 to 50.
 
-    Examples
-    --------
-      unbend collection groups shapes
-      unbend collection groups shapes -n 5 --csv groups.csv
-      unbend collection groups shapes --report groups.html
+    $ unbend collection groups shapes
+    $ unbend collection groups shapes -n 5 --csv groups.csv
+    $ unbend collection groups shapes --report groups.html
     """
     entries, distances = opened(store, csv, report).distances()
     numbers = unbend.collection.find_groups(distances, n).tolist()
@@ -167,14 +162,10 @@ def evaluate(store: str, labels: str) -> None:
     mean average precision. 100 % is best, except for the E-measure of small classes. Shapes
     without a label are ignored, and so are identical files with different labels.
 
-    Options
-    -------
       labels: A .csv table with the columns path and label.
 
-    Examples
-    --------
-      unbend collection evaluate shapes labels.csv
-      unbend collection evaluate shapes labels.csv --json
+    $ unbend collection evaluate shapes labels.csv
+    $ unbend collection evaluate shapes labels.csv --json
     """
     import numpy as np
 
@@ -191,12 +182,9 @@ def evaluate(store: str, labels: str) -> None:
             "descriptors",
         )
     measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
-    names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
-    heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
-    values = [f"{getattr(measured, name):.1%}" for name in names]
+    lines = {head: f"{getattr(measured, name):.1%}" for name, head in _RETRIEVAL.items()}
     curve = [f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%}" for i in (4, 9, 14, 19)]
-    lines = dict(zip(heads, values, strict=True))
     lines["precision"] = f"{' recall, '.join(curve)} recall"
     lines["shapes"] = f"{len(kept):,} of {len(set(classes)):,} classes"
     counts = {"n_shapes": len(kept), "n_classes": len(set(classes))}
-    tell({"store": store, **measured.to_dict(), **counts}, rows(lines))
+    tell({"store": store, **measured.to_dict(), **counts}, output.rows(lines))

@@ -9,8 +9,8 @@ import typer
 
 import unbend
 from unbend.cli import _options as options
-from unbend.cli._output import list_failures, progress_on_stderr, rows, tell
-from unbend.cli.collection._common import opened
+from unbend.cli._input import opened
+from unbend.cli._output import fields_of, list_failures, progress, rows, tell
 from unbend.cli.register import tell_registered
 from unbend.errors import FileError, InputError
 
@@ -28,35 +28,27 @@ def match(
     Pairs whose match exists are skipped, so run the same command again to resume. Shapes that
     cannot be matched are listed at the end, with exit code 1.
 
-    Options
-    -------
       out: Folder for a .npz file and a .csv map per pair, the table matches.csv, and the spectra.
       pairs: The pairs: columns source,target of paths or ids.
       every: Match every shape with each that follows it.
 
-    Examples
-    --------
-      unbend collection match shapes --all -o matches
-      unbend collection match shapes --pairs pairs.csv -o matches --workers 4
+    $ unbend collection match shapes --all -o matches
+    $ unbend collection match shapes --pairs pairs.csv -o matches --workers 4
     """
     if (pairs is None) == (not every):
         raise InputError("give --pairs PAIRS.csv or --all, one of them")
     collection = opened(store)
     chosen: Any = None if pairs is None else unbend.io.read_table(pairs, ("source", "target"))
-    with progress_on_stderr() as progress:
-        done = collection.match(
-            chosen, out, workers=workers, scheduler=scheduler, progress=progress
-        )
-    counts = f"matched {done.matched:,}, there before {done.skipped:,}"
-    failed = f"failed {len(done.failures):,} ({done.seconds:.1f} s)"
-    result: dict[str, Any] = {"store": store, "n_matched": done.matched, "n_skipped": done.skipped}
-    result["n_doubtful"] = done.doubtful
-    lines = [
-        f"{counts}, {failed}; doubtful {done.doubtful:,}; {out}/matches.csv lists these matches"
-    ]
+    done = collection.match(chosen, out, workers=workers, scheduler=scheduler, progress=progress)
+    line = (
+        f"matched {done.matched:,}, there before {done.skipped:,}, failed {len(done.failures):,} "
+        f"({done.seconds:.1f} s); doubtful {done.doubtful:,}; {out}/matches.csv lists these matches"
+    )
+    told = {"store": store, "n_matched": done.matched, "n_skipped": done.skipped}
+    told |= {"n_doubtful": done.doubtful}
     hint = "look at those with a confidence below 0.6: unbend match SOURCE TARGET --report HTML"
     next_step = hint if done.doubtful else None
-    tell(result, lines, written=[out], next_step=next_step, failures=done.failures)
+    tell(told, [line], written=[out], next_step=next_step, failures=done.failures)
 
 
 def register(
@@ -74,8 +66,6 @@ def register(
     confidence, coverage and distances. Registered shapes are skipped, so run the same command again
     to resume. Shapes that cannot be registered are listed at the end, with exit code 1.
 
-    Options
-    -------
       template: The mesh to deform: a file, or a path or id of the collection.
       out: The folder to write to, for this template alone: a mesh per shape, shapes.csv,
           vertices.npy and vertices.csv.
@@ -83,17 +73,14 @@ def register(
           the template, and the corresponding vertex of the shape, counted from 0. Shapes that
           are not named keep those of an earlier run.
 
-    Examples
-    --------
-      unbend collection register people --template anna.ply -o registered
-      unbend collection register people --template anna.ply --landmarks hints.csv -o registered
+    $ unbend collection register people --template anna.ply -o registered
+    $ unbend collection register people --template anna.ply --landmarks hints.csv -o registered
     """
     collection = opened(store, out)
     pairs = None if landmarks is None else _read_landmarks(landmarks)
-    with progress_on_stderr() as progress:
-        done = collection.register(
-            template, out, landmarks=pairs, workers=workers, scheduler=scheduler, progress=progress
-        )
+    done = collection.register(
+        template, out, landmarks=pairs, workers=workers, scheduler=scheduler, progress=progress
+    )
     result: dict[str, Any] = {"store": store, "template": template}
     result |= {"n_registered": done.registered, "n_skipped": done.skipped}
     result["shapes"] = [vars(one) | {"doubtful": one.doubtful} for one in done.shapes]
@@ -128,8 +115,6 @@ def mean(
     variances.csv, scores.csv, left_out.csv (shapes left out, and why) and, with matplotlib,
     components.png.
 
-    Options
-    -------
       registered: The folder that unbend collection register wrote.
       out: The folder to write to.
       n_components: How many components to keep.
@@ -137,36 +122,32 @@ def mean(
       min_confidence: Leave out less confident matches.
       min_coverage: Least share of the template that is covered.
 
-    Examples
-    --------
-      unbend collection mean registered -o statistics
-      unbend collection mean skulls_registered -o form --scale --n-components 10
+    $ unbend collection mean registered -o statistics
+    $ unbend collection mean skulls_registered -o form --scale --n-components 10
     """
-    with progress_on_stderr() as progress:
-        template, shapes, failures = unbend.collection.read_registrations(registered)
-        found = unbend.collection.mean_shape(
-            shapes,
-            template,
-            n_components=n_components,
-            scale=scale,
-            min_confidence=min_confidence,
-            min_coverage=min_coverage,
-        )
-        found = replace(found, left_out=(*failures, *found.left_out))
-        progress("writing", 0)
-        written = unbend.collection.write_mean(out, found)
+    template, shapes, failures = unbend.collection.read_registrations(registered)
+    found = unbend.collection.mean_shape(
+        shapes,
+        template,
+        n_components=n_components,
+        scale=scale,
+        min_confidence=min_confidence,
+        min_coverage=min_coverage,
+    )
+    found = replace(found, left_out=(*failures, *found.left_out))
+    progress("writing", 0)
+    written = unbend.collection.write_mean(out, found)
     list_failures(found.left_out)
     statistics, n, others = found.statistics, len(found.names), len(found.left_out)
-    shapes_told = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
+    of_all = f"{n:,} of {n + others:,}; the others are listed in left_out.csv"
     shares = ", ".join(f"{one / statistics.total_variance:.1%}" for one in statistics.variances)
     size = f"{statistics.total_variance**0.5:.4g}"
     lines = {
-        "shapes": shapes_told if others else f"{n:,}",
+        "shapes": of_all if others else f"{n:,}",
         "components": f"{shares} of the variance" if shares else "none: the shapes do not differ",
         "variability": f"{size} on average, in the unit of the shapes",
     }
     result: dict[str, Any] = {"registered": registered, "template": template.name}
-    files = [path.name for path in written]
-    result |= {"files": files, "n_shapes": n, "failed": found.left_out}
-    result |= {name: getattr(statistics, name) for name in ("variances", "total_variance")}
+    result |= {"files": [path.name for path in written], "n_shapes": n, "failed": found.left_out}
+    result |= fields_of(statistics, "variances", "total_variance")
     tell(result, rows(lines), written=[out])

@@ -11,8 +11,8 @@ import typer
 import unbend
 from unbend._text import quoted
 from unbend.cli import _options as options
-from unbend.cli._output import progress_on_stderr, rows, shown, shown_shape, tell
-from unbend.cli.collection._common import SHORT_ID, opened
+from unbend.cli._input import opened
+from unbend.cli._output import SHORT_ID, progress, rows, shown, shown_shape, tell
 from unbend.errors import InputError
 
 
@@ -28,19 +28,14 @@ def add(
     file that cannot be used is listed at the end, with exit code 1. Identical files are one shape
     with several paths. After you move a folder, add it again to update the paths.
 
-    Options
-    -------
       paths: Meshes, folders of them (and all folders below), quoted patterns like 'scans/**/*.ply'.
 
-    Examples
-    --------
-      unbend collection add shapes scans/
-      unbend collection add shapes 'models/**/*.obj' --workers 8
-      unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
+    $ unbend collection add shapes scans/
+    $ unbend collection add shapes 'models/**/*.obj' --workers 8
+    $ unbend collection add shapes /data/models --scheduler tcp://10.0.0.1:8786 --json
     """
     collection = unbend.collection.Collection(store)
-    with progress_on_stderr() as progress:
-        done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
+    done = collection.add(paths, workers=workers, scheduler=scheduler, progress=progress)
     rate = f", {done.added / done.seconds:.3g} a second" if done.added else ""
     moved = f" ({done.new_paths:,} under a new path)" if done.new_paths else ""
     count = len(collection)
@@ -57,14 +52,10 @@ def add(
 def list_(store: str, n: Annotated[int | None, options.count("--n-shapes")] = None) -> None:
     """List the shapes of a collection: id, vertices, faces and path.
 
-    Options
-    -------
       n: Show the first N only.
 
-    Examples
-    --------
-      unbend collection list shapes
-      unbend collection list shapes -n 20 --json
+    $ unbend collection list shapes
+    $ unbend collection list shapes -n 20 --json
     """
     collection = opened(store)
     entries = itertools.islice(collection, n)
@@ -84,24 +75,18 @@ def _lines(entries: Iterator[unbend.collection.Entry]) -> Iterator[str]:
 def info(
     store: str,
     shape: Annotated[str | None, typer.Argument(metavar="[SHAPE]")] = None,
-    thumbnail: Annotated[str | None, typer.Option(metavar="PNG", callback=options.claim)] = None,
+    thumbnail: Annotated[str | None, typer.Option(metavar="PNG")] = None,
 ) -> None:
     """Show how many shapes a collection has and how they are described, or show one shape.
 
-    Options
-    -------
       shape: A path or id, to show one shape.
       thumbnail: Write the picture of SHAPE.
 
-    Examples
-    --------
-      unbend collection info shapes
-      unbend collection info shapes scans/cat0.off --thumbnail cat0.png
+    $ unbend collection info shapes
+    $ unbend collection info shapes scans/cat0.off --thumbnail cat0.png
     """
-    if thumbnail is not None:
-        if shape is None:
-            raise InputError("--thumbnail is the picture of one shape: name it after STORE")
-        unbend.io.check_writable(thumbnail, (".png",))
+    if thumbnail is not None and shape is None:
+        raise InputError("--thumbnail is the picture of one shape: name it after STORE")
     collection = opened(store, thumbnail)
     if shape is None:
         found = collection.info()
@@ -136,14 +121,10 @@ def remove(store: str, shapes: list[str]) -> None:
 
     A path removes only that path of a shape that has several. An id removes the shape.
 
-    Options
-    -------
       shapes: Paths, or ids (8 digits or more of them).
 
-    Examples
-    --------
-      unbend collection remove shapes scans/cat0.off
-      unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
+    $ unbend collection remove shapes scans/cat0.off
+    $ unbend collection remove shapes 3287ee037b25 9f0c11d2a4b7
     """
     collection = opened(store)
     left = {one.id: {one.path, *one.also} for one in collection.find(shapes)}
@@ -164,14 +145,10 @@ def export(store: str, out: Annotated[str, options.out()]) -> None:
 
     There is a row for each file. Identical files have the same id.
 
-    Options
-    -------
       out: .parquet: every column; .csv: all but forms and thumbnails.
 
-    Examples
-    --------
-      unbend collection export shapes -o shapes.parquet
-      unbend collection export shapes -o shapes.csv
+    $ unbend collection export shapes -o shapes.parquet
+    $ unbend collection export shapes -o shapes.csv
     """
     count = opened(store).export(out)
     line = f"wrote {count:,} rows to {out}, one for each file"

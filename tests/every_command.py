@@ -1,0 +1,21 @@
+"""Every command of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import typer.main
+
+from unbend.cli import app
+
+
+def every_command(
+    group: Any = None, words: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Give every command with the words that call it."""
+    for name, one in (group or typer.main.get_command(app)).commands.items():
+        if hasattr(one, "commands"):
+            yield from every_command(one, (*words, name))
+        else:
+            yield (*words, name), one
