@@ -9,8 +9,9 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
+from stones import write_stones
 from testshapes.damage import keep
-from unbend import morph, read_mesh, write_mesh
+from unbend import Mesh, morph, read_mesh, write_mesh
 from unbend.cli import _output, app
 from unbend.cli._output import warn_if_doubtful
 from unbend.cli.match import summary
@@ -89,24 +90,24 @@ def test_match_writes_a_map_without_the_rest_of_the_match(folder: Path, tmp_path
     assert len(read_map(out, n_target=700)) == 800
 
 
-def test_match_takes_a_component(folder: Path, tmp_path: Path) -> None:
-    half = make_quadruped("standing", n_vertices=500).mesh
-    both = np.vstack([half.vertices, SOURCE.mesh.vertices + 9])
-    faces = np.vstack([half.faces, SOURCE.mesh.faces + 500])
-    write_mesh(tmp_path / "two.ply", (both, faces))
-    arguments = ["match", tmp_path / "two.ply", folder / "b.ply", "--no-refine"]
+def test_match_takes_a_component(tmp_path: Path, blob: Mesh) -> None:
+    small, other = write_stones(tmp_path, 2)
+    stone = read_mesh(small)
+    both = np.vstack([stone.vertices, blob.vertices + 9])
+    write_mesh(tmp_path / "two.ply", (both, np.vstack([stone.faces, blob.faces + 162])))
+    arguments = ["match", tmp_path / "two.ply", other, "--no-refine"]
     whole = right(*arguments)
-    assert "1,300 vertices" in whole.stdout
-    assert "its largest component is matched, 800 of 1300 vertices" in whole.stderr
+    assert "804 vertices" in whole.stdout
+    assert "its largest component is matched, 642 of 804 vertices" in whole.stderr
     done = right(*arguments, "--component", "largest")
-    assert "800 of 1,300 vertices" in done.stdout
-    assert "500 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
+    assert "642 of 804 vertices" in done.stdout
+    assert "162 unreferenced vertices are NaN in the result, -1 in a map" in done.stderr
     assert "next: add -o MAP.npz" in done.stdout
     # The other shape has no second component, and is matched as it is.
     done = right(*arguments, "--component", "1")
-    assert "500 of 1,300 vertices of two.ply to b.ply" in done.stdout
-    for paths in (arguments[:3], ["match", folder / "b.ply", folder / "b.ply"]):
-        done = CliRunner().invoke(app, [*map(str, paths), "--component", "2"])
+    assert f"162 of 804 vertices of two.ply to {other.name}" in done.stdout
+    for paths in (arguments[:3], ["match", other, other]):
+        done = run(*paths, "--component", "2")
         assert done.exit_code == 2
         assert "there is no component 2" in done.stderr
 
@@ -246,14 +247,10 @@ def test_transfer_carries_labels_weights_and_colors(folder: Path, tmp_path: Path
     assert (read_values(tmp_path / "turned.csv") == truth).mean() > 0.95
 
 
-def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(
-    folder: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "map.npz"
-    given = ["match", folder / "a.ply", folder / "b.ply", "-o", out, "--json", "--no-refine"]
-    done = run(*given, "--min-confidence", 1)
-    told = json.loads(done.stdout)
-    assert (done.exit_code, told["written"]) == (3, [])
+def test_an_unsure_match_is_told_but_not_written_and_exits_with_3(tmp_path: Path) -> None:
+    out, shapes = tmp_path / "map.npz", write_stones(tmp_path, 2)
+    done = run("match", *shapes, "-o", out, "--json", "--no-refine", "--min-confidence", 1)
+    assert (done.exit_code, json.loads(done.stdout)["written"]) == (3, [])
     assert "error: the match's confidence is " in done.stderr
     assert "below 1: no file written" in done.stderr
     assert not out.exists()
@@ -444,18 +441,19 @@ def test_mistakes_get_one_sentence_and_write_nothing(
     assert sorted(folder.iterdir()) == before
 
 
-def test_symmetry_writes_the_mirror_partners(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_symmetry_writes_the_mirror_partners(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     told = json.loads(right("symmetry", folder / "a.ply", "-o", folder / "p.csv", "--json").stdout)
     assert told["confidence"] > 0.5 > 0 > told["orientation"]
     off = SOURCE.mesh.vertices[read_map(folder / "p.csv")] - SOURCE.mesh.vertices[SOURCE.mirror]
     assert np.median(np.linalg.norm(off, axis=1)) < 0.02 * np.ptp(SOURCE.mesh.vertices)
     monkeypatch.setattr(_output, "is_doubtful", lambda confidence: True)
-    page = folder / "none.html"
-    unsure = ["--min-confidence", 1, "--no-refine", "-o", folder / "none.csv", "--report", page]
-    done = run("symmetry", folder / "a.ply", *unsure)
+    (stone,) = write_stones(tmp_path, 1)
+    unsure = ["--min-confidence", 1, "--no-refine", "-o", tmp_path / "none.csv"]
+    done = run("symmetry", stone, *unsure, "--report", tmp_path / "none.html")
     assert done.exit_code == 3
-    assert not (folder / "none.csv").exists()
-    assert not page.exists()
+    assert list(tmp_path.iterdir()) == [stone]
     assert "look at it with unbend match --report" in done.stderr  # not with a page that is not
 
 
