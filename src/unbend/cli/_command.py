@@ -32,12 +32,12 @@ def make_group(help: str, *functions: Callable[..., None], **options: Any) -> ty
 class _Command(TyperCommand):
     """A command whose docstring has examples, and the help of its options that is not in `HELP`."""
 
-    def __init__(self, *args: Any, help: str, **settings: Any) -> None:
+    def __init__(self, *, help: str, **settings: Any) -> None:
         text, *examples = help.split("\n$ ")
         text, *options = re.split(r"\n {2}(\w+): ", text)
         about = HELP | dict(zip(options[::2], options[1::2], strict=True))
         lines = "".join(f"\n  {one}" for one in examples)
-        super().__init__(*args, help=f"{text}\n\b\nExamples:{lines}", **settings)
+        super().__init__(help=f"{text}\n\b\nExamples:{lines}", **settings)
         params: list[Any] = self.params
         for one in params:
             one.help = " ".join(about[one.name].split())

@@ -11,15 +11,8 @@ import typer
 
 import unbend
 from unbend._text import plural
+from unbend.cli import _output as output
 from unbend.cli._options import MatchOptions
-from unbend.cli._output import (
-    EXIT_UNSURE,
-    command_line,
-    list_failures,
-    progress,
-    say,
-    warn_if_doubtful,
-)
 from unbend.errors import FileError, InputError
 
 if TYPE_CHECKING:
@@ -30,7 +23,7 @@ _SAMPLING = {"n_samples", "n_eigenpairs"}
 
 def read_shapes(paths: Iterable[str], component: str | None = None) -> list[unbend.Mesh]:
     """Read meshes; choose a component of those that have several, if any has."""
-    progress("reading", 0)
+    output.progress("reading", 0)
     shapes = [unbend.read_mesh(path) for path in paths]
     if component is None:
         return shapes
@@ -142,10 +135,10 @@ def show_match(
     """Write the figure and the page of a match, if they are asked for."""
     source, target = shapes
     if figure is not None:
-        progress("drawing", 0)
+        output.progress("drawing", 0)
         unbend.report.draw_match(source, target, found, figure, up=looks["up"])
     if report is not None:
-        looks |= {"command": command_line(), "progress": progress}
+        looks |= {"command": output.command_line(), "progress": output.progress}
         unbend.report.match_page(source, target, found, report, **looks)
 
 
@@ -153,7 +146,7 @@ def is_unsure(found: unbend.Match, least: float | None) -> bool:
     if least is None or found.confidence >= least:
         return False
     told = f"the match's confidence is {found.confidence:.4g}, below {least:g}"
-    say("error", f"{told}: no file written")
+    output.say("error", f"{told}: no file written")
     return True
 
 
@@ -161,9 +154,9 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
     """Read the map from one shape to another, or match them; exit if the match is too unsure."""
     source, target = shapes
     if given.map is None:
-        landmarks = landmarks_of(given.landmarks, shapes)
-        options: Any = {"partial": given.partial, "landmarks": landmarks, "progress": progress}
-        found = unbend.match(source, target, barycentric=True, **options)
+        options: Any = {"partial": given.partial, "barycentric": True}
+        options["landmarks"] = landmarks_of(given.landmarks, shapes)
+        found = unbend.match(source, target, **options, progress=output.progress)
     elif given.landmarks or given.save_match is not None or given.partial != "auto":
         raise InputError(
             "--landmarks, --partial and --save-match are for matching; leave them out, or --map"
@@ -175,9 +168,9 @@ def read_or_match(shapes: Sequence[unbend.Mesh], given: MatchOptions) -> unbend.
         return unbend.read_map(given.map, base=given.base, **sizes)
     else:
         raise InputError(f"--min-confidence needs a .npz match, and {given.map} is none")
-    warn_if_doubtful(found)
+    output.warn_if_doubtful(found)
     if is_unsure(found, given.min_confidence):
-        raise typer.Exit(EXIT_UNSURE)
+        raise typer.Exit(output.EXIT_UNSURE)
     if given.save_match is not None:
         write_result(given.save_match, found, shapes)
     return found
@@ -201,5 +194,5 @@ def read_shown(
     """Read shapes to show them, and name on stderr what cannot be read."""
     unbend.report.check_count(len(shapes))
     meshes, failures = unbend.collection.read_found(shapes, store)
-    list_failures(failures)
+    output.list_failures(failures)
     return meshes

@@ -10,17 +10,8 @@ import typer
 import unbend
 from unbend.choices import GeodesicKind, ValueKind
 from unbend.cli import _options as options
+from unbend.cli import _output as output
 from unbend.cli._input import keeps_all, read_or_match, read_shapes, read_truth
-from unbend.cli._output import (
-    confidence_of,
-    lines_to_keep,
-    numbered,
-    progress,
-    rows,
-    say,
-    table,
-    tell,
-)
 from unbend.errors import InputError
 
 _SHOWN = (0.025, 0.05, 0.1, 0.15)
@@ -61,7 +52,7 @@ def evaluate(
         point_map = unbend.read_map(map_file, base=base, n_target=shape.n_vertices)
     files = source_truth, target_truth, mirrored_truth
     sources, *truths = read_truth(files, len(point_map), shape.n_vertices)
-    progress(f"{distance} distances", 0)
+    output.progress(f"{distance} distances", 0)
     found = unbend.evaluate(point_map, shape, sources, *truths, distance=distance)
     if figure is not None:
         unbend.report.draw_error_curves({Path(map_file).stem: found}, figure)
@@ -89,8 +80,8 @@ def evaluate(
             f"overlap: {part.iou:.1%} intersection over union, {part.precision:.1%} precision, "
             f"{part.recall:.1%} recall"
         )
-    lines = table("<>>>>>>>", *cells) + lines
-    tell(told, lines, shapes=[shape], written=[figure])
+    lines = output.table("<>>>>>>>", *cells) + lines
+    output.tell(told, lines, shapes=[shape], written=[figure])
 
 
 def transfer(
@@ -146,7 +137,7 @@ def transfer(
         forward, back = found.source_to_target, found.target_to_source
     else:
         forward, back = found, io.invert_map(found, b)
-    progress("carrying", 0)
+    output.progress("carrying", 0)
     errors: Any = getattr(found, "expected_error", None)
     if expected_error is not None and errors is None:
         raise InputError(f"{matching.map} has no expected errors; leave out --map to match")
@@ -155,15 +146,15 @@ def transfer(
         there = np.flatnonzero(carried >= 0)
         io.write_markups(out, b, carried[there], [labels[i] for i in there])
         for i in np.flatnonzero(carried < 0):
-            say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
+            output.say("note", f"landmark {labels[i]} corresponds to no vertex of {b.name}")
     else:
         carried = unbend.transfer(array, found, kind=chosen, source=a, target=b)
         is_mesh = out.lower().endswith(io.COLOR_SUFFIXES)
-        like = lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
+        like = output.lines_to_keep(out, target, whole=chosen != "uv") if is_mesh else None
         io.write_values(out, carried, b, kind=chosen, like=like)
         filled = int((back >= 0).sum()) - len(np.unique(forward[forward >= 0]))
         if filled > 0 and not isinstance(found, unbend.Match):
-            say(
+            output.say(
                 "note",
                 f"{filled:,} of {len(back):,} vertices of {b.name} are the image of none, and "
                 "take the value of the nearest that is one; a .npz map leaves out those beyond "
@@ -174,14 +165,14 @@ def transfer(
         io.write_values(expected_error, errors, b)
     lost = int((back < 0).sum())
     if lost:
-        say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
+        output.say("note", f"{lost:,} vertices of {b.name} correspond to none of the source")
     width = "" if carried.ndim == 1 else f" x {carried.shape[1]}"
     told = {"source": source, "target": target, "values": values, "kind": chosen}
     told |= {"shape": carried.shape, "n_without_preimage": lost}
     told |= {"confidence": getattr(found, "confidence", None)}
-    tell(
+    output.tell(
         told,
-        rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
+        output.rows({"carried": f"{len(carried):,}{width} values ({chosen})"}),
         shapes=shapes,
         written=[out, matching.save_match, expected_error],
     )
@@ -211,22 +202,23 @@ def morph(
     $ unbend morph standing.ply leaping.ply --map map.npz -o halfway.glb
     """
     unbend.io.check_writable(out, (".ply", ".obj", ".glb", ".off", ".stl"))
-    digits = len(str(steps))
-    files = [numbered(out, f"{i + 1:0{digits}}") for i in range(steps)] if steps > 1 else [out]
+    files, digits = [out], len(str(steps))
+    if steps > 1:
+        files = [output.numbered(out, f"{i + 1:0{digits}}") for i in range(steps)]
     options.keep_inputs(files, (source, target))
     shapes = read_shapes((source, target), component)
     match = read_or_match(shapes, matching)
-    told = numbered(out, "*") if steps > 1 else out
-    like = lines_to_keep(told, source, whole=component is None)
+    told = output.numbered(out, "*") if steps > 1 else out
+    like = output.lines_to_keep(told, source, whole=component is None)
     for i, file in enumerate(files):
-        progress("morphing", i / steps)
+        output.progress("morphing", i / steps)
         between = unbend.morph(shapes[0], shapes[1], match, (i + 1) / (steps + 1))
         unbend.write_mesh(file, between, like=like)
     confidence = getattr(match, "confidence", None)
     count = f"{steps} between {shapes[0].name} and {shapes[1].name}"
-    tell(
+    output.tell(
         {"source": source, "target": target, "steps": steps, "confidence": confidence},
-        rows({"shapes": count, "confidence": confidence_of(match)}),
+        output.rows({"shapes": count, "confidence": output.confidence_of(match)}),
         shapes=shapes,
         written=[*files, matching.save_match],
         next_step=f"open {files[0]} in MeshLab or Blender",

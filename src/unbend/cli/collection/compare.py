@@ -18,14 +18,6 @@ from unbend.cli._output import command_line, progress, say, shown_shape, tell
 
 _MEASURES = {"none": "distance", "form": "distance of forms", "match": "energy of the match"}
 _MOST_PRINTED = 24
-_RETRIEVAL = {
-    "nearest_neighbor": "nearest neighbour",
-    "first_tier": "first tier",
-    "second_tier": "second tier",
-    "e_measure": "E-measure",
-    "dcg": "DCG",
-    "map": "mAP",
-}
 
 
 def search(
@@ -182,7 +174,10 @@ def evaluate(store: str, labels: str) -> None:
             "descriptors",
         )
     measured = unbend.collection.retrieval_measures(distances[np.ix_(kept, kept)], classes)
-    lines = {head: f"{getattr(measured, name):.1%}" for name, head in _RETRIEVAL.items()}
+    names = ("nearest_neighbor", "first_tier", "second_tier", "e_measure", "dcg", "map")
+    heads = ("nearest neighbour", "first tier", "second tier", "E-measure", "DCG", "mAP")
+    values = [f"{getattr(measured, name):.1%}" for name in names]
+    lines = dict(zip(heads, values, strict=True))
     curve = [f"{measured.precision[i]:.0%} at {measured.recall[i]:.0%}" for i in (4, 9, 14, 19)]
     lines["precision"] = f"{' recall, '.join(curve)} recall"
     lines["shapes"] = f"{len(kept):,} of {len(set(classes)):,} classes"
