@@ -37,7 +37,7 @@ class _Run:
     quiet: bool = False
     warnings: list[str] = field(default_factory=list)
     start: float = field(default_factory=time.perf_counter)
-    last_line: float = 0.0  # when a line of progress was printed, or the first was not
+    last_line: float = 0.0  # of progress: the time, or that of the first step
     bar: Any = None
 
 
