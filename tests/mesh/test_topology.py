@@ -69,9 +69,7 @@ def fans_at(vertex, faces):
     return len({frozenset(group) for group in groups})
 
 
-@pytest.mark.parametrize("longest", [0, 3, 1000])
-def test_vertices_of_several_fans(monkeypatch, longest):
-    monkeypatch.setattr(topology, "_LONGEST_WALK", longest)
+def test_vertices_of_several_fans():
     for faces, n in soups():
         by_definition = sum(fans_at(vertex, faces) > 1 for vertex in range(n))
         edges = topology.find_edges(faces, n)

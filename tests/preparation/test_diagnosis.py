@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from unbend import Mesh, laplacian
 from unbend.io import read_mesh, write_mesh
-from unbend.mesh import count_non_manifold_vertices, find_edges, proper_faces
 from unbend.preparation import diagnose, prepare
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
@@ -116,21 +115,6 @@ def test_two_triangles_that_touch_at_a_corner() -> None:
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]
     health = diagnose(Mesh(vertices, [[0, 1, 2], [0, 3, 4]]))
     assert (health.non_manifold_vertices, health.boundary_loops) == (1, 1)
-
-
-@given(seed=st.integers(0, 2**32 - 1), hole=st.booleans())
-def test_fans_are_walked_as_they_are_joined(seed: int, hole: bool) -> None:
-    """The quick count on oriented surfaces and the general one agree where vertices are glued."""
-    rng = np.random.default_rng(seed)
-    faces = torus(8).faces[10 if hole else 0 :]
-    glued = np.arange(64)
-    glued[rng.integers(0, 64, 4)] = rng.integers(0, 64, 4)
-    faces = proper_faces(glued[faces])
-    edges = find_edges(faces, 64)
-    with pytest.MonkeyPatch.context() as patch:
-        quick = count_non_manifold_vertices(faces, edges)
-        patch.setattr("unbend.mesh._topology._LONGEST_WALK", 0)
-        assert quick == count_non_manifold_vertices(faces, edges)
 
 
 def test_a_flipped_face() -> None:

@@ -20,9 +20,6 @@ DEGENERATE_HEIGHT = 1e-8
 # Faces measured at once: their temporaries stay in the cache.
 FACES_AT_ONCE = 2**14
 
-# Up to this many faces around a vertex, fans are counted by walking around it.
-_LONGEST_WALK = 1000
-
 
 class Edges(NamedTuple):
     """The undirected edges of a mesh."""
@@ -107,69 +104,33 @@ def find_components(faces: IntArray, n_vertices: int) -> Components:
     """Group the vertices that faces connect; a face that names a vertex twice connects none."""
     faces = proper_faces(faces)
     index = faces.astype(np.int32)
+    # Labels ascend with the first vertex of each component. A vertex in no face has its own.
     label = label_linked((index[:, [0, 0]].ravel(), index[:, 1:].ravel()), n_vertices)
-    if len(faces) and not label.any():  # one component, as most meshes are
-        counts = np.array([n_vertices]), np.array([len(faces)])
-        return Components(np.zeros(n_vertices, dtype=np.int64), *counts)
-    used = np.zeros(n_vertices, dtype=bool)
-    used[faces] = True
-    _, first, number, vertex_count = np.unique(
-        label[used], return_index=True, return_inverse=True, return_counts=True
-    )
-    of_vertex = np.full(n_vertices, -1, dtype=np.int64)
-    of_vertex[used] = number
-    face_count = np.bincount(of_vertex[faces[:, 0]], minlength=len(first))
+    vertex_count = np.bincount(label)
+    face_count = np.bincount(label[faces[:, 0]], minlength=len(vertex_count))
     # Most vertices first, then most faces, then the earliest vertex: never up to chance.
-    order = np.lexsort([first, -face_count, -vertex_count])
-    of_vertex[used] = np.argsort(order)[number]
-    return Components(of_vertex, vertex_count[order], face_count[order])
+    order = np.lexsort([-face_count, -vertex_count])[: np.count_nonzero(face_count)]
+    place = np.full(len(face_count), -1)
+    place[order] = np.arange(len(order))
+    return Components(place[label], vertex_count[order], face_count[order])
 
 
 def count_non_manifold_vertices(faces: IntArray, edges: Edges) -> int:
-    """Count vertices whose faces form more than one fan.
+    """Count vertices whose faces, of three different vertices each, form more than one fan.
 
     Two faces at a vertex are in the same fan if a chain of edges at that vertex joins them.
     """
     if len(faces) == 0:
         return 0
-    degree = np.bincount(faces.ravel())
-    paired = (edges.n_faces == 1) | ((edges.n_faces == 2) & (edges.n_upward == 1))
-    if paired.all() and degree.max() <= _LONGEST_WALK:
-        return int((_walk_around(faces, edges, len(degree)) < degree).sum())
-    side = edges.of_side.reshape(-1, 3)
-    # A corner belongs to the sides that leave it and arrive at it, each seen from its vertex.
-    both = np.stack([side, side[:, [2, 0, 1]]], axis=-1)
-    pairs = (2 * both + (edges.ends[both, 1] == faces[..., None])).reshape(-1, 2)
-    fan = label_linked(pairs.T, 2 * len(edges.ends))[pairs[:, 0]]
-    corner_of_fan = np.unique(fan, return_index=True)[1]
-    fans_at_vertex = np.bincount(faces.ravel()[corner_of_fan])
-    return int((fans_at_vertex > 1).sum())
-
-
-def _walk_around(faces: IntArray, edges: Edges, n_vertices: int) -> IntArray:
-    """Size of one fan at each vertex of an oriented mesh: of the open one, if there is any.
-
-    A corner has the number of the side that leaves it; the next one lies across that side.
-    """
-    at_vertex = faces.ravel()
-    side = np.arange(len(at_vertex))
-    twin = other_sides(edges)
-    inner = twin >= 0
-    following = np.where(inner, twin + np.where(twin % 3 == 2, -2, 1), -1)
-    begins = np.ones(len(side), dtype=bool)
-    begins[following[inner]] = False
-    first = np.full(n_vertices, -1)
-    first[at_vertex] = side
-    first[at_vertex[begins]] = side[begins]
-    size = np.zeros(n_vertices, dtype=np.int64)
-    vertices = np.flatnonzero(first >= 0)
-    corner = first[vertices]
-    while len(vertices):
-        size[vertices] += 1
-        corner = following[corner]
-        going = (corner >= 0) & (corner != first[vertices])
-        vertices, corner = vertices[going], corner[going]
-    return size
+    # Each edge has a node at either end; a corner links those of the sides that leave and reach it.
+    side = 2 * edges.of_side.reshape(-1, 3).astype(np.int32)
+    upward = faces < faces[:, [1, 2, 0]]
+    leaving = (side + ~upward).ravel()
+    reaching = (side + upward)[:, [2, 0, 1]].ravel()
+    fan = label_linked((leaving, reaching), 2 * len(edges.ends))[leaving]
+    vertex_of_fan = np.empty(fan.max() + 1, dtype=np.int64)
+    vertex_of_fan[fan] = faces.ravel()
+    return int((np.bincount(vertex_of_fan) > 1).sum())
 
 
 def has_repeated_index(faces: IntArray) -> BoolArray:
