@@ -1,7 +1,14 @@
 """The mesh itself: vertices and faces, their topology, and coarser ones."""
 
-from unbend.mesh._corners import face_normals, measure_corners
-from unbend.mesh._mesh import Mesh, used_vertices, vertex_areas, vertex_ids, vertex_normals
+from unbend.mesh._mesh import (
+    Mesh,
+    face_normals,
+    measure_corners,
+    used_vertices,
+    vertex_areas,
+    vertex_ids,
+    vertex_normals,
+)
 from unbend.mesh._topology import (
     FACES_AT_ONCE,
     Components,

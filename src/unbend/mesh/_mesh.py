@@ -11,7 +11,6 @@ from unbend._arrays import array_of, sum_rows, unit_vectors
 from unbend._display import table
 from unbend._types import FloatArray, IntArray
 from unbend.errors import InputError, MeshError
-from unbend.mesh._corners import face_normals
 from unbend.mesh._topology import has_earlier_twin
 
 
@@ -61,8 +60,7 @@ class Mesh:
         self, vertices: Any, faces: Any = None, *, name: str = "mesh", notes: tuple[str, ...] = ()
     ) -> None:
         vertices = _vertex_array(vertices, name)
-        faces = _face_array(faces, name)
-        _check_faces(faces, len(vertices), name)
+        faces = _face_array(faces, len(vertices), name)
         _check_finite(vertices, faces, name)
         state = {"vertices": vertices, "faces": faces, "name": name, "notes": tuple(notes)}
         self.__setstate__(state)
@@ -115,7 +113,7 @@ def _vertex_array(vertices: Any, name: str) -> FloatArray:
     return array
 
 
-def _face_array(faces: Any, name: str) -> IntArray:
+def _face_array(faces: Any, n_vertices: int, name: str) -> IntArray:
     if np.ma.is_masked(faces):
         raise MeshError(f"{name}: some faces are masked; leave such faces out")
     try:
@@ -132,10 +130,7 @@ def _face_array(faces: Any, name: str) -> IntArray:
         )
     if not np.issubdtype(array.dtype, np.integer):
         raise MeshError(f"{name}: faces must be whole numbers (vertex indices), not {array.dtype}")
-    return np.array(array, dtype=np.int64, order="C")
-
-
-def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
+    faces = array.astype(np.int64, order="C")
     outside = (faces < 0) | (faces >= n_vertices)
     if outside.any():
         face = np.flatnonzero(outside)[0] // 3
@@ -143,6 +138,7 @@ def _check_faces(faces: IntArray, n_vertices: int, name: str) -> None:
             f"{name}: face {face} names vertex {faces[outside][0]}, but the vertices are numbered "
             f"0 to {n_vertices - 1}; correct or remove that face"
         )
+    return np.asarray(faces)
 
 
 def _check_finite(vertices: FloatArray, faces: IntArray, name: str) -> None:
@@ -198,3 +194,34 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Average the faces' normals, by area, at each vertex: (n, 3) of unit length, or 0."""
     at_corners = np.repeat(face_normals(vertices, faces), 3, axis=0)
     return unit_vectors(sum_rows(faces.ravel(), at_corners, len(vertices)))
+
+
+def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Compute the normals (m, 3) of faces, of twice their areas in length."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def measure_corners(
+    vertices: FloatArray, faces: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Measure what the cotangents of faces are made of, without cancellation on needles.
+
+    Returns the dot product (m, 3) of the two edges that leave each corner, the squared length (m,
+    3) of the edge that faces it, and twice the area (m,) of each face. The cotangent of a corner is
+    the first over the last.
+    """
+    corners = vertices[faces]  # (m, 3 corners, 3 coordinates)
+    facing = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    squared = np.einsum("mij,mij->mi", facing, facing)
+    dots = -np.einsum("mij,mij->mi", np.roll(facing, -1, axis=1), np.roll(facing, -2, axis=1))
+    every = np.arange(len(faces))
+    # The dot products at the two ends of an edge add up to its square. Along the shortest edge both
+    # suffer from rounding, so one is computed from the other: then their sum is right.
+    shortest = squared.argmin(axis=1)
+    one, other = (shortest + 1) % 3, (shortest + 2) % 3
+    dots[every, other] = squared[every, shortest] - dots[every, one]
+    # The cross product of the two shorter edges has the smallest rounding error.
+    longest = squared.argmax(axis=1)
+    normals = np.cross(facing[every, (longest + 1) % 3], facing[every, (longest + 2) % 3])
+    return dots, squared, np.linalg.norm(normals, axis=1)

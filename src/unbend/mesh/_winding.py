@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from unbend._arrays import sum_rows
 from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.mesh._topology import find_edges, label_linked, measure_faces, other_sides
 
@@ -65,11 +66,11 @@ def outwardness(vertices: FloatArray, faces: IntArray) -> float:
     points /= max(np.linalg.norm(points, axis=1).max(), tiny)
     edges = find_edges(faces, len(points))
     open_ = edges.n_faces[edges.of_side] == 1
-    rim = np.stack([faces.ravel()[open_], np.roll(faces, -1, axis=1).ravel()[open_]])
+    rim = np.stack([faces.ravel()[open_], faces[:, [1, 2, 0]].ravel()[open_]])
     hole = label_linked(rim, len(points))[rim[0]]
     counts = np.maximum(np.bincount(hole), 1)
     a, b = points[rim]
-    middles = np.stack([np.bincount(hole, one) / counts for one in a.T], axis=1)
+    middles = sum_rows(hole, a, len(counts)) / counts[:, None]
     lengths = np.bincount(hole, np.linalg.norm(b - a, axis=1))
     fans = np.stack([b, a, middles[hole]])
     corners = np.concatenate([points[faces].transpose(1, 0, 2), fans], axis=1)
@@ -109,9 +110,7 @@ def _least_disagreement(pairs: IntArray, disagree: BoolArray, m: int) -> BoolArr
 def _length(vertices: FloatArray, ends: IntArray, faces: IntArray) -> float:
     """Length of edges, in sqrt(area) of the surface."""
     tiny = np.finfo(float).tiny
-    corners = vertices[faces]  # other vertices may be anywhere
-    unit = max(np.abs(corners).max(), tiny)  # no square overflows or vanishes
-    length = np.linalg.norm(np.diff(vertices[ends] / unit, axis=1)[:, 0], axis=1).sum()
-    numbers = np.arange(faces.size).reshape(-1, 3)
-    area = measure_faces(corners.reshape(-1, 3) / unit, numbers)[1]
-    return float(length / np.sqrt(max(area, tiny)))
+    with np.errstate(over="ignore"):  # vertices that no face uses may be anywhere
+        points = vertices / max(np.abs(vertices[faces]).max(), tiny)  # no square overflows
+    length = np.linalg.norm(np.diff(points[ends], axis=1)[:, 0], axis=1).sum()
+    return float(length / np.sqrt(max(measure_faces(points, faces)[1], tiny)))

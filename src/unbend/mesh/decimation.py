@@ -14,7 +14,7 @@ import numpy as np
 from unbend._arrays import sum_rows
 from unbend._compiled import compiled
 from unbend._types import FloatArray, IntArray
-from unbend.mesh._corners import face_normals
+from unbend.mesh._mesh import face_normals
 from unbend.mesh._topology import Edges, faces_around, find_edges
 
 # Beside the squared distance from the planes around it, a vertex pays this share of the squared
