@@ -9,6 +9,7 @@ from unbend.io._files import (
     read_table,
     write_table,
 )
+from unbend.io._foreign import MeshLike
 from unbend.io._maps import (
     MAP_SUFFIXES,
     checked_map,
@@ -21,7 +22,6 @@ from unbend.io._maps import (
 )
 from unbend.io._markups import MARKUP_SUFFIXES, read_markup_pairs, read_markups, write_markups
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, file_extras, read_mesh
-from unbend.io._objects import MeshLike
 from unbend.io._values import VALUE_SUFFIXES, check_storable, read_values, write_values
 from unbend.io._writing import (
     COLOR_SUFFIXES,

@@ -1,27 +1,91 @@
-"""Formats that trimesh or meshio reads, if they are installed. They may use any memory."""
+"""Meshes of other programs: objects, known by their attributes, and files that they must read."""
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from unbend._text import plural
+from unbend._types import StrPath
 from unbend.errors import FileError, InputError, MissingExtraError
-from unbend.io._gltf import readable_gltf
-from unbend.io._objects import mesh_of
-from unbend.io.formats.contents import NO_FACES, Contents, weld
+from unbend.io.formats import gltf
+from unbend.io.formats.contents import NO_FACES, Contents, triangulate, weld
+from unbend.mesh import Mesh
 
 _GLTF = (".glb", ".gltf")
 _TRIMESH = (*_GLTF, ".3mf", ".dae")
 _MESHIO = (".vtk", ".vtu", ".msh", ".mesh", ".inp", ".bdf")
 _WORDS = {"color": "colours", "uv": "texture coordinates"}
 FOREIGN_SUFFIXES = (*_TRIMESH, *_MESHIO)
+
+
+class _HasVertices(Protocol):  # a mesh of trimesh or Open3D
+    @property
+    def vertices(self) -> Any: ...
+
+
+class _HasPoints(Protocol):  # a mesh of PyVista or meshio, or the points of Open3D
+    @property
+    def points(self) -> Any: ...
+
+
+MeshLike: TypeAlias = (
+    Mesh | StrPath | Sequence[npt.ArrayLike] | npt.NDArray[Any] | _HasVertices | _HasPoints
+)
+"""Whatever is taken for a mesh: see :func:`as_mesh`."""
+
+
+def mesh_of(given: Any) -> Mesh | None:
+    """Make a mesh of an object of trimesh, Open3D, meshio, PyVista or VTK; None if it is none."""
+    if hasattr(given, "vertices"):
+        for faces in ("faces", "triangles"):  # trimesh; Open3D
+            if hasattr(given, faces):
+                return Mesh(given.vertices, getattr(given, faces))
+        if hasattr(given, "colors"):  # trimesh's points
+            return Mesh(given.vertices)
+    if hasattr(given, "to_legacy"):  # Open3D's tensors
+        return mesh_of(given.to_legacy())
+    if hasattr(given, "extract_surface") and not hasattr(given, "GetPolys"):  # PyVista
+        raise InputError(f"{type(given).__name__} is not a surface: give its extract_surface()")
+    if hasattr(given, "points") and hasattr(given, "cells_dict"):  # meshio
+        points = np.asarray(given.points)
+        cells = [block for block in given.cells if block.type in ("triangle", "quad", "polygon")]
+        others = sorted({block.type for block in given.cells} - {one.type for one in cells})
+        if others and not cells:
+            raise InputError(f"a mesh of {', '.join(others)} has no surface: give its triangles")
+        flat = [np.asarray(row) for block in cells for row in block.data]
+        if points.shape[1] == 2:
+            points = np.column_stack([points, np.zeros(len(points))])
+        found = _from_polygons(points, [len(row) for row in flat], np.concatenate([[], *flat]))
+        left = (f"cells left out: {', '.join(others)}",) if others else ()
+        return Mesh(found.vertices, found.faces, notes=found.notes + left)
+    if hasattr(given, "GetPoints") and hasattr(given, "GetPolys"):  # VTK, PyVista
+        points, polygons = given.GetPoints(), given.GetPolys()
+        if given.GetNumberOfStrips():
+            raise InputError("triangle strips are not read: apply vtkTriangleFilter first")
+        sizes = np.diff(np.asarray(polygons.GetOffsetsArray()))
+        corners = np.asarray(polygons.GetConnectivityArray())
+        positions = np.asarray(points.GetData()) if points else np.empty((0, 3))
+        return _from_polygons(positions, sizes, corners)
+    if hasattr(given, "points") and hasattr(given, "estimate_normals"):  # Open3D's points
+        return Mesh(given.points)
+    return None
+
+
+def _from_polygons(points: Any, sizes: npt.ArrayLike, corners: npt.NDArray[Any]) -> Mesh:
+    faces, notes = triangulate(
+        np.asarray(sizes, dtype=np.int64),
+        corners.astype(np.int64),
+        np.asarray(points, dtype=np.float64),
+    )
+    return Mesh(points, faces, notes=tuple(notes))
 
 
 def read_foreign(path: Path, data: bytes) -> Contents:
@@ -52,7 +116,7 @@ def _by_trimesh(suffix: str, data: bytes) -> Contents:
     """Read all parts of a scene, each where it stands; only from these bytes, never other files."""
     import trimesh
 
-    given, left_out = readable_gltf(suffix, data) if suffix in _GLTF else (data, [])
+    given, left_out = gltf.readable(suffix, data) if suffix in _GLTF else (data, [])
     scene = trimesh.load_scene(io.BytesIO(given), file_type=suffix[1:], process=False)
     parts = []
     vertices, faces, at = [np.empty((0, 3))], [NO_FACES], 0

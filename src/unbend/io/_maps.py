@@ -16,9 +16,9 @@ from unbend._text import plural
 from unbend._types import IntArray, StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
-from unbend.io._objects import MeshLike
-from unbend.io.formats.contents import are_numbers, data_lines
+from unbend.io.formats.contents import are_numbers, data_lines, misfit
 from unbend.io.formats.npy import read_array
 from unbend.mesh import edge_ends
 
@@ -42,10 +42,8 @@ def read_map(
     base : {0, 1}, optional
         What the file counts vertices from. Default: 1 for .vts, 0 for the others. In either, -1
         says that a vertex has no image.
-    n_source : int, optional
-        Rows that the map must have.
-    n_target : int, optional
-        Vertices of the target, which the map must not exceed.
+    n_source, n_target : int, optional
+        How many vertices the two shapes have.
 
     Returns
     -------
@@ -55,10 +53,8 @@ def read_map(
     Raises
     ------
     FileError
-        If the file cannot be read, is empty, holds something else than whole numbers, has the
-        wrong length or names a vertex that does not exist.
-    InputError
-        If `base` is neither 0 nor 1.
+        If the file cannot be read, holds something else than whole numbers, has the wrong length
+        or names a vertex that does not exist.
 
     See Also
     --------
@@ -66,10 +62,9 @@ def read_map(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
+    >>> import pathlib, tempfile
     >>> from unbend import read_map
-    >>> path = Path(tempfile.mkdtemp()) / "map.vts"
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "map.vts")
     >>> _ = path.write_text("3\n1\n-1\n")
     >>> read_map(path)
     array([ 2,  0, -1])
@@ -105,15 +100,13 @@ def write_map(path: StrPath, point_map: npt.ArrayLike, *, base: int | None = Non
     FileError
         If the suffix is unknown or the file cannot be written.
     InputError
-        If the map is empty or not a list of whole numbers of at least -1, or `base` is neither
-        0 nor 1.
+        If the map is empty, or not a list of whole numbers of at least -1.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
+    >>> import pathlib, tempfile
     >>> from unbend import write_map
-    >>> path = Path(tempfile.mkdtemp()) / "map.vts"
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "map.vts")
     >>> write_map(path, [2, 0, -1])
     >>> path.read_text().split()
     ['3', '1', '-1']
@@ -161,10 +154,8 @@ def read_landmarks(
             raise FileError("holds no landmarks")
         for index, row in enumerate(rows):
             if len(row) != 2 or not all(word.isdecimal() and len(word) < 19 for word in row):
-                raise FileError(
-                    f"row {index} holds {' '.join(row)[:40]!r}; a landmark is two vertex numbers, "
-                    "of the source and of the target, counted from 0"
-                )
+                meant = "two vertex numbers, of the source and of the target, counted from 0"
+                raise misfit(f"row {index}", " ".join(row), f"; a landmark is {meant}")
             for word, n, side in zip(row, (n_source, n_target), ("source", "target"), strict=True):
                 if n is not None and int(word) >= n:
                     raise FileError(
@@ -205,7 +196,6 @@ def invert_map(point_map: npt.ArrayLike, target: MeshLike) -> IntArray:
     point_map : (n_source,) array_like of int
         Target vertex of each source vertex, -1 for none.
     target : mesh-like
-        Anything :func:`unbend.as_mesh` accepts.
 
     Returns
     -------
@@ -254,9 +244,7 @@ def _numbers(data: bytes, suffix: str) -> IntArray:
         lines = lines[1:]
     for index, line in enumerate(lines):
         if not are_numbers([line]):
-            raise FileError(
-                f"row {index} holds {line[:40]!r}; a map has one vertex number to a line"
-            )
+            raise misfit(f"row {index}", line, "; a map has one vertex number to a line")
     return whole_numbers(np.array([float(line) for line in lines]))
 
 

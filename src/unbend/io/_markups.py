@@ -17,8 +17,8 @@ from unbend._text import plural
 from unbend._types import IntArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
-from unbend.io._objects import MeshLike
 from unbend.io.formats.contents import text_lines
 from unbend.mesh import used_vertices, vertex_ids
 

@@ -12,8 +12,7 @@ import numpy as np
 from unbend._types import StrPath
 from unbend.errors import FileError, InputError
 from unbend.io._files import prefixed, read_bytes
-from unbend.io._foreign import FOREIGN_SUFFIXES, read_foreign
-from unbend.io._objects import MeshLike, mesh_of
+from unbend.io._foreign import FOREIGN_SUFFIXES, MeshLike, mesh_of, read_foreign
 from unbend.io.formats import obj, off, ply, points, stl
 from unbend.io.formats.contents import Contents
 from unbend.mesh import Mesh
@@ -61,15 +60,13 @@ def read_mesh(path: StrPath) -> Mesh:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
+    >>> import pathlib, tempfile
     >>> from unbend import read_mesh
-    >>> path = Path(tempfile.mkdtemp()) / "square.obj"
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "square.obj")
     >>> _ = path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
-    >>> mesh = read_mesh(path)
-    >>> mesh
+    >>> read_mesh(path)
     Mesh(4 vertices, 2 faces)
-    >>> mesh.notes
+    >>> read_mesh(path).notes
     ('1 polygon split into triangles',)
     """
     contents = read_contents(path)

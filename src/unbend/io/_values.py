@@ -18,10 +18,10 @@ from unbend.choices import ValueKind
 from unbend.errors import FileError, InputError, warn
 from unbend.io._colors import value_colors
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes, write_table
+from unbend.io._foreign import MeshLike
 from unbend.io._meshes import READ_SUFFIXES, as_mesh, read_contents
-from unbend.io._objects import MeshLike
 from unbend.io._writing import COLOR_SUFFIXES, SCALAR_SUFFIXES, write_mesh
-from unbend.io.formats.contents import are_numbers, text_lines
+from unbend.io.formats.contents import are_numbers, misfit, text_lines
 from unbend.io.formats.npy import read_array
 
 VALUE_SUFFIXES = (".npy", ".csv", ".txt")
@@ -70,10 +70,9 @@ def read_values(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
+    >>> import pathlib, tempfile
     >>> from unbend.io import read_values
-    >>> path = Path(tempfile.mkdtemp()) / "parts.csv"
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "parts.csv")
     >>> _ = path.write_text("part\nhead\ntail\n")
     >>> read_values(path)
     array(['head', 'tail'], dtype='<U4')
@@ -164,7 +163,7 @@ def write_values(
         and texture coordinates as such); .obj, .glb: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
     mesh : mesh-like
-        Anything :func:`unbend.as_mesh` accepts, with n vertices.
+        With n vertices.
     kind : str, default="scalar"
         What the columns mean to a mesh file: ``"scalar"``, ``"label"``, ``"weights"``, ``"color"``
         or ``"uv"``.
@@ -180,14 +179,13 @@ def write_values(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from unbend.datasets import make_sphere
-    >>> from unbend.io import read_values, write_values
-    >>> path = Path(tempfile.mkdtemp()) / "numbers.csv"
-    >>> write_values(path, range(162), make_sphere(2))
-    >>> read_values(path)[:3]
-    array([0, 1, 2])
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from unbend.io import write_values
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "heights.csv")
+    >>> write_values(path, [0.5, 2, 1], np.eye(3))
+    >>> path.read_text().split()
+    ['value', '0.5', '2.0', '1.0']
     """
     path = check_writable(path, VALUE_SUFFIXES + COLOR_SUFFIXES)
     suffix = path.suffix.lower()
@@ -290,12 +288,11 @@ def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]
             table = table.astype(np.int64 if whole else np.float64)
         except OverflowError:
             large = next(i for i, row in enumerate(rows) if any(len(word) > 18 for word in row))
-            raise FileError(
-                f"row {large} holds {' '.join(rows[large])[:40]!r}, more than 64 bits can hold"
-            ) from None
+            problem = ", more than 64 bits can hold"
+            raise misfit(f"row {large}", " ".join(rows[large]), problem) from None
     elif table.shape[1] > 1:
         bad = numeric.index(False)
-        raise FileError(f"row {bad} holds {' '.join(rows[bad])[:40]!r}, not numbers")
+        raise misfit(f"row {bad}", " ".join(rows[bad]), ", not numbers")
     else:
         _refuse_numbers_as_labels([row[0] for row in rows])
     return table[:, 0] if table.shape[1] == 1 else table
@@ -361,10 +358,8 @@ def _refuse_decimal_commas(header: list[str], rows: list[list[str]]) -> None:
     for i, row in enumerate(rows):
         # No number begins with -0, or with 0 before other digits.
         if re.search(r"^-0,|,0\d", ",".join(row)):
-            raise FileError(
-                f"row {i} holds {','.join(row)[:40]!r}, whose commas may be decimal ones; "
-                "write decimal points"
-            )
+            problem = ", whose commas may be decimal ones; write decimal points"
+            raise misfit(f"row {i}", ",".join(row), problem)
 
 
 def _refuse_numbers_as_labels(words: list[str]) -> None:
@@ -372,7 +367,8 @@ def _refuse_numbers_as_labels(words: list[str]) -> None:
     for index, word in enumerate(words):
         first, *more = re.split(r"[,;\t#]", word)
         if more and are_numbers([first]):
-            raise FileError(
-                f"row {index} holds {word[:40]!r}, neither a number nor a label; write decimal "
-                "points, and separate columns by commas in .csv, by blanks in .txt"
+            problem = (
+                ", neither a number nor a label; write decimal points, and separate columns by "
+                "commas in .csv, by blanks in .txt"
             )
+            raise misfit(f"row {index}", word, problem)

@@ -16,9 +16,9 @@ from unbend._text import plural
 from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io._files import atomic_write, check_writable, prefixed, read_bytes
+from unbend.io._foreign import MeshLike
 from unbend.io._meshes import as_mesh
-from unbend.io._objects import MeshLike
-from unbend.io.formats import glb, obj, off, ply, points, stl, vtp
+from unbend.io.formats import gltf, obj, off, ply, points, stl, vtp
 from unbend.mesh import Mesh
 
 _WRITERS: dict[str, Callable[..., None]] = {
@@ -26,7 +26,7 @@ _WRITERS: dict[str, Callable[..., None]] = {
     ".obj": obj.write,
     ".ply": ply.write,
     ".stl": stl.write,
-    ".glb": glb.write,
+    ".glb": gltf.write,
     ".vtp": vtp.write,
     ".xyz": points.write_xyz,
 }
@@ -82,10 +82,9 @@ def write_mesh(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
+    >>> import pathlib, tempfile
     >>> from unbend import read_mesh, write_mesh
-    >>> path = Path(tempfile.mkdtemp()) / "triangle.ply"
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "triangle.ply")
     >>> vertices, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
     >>> write_mesh(path, (vertices, faces), scalars={"distance": [0.0, 1.0, 1.0]})
     >>> read_mesh(path)

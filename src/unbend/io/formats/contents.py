@@ -62,6 +62,11 @@ def count(token: str, what: str) -> int:
     return int(token)
 
 
+def misfit(place: str, text: str, problem: str) -> FileError:
+    """Make the error for a place in a file whose text, cut off here, cannot be meant."""
+    return FileError(f"{place} holds {text[:40]!r}{problem}")
+
+
 def left_over(data: bytes) -> int:
     """Count what follows the last row of a binary file; padding does not count."""
     return len(data) if data.strip(b"\0\r\n\t ") else 0
@@ -98,7 +103,7 @@ def numbers_in(rows: Sequence[Sequence[str]], dtype: Any, kind: str, what: str) 
     index, bad = next(
         (i, word) for i, row in enumerate(rows) for word in row if _converted([word], dtype) is None
     )
-    raise FileError(f"{what} {index} holds {bad[:40]!r}, not a {kind}")
+    raise misfit(f"{what} {index}", bad, f", not a {kind}")
 
 
 def _converted(words: list[str], dtype: Any) -> npt.NDArray[Any] | None:
@@ -117,7 +122,7 @@ def polygon_rows(rows: Sequence[Sequence[str]], vertices: FloatArray) -> tuple[I
     for index, row in enumerate(rows):
         size = int(row[0]) if row[0].isdecimal() and len(row[0]) < 10 else -1
         if size < 0:
-            raise FileError(f"face {index} holds {row[0][:40]!r}, not a number of vertices")
+            raise misfit(f"face {index}", row[0], ", not a number of vertices")
         if len(row) <= size:
             raise FileError(f"face {index} promises {size} vertices but names {len(row) - 1}")
         sizes.append(size)

@@ -8,7 +8,7 @@ import numpy as np
 
 from unbend._types import FloatArray, IntArray
 from unbend.errors import FileError
-from unbend.io.formats.contents import NO_FACES, Contents, data_lines, positions
+from unbend.io.formats.contents import NO_FACES, Contents, data_lines, misfit, positions
 from unbend.io.formats.contents import table as write_table
 from unbend.io.formats.npy import read_array
 
@@ -22,10 +22,8 @@ def read_xyz(data: bytes) -> Contents:
     for index, line in enumerate(lines):
         words = line.replace(";", " ").split()
         if len(words) > 1 and any("," in word.strip(",") for word in words):
-            raise FileError(
-                f"point {index} holds {line.strip()[:40]!r}, whose commas may be decimal ones; "
-                "write decimal points"
-            )
+            problem = ", whose commas may be decimal ones; write decimal points"
+            raise misfit(f"point {index}", line.strip(), problem)
         rows.append(" ".join(words).replace(",", " ").split())
     widths = {len(row) for row in rows}
     notes = ("columns after the third left out",) if max(widths) > 3 else ()

@@ -1,0 +1,186 @@
+"""glTF 2.0 (Khronos Group): .glb files are written, and files made fit for trimesh to read."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from importlib.util import find_spec
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from unbend._types import FloatArray, IntArray
+from unbend.errors import FileError, InputError
+
+# As the specification numbers them.
+_FLOAT, _UNSIGNED_INT = 5126, 5125
+_POINTS, _TRIANGLES, _FAN = 0, 4, 6
+_VERTICES, _INDICES = 34962, 34963
+# Extensions that matter to looks, and one that allows whole numbers as positions.
+_HARMLESS = re.compile(r"[A-Z]+_(materials|texture|lights|animation|xmp)_\w+|KHR_mesh_quantization")
+_DRACO = "KHR_draco_mesh_compression"
+
+
+def write(
+    file: BinaryIO,
+    vertices: FloatArray,
+    faces: IntArray,
+    colors: npt.NDArray[np.uint8] | None = None,
+    uvs: FloatArray | None = None,
+) -> None:
+    """Write positions in single precision, faces, colours and texture coordinates.
+
+    Vertices that no face uses are put at the origin if single precision cannot hold them. Colours
+    are linear in glTF, those of PLY and OBJ files are as screens take them; the first row of a
+    texture is its highest here.
+    """
+    held = np.asarray((np.abs(vertices) <= np.finfo(np.float32).max).all(axis=1))
+    if not (held[faces] if len(faces) else held).all():
+        raise InputError("GLB holds single-precision numbers, which these positions exceed")
+    columns: dict[str, npt.NDArray[Any]] = {}
+    columns["POSITION"] = np.where(held[:, None], vertices, 0.0).astype("<f4")
+    if colors is not None:
+        # Bytes are too coarse for dark colours, and MeshLab misreads the shorts between.
+        columns["COLOR_0"] = _linear(colors / 255).astype("<f4")
+    if uvs is not None:
+        columns["TEXCOORD_0"] = np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]).astype("<f4")
+    accessors: list[dict[str, Any]] = []
+    views: list[dict[str, int]] = []
+    data = b""
+    for name, array in [*columns.items(), ("indices", faces.astype("<u4").reshape(-1, 1))]:
+        if not array.size:
+            continue
+        accessor: dict[str, Any] = {
+            "bufferView": len(views),
+            "componentType": _UNSIGNED_INT if name == "indices" else _FLOAT,
+            "count": len(array),
+            "type": {1: "SCALAR", 2: "VEC2", 3: "VEC3"}[array.shape[1]],
+        }
+        if name == "POSITION":
+            accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+        use = _INDICES if name == "indices" else _VERTICES
+        one = array.tobytes()
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(one), "target": use})
+        accessors.append(accessor)
+        data += one
+    primitive: dict[str, Any] = {
+        "attributes": {name: i for i, name in enumerate(columns)},
+        "mode": _TRIANGLES if len(faces) else _POINTS,
+        "material": 0,
+    }
+    if len(faces):
+        primitive["indices"] = len(columns)
+    document = {
+        "asset": {"version": "2.0", "generator": "unbend"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "materials": [
+            {
+                "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.8},
+                "doubleSided": True,
+            }
+        ],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
+    file.write(_beginning(document, 8 + len(data)))
+    file.write(struct.pack("<I4s", len(data), b"BIN\0") + data)
+
+
+def _beginning(document: dict[str, Any], more: int) -> bytes:
+    """Head of a file and its document, after which so many bytes follow."""
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    size = 20 + len(text) + more
+    return struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON") + text
+
+
+def _linear(shares: FloatArray) -> FloatArray:
+    """Turn colours as screens take them, 0 to 1, into amounts of light (IEC 61966-2-1)."""
+    return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+
+
+def readable(suffix: str, data: bytes) -> tuple[bytes, list[str]]:
+    """Give what trimesh reads right, and notes of what was taken out.
+
+    Raises FileError for shapes that it would read wrong.
+    """
+    at, size = 0, len(data)
+    if suffix == ".glb":
+        if not data.startswith(b"glTF\2\0\0\0"):
+            return data, []  # trimesh says what it is
+        at, size = 20, int.from_bytes(data[12:16], "little")
+    document = json.loads(data[at : at + size])
+    if suffix == ".gltf" and not all(
+        one.get("uri", "").startswith("data:") for one in document.get("buffers", [])
+    ):
+        raise FileError("its data stand in other files: save it as .glb")
+    _refuse(document)
+    notes = _without_coordinates(document) + _without_bones(document)
+    if notes and suffix == ".gltf":
+        data = json.dumps(document).encode()
+    elif notes:
+        rest = data[at + size :]
+        data = _beginning(document, len(rest)) + rest
+    meshes, nodes = document.get("meshes", []), document.get("nodes", [])
+    if any(any(one.get("weights", [])) for one in meshes + nodes):
+        notes.append("morph targets left out: the shape is the one that they change")
+    return data, notes
+
+
+def _primitives(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [one for mesh in document.get("meshes", []) for one in mesh["primitives"]]
+
+
+def _refuse(document: dict[str, Any]) -> None:
+    for name in document.get("extensionsRequired", []):
+        if name == _DRACO and find_spec("DracoPy"):
+            continue
+        if not _HARMLESS.fullmatch(name):
+            raise FileError(f"needs the glTF extension {name}, which is not read; save it without")
+    accessors = document.get("accessors", [])
+    for one in _primitives(document):
+        if one.get("mode") == _FAN:
+            raise FileError("holds triangle fans, which are not read; save it as triangles")
+        for key in (one["attributes"].get("POSITION"), one.get("indices")):
+            if key is not None and "sparse" in accessors[key]:
+                raise FileError("stores positions or faces sparsely; save it without compression")
+        if accessors[one["attributes"]["POSITION"]].get("normalized"):
+            raise FileError("stores positions as normalized whole numbers; save it as floats")
+
+
+def _without_coordinates(document: dict[str, Any]) -> list[str]:
+    """Take out texture coordinates that trimesh misreads."""
+    found = False
+    for one in _primitives(document):
+        if (key := one["attributes"].get("TEXCOORD_0")) is not None:
+            accessor = document["accessors"][key]
+            if accessor["componentType"] != _FLOAT or "sparse" in accessor:
+                del one["attributes"]["TEXCOORD_0"]
+                found = True
+    return ["texture coordinates left out, since they are not stored as floats"] * found
+
+
+def _without_bones(document: dict[str, Any]) -> list[str]:
+    """Put meshes with bones at the root of the scene: the specification places them by bones."""
+    nodes = document.get("nodes", [])
+    scenes = document.get("scenes", [])
+    if not scenes or not any("skin" in one for one in nodes):
+        return []
+    scene = scenes[document.get("scene", 0)]
+    left, seen = list(scene.get("nodes", [])), set[int]()
+    while left:
+        if (at := left.pop()) in seen:
+            continue
+        seen.add(at)
+        left += nodes[at].get("children", [])
+    for at in sorted(seen):
+        if "skin" in nodes[at] and "mesh" in nodes[at]:
+            scene["nodes"].append(len(nodes))
+            nodes.append({"mesh": nodes[at].pop("mesh")})
+    return ["bones left out: the shape is where its vertices are stored, not where bones move it"]
