@@ -57,8 +57,6 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
     FileError
         If the file cannot be read, a point is farther from the mesh than 3 % of its size, or the
         points fit the mesh far better in the other of RAS and LPS.
-    InputError
-        If the mesh has no vertices.
 
     Warns
     -----
@@ -86,13 +84,15 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
             distance, nearest = tree.query(position) if np.isfinite(position).all() else (np.inf, 0)
             vertex = int(there[nearest])
             number = re.fullmatch(r"vertex (\d{1,18})", description)
-            if number and int(number[1]) >= mesh.n_vertices:
+            described = int(number[1]) if number else -1
+            if described >= mesh.n_vertices:
                 raise FileError(
                     f"point {label!r} is {description}, but {mesh.name} has "
                     f"{plural(mesh.n_vertices, 'vertex')}"
                 )
-            if number and np.linalg.norm(mesh.vertices[int(number[1])] - position) <= _MOVED * size:
-                vertex = int(number[1])
+            moved = np.linalg.norm(mesh.vertices[described] - position)
+            if described >= 0 and moved <= _MOVED * size:
+                vertex = described
             elif distance > _FARTHEST * size:
                 raise FileError(
                     f"point {label!r} is {distance:.3g} from {mesh.name}, more than 3 % of its "
@@ -100,7 +100,7 @@ def read_markups(path: StrPath, mesh: MeshLike) -> tuple[list[str], IntArray]:
                 )
             vertices.append(vertex)
             away.append(distance)
-            n_moved += number is not None and vertex != int(number[1])
+            n_moved += described not in (-1, vertex)
         places = np.array([position for *_, position in points])
         off, turned = np.mean(away), tree.query(places * (-1, -1, 1))[0].mean()
         if turned < off / _CLOSER and off > _MOVED * size:

@@ -47,11 +47,10 @@ def read_values(
     Parameters
     ----------
     path : path
-        A .npy array; or a .csv file (a first line of column names is skipped) or .txt file with
-        one line for each vertex, of numbers, or of one word each. If a column of a .csv file is
-        named ``vertex``, ``index``, ``id`` or ``Point ID``, and holds all vertex numbers, counted
-        from 0, rows may be in any order. Empty cells and NA among numbers are NaN. A mesh file
-        (.ply, .obj or what trimesh and meshio read) gives the values that it holds.
+        A .npy array; a .csv or .txt file with a line of numbers or one word for each vertex; or a
+        mesh file with values (.ply, .obj or what trimesh and meshio read). A .csv file may begin
+        with names of columns. If one is ``vertex``, ``index``, ``id`` or ``Point ID`` and holds all
+        vertex numbers, from 0, rows may be in any order. Empty cells and NA among numbers are NaN.
     n_vertices : int, optional
         Rows that there must be.
     name : str, optional
@@ -81,21 +80,19 @@ def read_values(
     suffix = path.suffix.lower()
     if suffix in VALUE_SUFFIXES and name is not None:
         raise InputError(f"{path.name} is no mesh file: it has no values of the name {name}")
-    if suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES:
-        contents = read_contents(path)
-        with prefixed(path.name):
-            return _checked_rows(_of_mesh(contents.values(), name), n_vertices)
-    data = read_bytes(path, (*VALUE_SUFFIXES, *READ_SUFFIXES))
+    of_mesh = suffix in READ_SUFFIXES and suffix not in VALUE_SUFFIXES
+    known = (*VALUE_SUFFIXES, *READ_SUFFIXES)
+    given: Any = read_contents(path) if of_mesh else read_bytes(path, known)
     with prefixed(path.name):
-        values = read_array(data) if suffix == ".npy" else _table(data, suffix, n_vertices)
-        return _checked_rows(values, n_vertices)
-
-
-def _checked_rows(values: npt.NDArray[Any], n_vertices: int | None) -> npt.NDArray[Any]:
-    if values.ndim == 0 or values.size == 0:
-        raise FileError("holds no rows")
-    if n_vertices is not None and len(values) != n_vertices:
-        raise FileError(f"holds {plural(len(values), 'row')}, but there are {n_vertices} vertices")
+        if of_mesh:
+            values = _of_mesh(given.values(), name)
+        else:
+            values = read_array(given) if suffix == ".npy" else _table(given, suffix, n_vertices)
+        if values.ndim == 0 or values.size == 0:
+            raise FileError("holds no rows")
+        n = len(values)
+        if n_vertices not in (None, n):
+            raise FileError(f"holds {plural(n, 'row')}, but there are {n_vertices} vertices")
     return values
 
 
@@ -106,8 +103,10 @@ def _of_mesh(columns: dict[str, npt.NDArray[Any]], name: str | None) -> npt.NDAr
     if name is None and (len(own) == 1 or own == ["color", "uv"]):
         name = own[0]
     if name in found:
-        if name == "color" and _lets_through(columns.get("alpha")):
-            warn(_OPAQUE)
+        if name == "color" and (alpha := columns.get("alpha")) is not None:
+            opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind == "u" else 1
+            if (alpha < opaque).any():
+                warn(_OPAQUE)
         return found[name]
     if not found:
         raise FileError("holds no values per vertex")
@@ -136,13 +135,6 @@ def _grouped(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
     if label.dtype.kind == "f" and ((label == np.rint(label)) & (np.abs(label) < 2**53)).all():
         found["label"] = label.astype(np.int64)  # as write_values writes them
     return found
-
-
-def _lets_through(alpha: npt.NDArray[Any] | None) -> bool:
-    """Whether some vertex is not opaque."""
-    if alpha is None:
-        return False
-    return bool((alpha < (np.iinfo(alpha.dtype).max if alpha.dtype.kind == "u" else 1)).any())
 
 
 def write_values(
@@ -249,8 +241,7 @@ def check_storable(path: StrPath, values: npt.NDArray[Any], kind: str) -> None:
 
 
 def _table(data: bytes, suffix: str, n_vertices: int | None) -> npt.NDArray[Any]:
-    lines = text_lines(data, suffix[1:])
-    lines = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    lines = [line for line in text_lines(data, suffix[1:]) if re.match(r"\s*[^\s#]", line)]
     header: list[str] = []
     if suffix == ".txt":
         rows = [re.sub(r"\s#.*", "", line).split() for line in lines]

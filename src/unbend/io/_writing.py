@@ -58,15 +58,13 @@ def write_mesh(
     ----------
     path : path
         Where to write; the suffix (.off, .obj, .ply, .stl, .glb, .vtp or .xyz) says the format.
-    mesh : Mesh or anything that :func:`as_mesh` accepts
-        What to write, for instance a ``(vertices, faces)`` pair.
+    mesh : mesh-like
     scalars : mapping of str to (n,) array_like of float, optional
         Values per vertex by name, stored as extra vertex properties. PLY and VTP only.
     colors : (n, 3) array_like of int, optional
         Red, green and blue per vertex, 0 to 255. PLY, OBJ, GLB and VTP only.
     uvs : (n, 2) array_like of float, optional
-        Texture coordinates per vertex. PLY (as the properties s and t), OBJ, GLB and
-        VTP only.
+        Texture coordinates per vertex. PLY (as properties s and t), OBJ, GLB and VTP only.
     like : path, optional
         An OBJ file that the mesh was read from. All its lines are kept (texture coordinates,
         materials, groups, polygons); only positions are replaced, and normals recomputed from the
@@ -112,8 +110,8 @@ def write_mesh(
     if colors is not None:
         extras["colors"] = _colors(colors, mesh.n_vertices)
     if uvs is not None:
-        extras["uvs"] = numbers_of(uvs, "uvs")
-        if extras["uvs"].shape != (mesh.n_vertices, 2) or not np.isfinite(extras["uvs"]).all():
+        extras["uvs"] = array = numbers_of(uvs, "uvs")
+        if array.shape != (mesh.n_vertices, 2) or not np.isfinite(array).all():
             raise InputError(f"uvs must be finite numbers of shape ({mesh.n_vertices}, 2)")
     if like is not None:
         if uvs is not None or suffix != ".obj":
@@ -161,9 +159,9 @@ def moved_obj(path: StrPath, folder: StrPath) -> bytes:
 
 def _way(here: StrPath, there: StrPath) -> bytes:
     """Relative path from a folder to another, as OBJ files name it; nothing if it is the same."""
-    here, there = os.path.realpath(here), os.path.realpath(there)
+    there = os.path.realpath(there)
     try:
-        way = os.path.relpath(there, here)
+        way = os.path.relpath(there, os.path.realpath(here))
     except ValueError:  # another drive of Windows
         way = str(there)
     return b"" if way == "." else os.fsencode(way.replace(os.sep, "/"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -244,13 +244,12 @@ def _ragged_rows(
     wanted = element.indices
     sizes: list[int] = []
     corners: list[int] = []
-    byte_order: Literal["big", "little"] = "big" if order == ">" else "little"
     for _ in range(element.count):
         for name, dtype, size_type in types:
             size = 1
             if size_type:
                 bits, signed = body[at : at + size_type.itemsize], size_type.kind == "i"
-                size = int.from_bytes(bits, byte_order, signed=signed)
+                size = int.from_bytes(bits, "big" if order == ">" else "little", signed=signed)
                 at += size_type.itemsize
             end = at + size * dtype.itemsize
             if size < 0 or end > len(body):
