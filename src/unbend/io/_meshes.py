@@ -40,9 +40,9 @@ def read_mesh(path: StrPath) -> Mesh:
     Parameters
     ----------
     path : path
-        A file with the suffix .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .xyz
-        (one point per line) or .npy (an (n, 3) array of points). Trimesh, if it is installed,
-        reads .glb, .gltf, .3mf and .dae; meshio reads .vtk, .vtu, .msh, .mesh, .inp and .bdf.
+        .off (also COFF, NOFF), .obj, .ply (text or binary), .stl, .xyz (one point per line) or .npy
+        (an (n, 3) array of points). Trimesh, if it is installed, reads .glb, .gltf, .3mf and .dae;
+        meshio reads .vtk, .vtu, .msh, .mesh, .inp and .bdf.
 
     Returns
     -------
@@ -52,9 +52,9 @@ def read_mesh(path: StrPath) -> Mesh:
     Raises
     ------
     FileError
-        If the file cannot be read: missing, of an unknown suffix, truncated, not of its format.
+        If the file is missing, of an unknown suffix, truncated or not of its format.
     MeshError
-        If a face names a vertex that does not exist, or a vertex in use is not finite.
+        If it breaks a rule of :class:`Mesh`.
     MissingExtraError
         If trimesh or meshio is needed and not installed.
 

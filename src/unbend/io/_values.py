@@ -151,8 +151,8 @@ def write_values(
     ----------
     path : path
         .npy, .csv or .txt: a table; .ply, .vtp: the mesh with the values as its properties, and as
-        colours too where there is one for each vertex (see :func:`unbend.io.value_colors`; colours
-        and texture coordinates as such); .obj, .glb: the mesh with colours or texture coordinates.
+        colours too where there is one for each vertex (colours and texture coordinates as such);
+        .obj, .glb: the mesh with colours or texture coordinates.
     values : (n,) or (n, k) array_like
     mesh : mesh-like
         With n vertices.

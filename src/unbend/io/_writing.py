@@ -57,7 +57,7 @@ def write_mesh(
     Parameters
     ----------
     path : path
-        Where to write; the suffix (.off, .obj, .ply, .stl, .glb, .vtp or .xyz) says the format.
+        The suffix (.off, .obj, .ply, .stl, .glb, .vtp or .xyz) says the format.
     mesh : mesh-like
     scalars : mapping of str to (n,) array_like of float, optional
         Values per vertex by name, stored as extra vertex properties. PLY and VTP only.
@@ -118,7 +118,7 @@ def write_mesh(
             raise InputError("like keeps the lines of an OBJ file: write .obj, and give no uvs")
         data = _rewritten(Path(like), path, mesh, extras.get("colors"))
     if suffix in _SINGLE_SUFFIXES and mesh.n_vertices:
-        _warn_of_rounding(path.name, mesh)
+        _check_rounding(path, mesh)
     with atomic_write(path) as file:
         if like is not None:
             file.write(data)
@@ -126,16 +126,18 @@ def write_mesh(
             _WRITERS[suffix](file, mesh.vertices, mesh.faces, **extras)
 
 
-def _warn_of_rounding(name: str, mesh: Mesh) -> None:
+def _check_rounding(path: Path, mesh: Mesh) -> None:
     """Warn if single precision, too far from the origin, moves vertices that are close."""
     used = mesh.vertices[np.unique(mesh.faces)] if mesh.n_faces else mesh.vertices
+    if np.abs(used).max() > np.finfo(np.float32).max:
+        kind = path.suffix[1:].upper()
+        raise InputError(f"{kind} holds single-precision numbers, which these positions exceed")
     coarse = coarse_steps(used)
-    with np.errstate(over="ignore"):
-        if coarse is None or (used.astype(np.float32) == used).all():
-            return
+    if coarse is None or (used.astype(np.float32) == used).all():
+        return
     step, apart = coarse
     warn(
-        f"{name}: positions are rounded to about {step:.1g}, and vertices are about "
+        f"{path.name}: positions are rounded to about {step:.1g}, and vertices are about "
         f"{apart:.1g} apart; move the shape to the origin, or write .ply"
     )
 

@@ -41,8 +41,7 @@ class Mesh:
     ------
     MeshError
         If an array has the wrong shape, a face names a vertex that does not exist, or a vertex
-        in use is not finite. (A vertex that no face uses need not be: its row becomes NaN, as in
-        what unbend itself writes for unreferenced vertices.)
+        in use is not finite. (One that no face uses need not be: its row becomes NaN.)
 
     Examples
     --------

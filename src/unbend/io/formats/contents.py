@@ -72,6 +72,11 @@ def left_over(data: bytes) -> int:
     return len(data) if data.strip(b"\0\r\n\t ") else 0
 
 
+def left_out(count: int, what: str, last: str) -> list[str]:
+    """Note that lines or bytes follow the last row of a file, if there are any."""
+    return [f"{plural(count, what)} after the last {last} left out"] if count else []
+
+
 def pythonic(words: Iterable[str]) -> bool:
     """Whether some of these words are numbers to Python alone, like 1_000."""
     return "_" in "".join(words)

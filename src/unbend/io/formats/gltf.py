@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._types import FloatArray, IntArray
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError
 
 # As the specification numbers them.
 _FLOAT, _UNSIGNED_INT = 5126, 5125
@@ -37,10 +37,7 @@ def write(
     texture is its highest here.
     """
     held = np.asarray((np.abs(vertices) <= np.finfo(np.float32).max).all(axis=1))
-    if not (held[faces] if len(faces) else held).all():
-        raise InputError("GLB holds single-precision numbers, which these positions exceed")
-    columns: dict[str, npt.NDArray[Any]] = {}
-    columns["POSITION"] = np.where(held[:, None], vertices, 0.0).astype("<f4")
+    columns = {"POSITION": np.where(held[:, None], vertices, 0.0).astype("<f4")}
     if colors is not None:
         # Bytes are too coarse for dark colours, and MeshLab misreads the shorts between.
         columns["COLOR_0"] = _linear(colors / 255).astype("<f4")

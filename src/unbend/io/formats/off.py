@@ -13,6 +13,7 @@ from unbend.io.formats.contents import (
     Contents,
     count,
     data_lines,
+    left_out,
     polygon_rows,
     positions,
 )
@@ -38,8 +39,7 @@ def read(data: bytes) -> Contents:
     vertices = positions([line.split() for line in rest[:n_vertices]])
     rows = [line.split() for line in rest[n_vertices : n_vertices + n_faces]]
     faces, notes = polygon_rows(rows, vertices) if rows else (NO_FACES, [])
-    if extra := len(rest) - n_vertices - n_faces:
-        notes.append(f"{plural(extra, 'line')} after the last face left out")
+    notes += left_out(len(rest) - n_vertices - n_faces, "line", "face")
     return Contents(vertices, faces, tuple(notes))
 
 

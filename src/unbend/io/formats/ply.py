@@ -18,6 +18,7 @@ from unbend.io.formats.contents import (
     NO_FACES,
     Contents,
     count,
+    left_out,
     left_over,
     numbers_in,
     polygon_rows,
@@ -140,7 +141,7 @@ def _read_text(body: bytes, elements: dict[str, _Element]) -> Contents:
     if rows.get("face"):
         face = elements["face"]
         faces, notes = polygon_rows(_words(face, rows["face"], [face.indices]), vertices)
-    notes += _unread(len(lines) - at, "line")
+    notes += left_out(len(lines) - at, "line", "row")
 
     def values() -> dict[str, npt.NDArray[Any]]:
         element = elements["vertex"]
@@ -206,12 +207,8 @@ def _read_binary(body: bytes, elements: dict[str, _Element], order: str) -> Cont
                 polygons = np.full(len(rows), corners.shape[1], dtype=np.int64), corners.ravel()
     if polygons is not None:
         faces, notes = triangulate(*polygons, vertices)
-    notes += _unread(left_over(body[at:]), "byte")
+    notes += left_out(left_over(body[at:]), "byte", "row")
     return Contents(vertices, faces, tuple(notes), lambda: values)
-
-
-def _unread(count: int, what: str) -> list[str]:
-    return [f"{plural(count, what)} after the last row left out"] if count else []
 
 
 def _uniform_rows(body: bytes, at: int, element: _Element, order: str) -> npt.NDArray[Any] | None:

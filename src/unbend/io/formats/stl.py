@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from unbend._text import plural
 from unbend._types import FloatArray, IntArray
-from unbend.errors import FileError, InputError
+from unbend.errors import FileError
 from unbend.io.formats.contents import (
     BYTE_ORDER_MARK,
     Contents,
     data_lines,
+    left_out,
     left_over,
     positions,
     weld,
@@ -26,23 +27,22 @@ _HEADER = 84  # bytes: 80 of free text and the number of triangles
 def read(data: bytes) -> Contents:
     """Read triangles and weld corners whose positions are exactly equal."""
     triangles = _binary(data)
-    unread = 0
+    n_unread = 0
     if triangles is None:
         corners = _text(data)
     else:
         with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
             corners = triangles["corners"].reshape(-1, 3).astype(np.float64)
-        unread = left_over(data[_HEADER + triangles.nbytes :])
+        n_unread = left_over(data[_HEADER + triangles.nbytes :])
     if len(corners) == 0:
         raise FileError("holds no triangles")
     kept, faces = weld(corners)
-    notes = [
+    welded = (
         f"{plural(len(corners), 'corner')} of {plural(len(corners) // 3, 'triangle')} welded into "
         f"{len(kept)} vertices where their positions are equal (STL does not store vertices)"
-    ]
-    if unread:
-        notes.append(f"{plural(unread, 'byte')} after the last triangle left out")
-    return Contents(corners[kept], faces.reshape(-1, 3), tuple(notes))
+    )
+    notes = (welded, *left_out(n_unread, "byte", "triangle"))
+    return Contents(corners[kept], faces.reshape(-1, 3), notes)
 
 
 def extras(data: bytes) -> list[str]:
@@ -82,10 +82,7 @@ def _text(data: bytes) -> FloatArray:
 
 def write(file: BinaryIO, vertices: FloatArray, faces: IntArray) -> None:
     """Write a binary file; positions are rounded to single precision."""
-    corners = vertices[faces]
-    if np.abs(corners).max() > np.finfo(np.float32).max:
-        raise InputError("STL holds single-precision numbers, which these positions exceed")
     triangles = np.zeros(len(faces), dtype=_TRIANGLE)
-    triangles["corners"] = corners
+    triangles["corners"] = vertices[faces]
     file.write(b"binary STL".ljust(80) + len(faces).to_bytes(4, "little"))
     file.write(triangles.tobytes())
