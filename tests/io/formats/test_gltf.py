@@ -1,15 +1,140 @@
-"""GLB files hold what trimesh, which reads them by other code, finds in them."""
+"""glTF: what is written, trimesh finds by other code; what it would read wrong is refused."""
 
+from __future__ import annotations
+
+import base64
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 from unbend import Mesh, write_mesh
-from unbend.errors import InputError
+from unbend.errors import FileError, InputError
+from unbend.io import read_mesh, read_values
+
+QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
+FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype="<u4")
+SHARES = np.array([[0, 0], [65535, 0], [65535, 65535], [0, 65535]], dtype="<u2")
+_BYTES = QUAD.tobytes() + FACES.tobytes() + SHARES.tobytes()
+
+
+def document() -> dict[str, Any]:
+    sizes = [QUAD.nbytes, FACES.nbytes, SHARES.nbytes]
+    starts = [0, *np.cumsum(sizes).tolist()]
+    return {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5123, "count": 4, "type": "VEC2"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": size}
+            for start, size in zip(starts[:-1], sizes, strict=True)
+        ],
+        "buffers": [{"byteLength": len(_BYTES)}],
+    }
+
+
+def write(path: Path, given: dict[str, Any]) -> None:
+    if path.suffix == ".gltf":
+        uri = "data:application/octet-stream;base64," + base64.b64encode(_BYTES).decode()
+        path.write_text(json.dumps(given | {"buffers": [given["buffers"][0] | {"uri": uri}]}))
+        return
+    text = json.dumps(given).encode()
+    text += b" " * (-len(text) % 4)
+    size = 28 + len(text) + len(_BYTES)
+    path.write_bytes(
+        struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON")
+        + text
+        + struct.pack("<I4s", len(_BYTES), b"BIN\0")
+        + _BYTES
+    )
+
+
+def changed(where: str, value: Any) -> dict[str, Any]:
+    """The document with something added to one of its parts."""
+    given = document()
+    part: Any = given
+    *ways, last = where.split("/")
+    for way in ways:
+        part = part[int(way) if way.isdecimal() else way]
+    part[last] = value
+    return given
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+@pytest.mark.parametrize(
+    ("where", "value", "sentence"),
+    [
+        ("extensionsRequired", ["EXT_meshopt_compression"], "the glTF extension EXT_meshopt_comp"),
+        ("accessors/0/sparse", {"count": 1}, "stores positions or faces sparsely"),
+        ("accessors/1/sparse", {"count": 1}, "stores positions or faces sparsely"),
+        ("accessors/0/normalized", True, "stores positions as normalized whole numbers"),
+        ("meshes/0/primitives/0/mode", 6, "holds triangle fans"),
+    ],
+)
+def test_what_trimesh_would_read_wrong_is_refused(
+    tmp_path: Path, suffix: str, where: str, value: Any, sentence: str
+) -> None:
+    write(tmp_path / f"a{suffix}", changed(where, value))
+    with pytest.raises(FileError, match=rf"^a\{suffix}: .*{sentence}"):
+        read_mesh(tmp_path / f"a{suffix}")
+
+
+def test_draco_needs_its_decoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "a.glb", changed("extensionsRequired", ["KHR_draco_mesh_compression"]))
+    monkeypatch.setattr("unbend.io.formats.gltf.find_spec", lambda name: None)
+    with pytest.raises(FileError, match="needs the glTF extension KHR_draco"):
+        read_mesh(tmp_path / "a.glb")
+    monkeypatch.setattr("unbend.io.formats.gltf.find_spec", lambda name: name == "DracoPy")
+    assert read_mesh(tmp_path / "a.glb").n_faces == 2
+
+
+@pytest.mark.parametrize(
+    "name", ["KHR_texture_transform", "KHR_materials_unlit", "KHR_mesh_quantization"]
+)
+def test_extensions_that_do_not_matter_to_the_shape_are_read(tmp_path: Path, name: str) -> None:
+    write(tmp_path / "a.glb", changed("extensionsRequired", [name]))
+    mesh = read_mesh(tmp_path / "a.glb")
+    np.testing.assert_array_equal(mesh.vertices, QUAD)
+    assert mesh.notes == ("read by trimesh",)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_meshes_with_bones_are_read_where_they_are_stored(tmp_path: Path, suffix: str) -> None:
+    given = document()
+    skinned = {"mesh": 0, "skin": 0, "scale": [100, 50, 100], "children": [0]}
+    given["nodes"] = [{"translation": [7, 0, 0], "children": [1]}, skinned]
+    given["skins"] = [{"joints": [0]}]
+    write(tmp_path / f"a{suffix}", given)
+    mesh = read_mesh(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(mesh.vertices, QUAD)
+    assert "bones left out" in mesh.notes[1]
+
+
+def test_morph_targets_are_left_out_with_a_note(tmp_path: Path) -> None:
+    write(tmp_path / "a.glb", changed("meshes/0/weights", [0, 1]))
+    assert "morph targets left out" in read_mesh(tmp_path / "a.glb").notes[1]
+    write(tmp_path / "a.glb", changed("meshes/0/weights", [0, 0]))
+    assert len(read_mesh(tmp_path / "a.glb").notes) == 1
+
+
+def test_texture_coordinates_that_are_no_floats_are_left_out_with_a_note(tmp_path: Path) -> None:
+    given = changed("meshes/0/primitives/0/attributes/TEXCOORD_0", 2)
+    given["meshes"][0]["primitives"][0]["material"] = 0
+    given["materials"] = [{}]
+    write(tmp_path / "a.glb", given)
+    assert "texture coordinates left out" in read_mesh(tmp_path / "a.glb").notes[1]
+    with pytest.raises(InputError, match="no values per vertex"):
+        read_values(tmp_path / "a.glb")
 
 
 def parts(path: Path) -> tuple[dict, bytes]:
