@@ -24,29 +24,23 @@ def test_largest_traces_are_those_of_the_nearest_rotations() -> None:
     assert (np.abs(largest_traces(matrices) - expected) <= 1e-7 * sizes).all()
 
 
-def _laid(count: int, *given) -> np.ndarray:
-    laid = np.zeros(count)
-    lay(*given, laid, np.empty(3), np.empty(3, np.int64))
-    return laid
-
-
 @pytest.mark.kernels
 def test_laid_is_what_is_near_and_faces_alike_and_half_of_what_is_beyond() -> None:
     goal = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     up = np.tile([0.0, 0, 1], (3, 1))
     grid = np.array([0, 1, -1]).reshape(3, 1, 1)  # nearest to the third is a boundary
     points, areas = np.array([[0.0, 0, 0], [1, 0, 0.1], [2, 0, 0]]), np.array([0.5, 0.25, 0.125])
-    given = grid, np.zeros(3), 1.0, goal, up, 0.2
+    given = (grid, np.zeros(3), 1.0), goal, up, 0.2
     turns = Rotation.from_euler("x", [[0], [90], [0]], degrees=True).as_matrix()
     shifts, sizes = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0.3]]), np.array([1.0, 1.0, 1.0])
-    laid = _laid(3, points, up, areas, turns, shifts, sizes, *given)
+    laid, larger = np.zeros(3), np.zeros(1)
+    lay((points, up, areas), (turns, shifts, sizes), *given, laid)
     near = 0.25 * (1 - 0.1**2 / 0.2**2)
     assert laid == pytest.approx([0.5 + near + 0.0625, 0.0625, 0.0625])
     # A size of 4 leads the second point beyond the grid, to what is nearest in it; and the reach is
     # between the lengths of the one shape and those of the other.
-    (larger,) = _laid(
-        1, points[:2], up[:2], areas[:2], turns[:1], shifts[:1] + 0.1, 4 * sizes[:1], *given
-    )
+    larger_motion = turns[:1], shifts[:1] + 0.1, 4 * sizes[:1]
+    lay((points[:2], up[:2], areas[:2]), larger_motion, *given, larger)
     assert larger == pytest.approx(0.5 * (1 - 0.03 / (4 * 0.2**2)) + 0.125)
 
 

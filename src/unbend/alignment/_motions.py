@@ -124,31 +124,18 @@ def _share_laid(
     grid = cKDTree(goal.points).query(middles)[1]
     grid[goal.on_boundary[grid]] = -1
     samples = one.points[one.samples], one.normals[one.samples], one.areas
-    laid, scratch = np.zeros(len(motions.sizes)), (np.empty(3), np.empty(3, np.int64))
-    around = grid, corner, cell, goal.points, goal.normals, reach
-    lay(*samples, *motions, *around, laid, *scratch)
+    laid = np.zeros(len(motions.sizes))
+    lay(samples, tuple(motions), (grid, corner, cell), goal.points, goal.normals, reach, laid)
     return laid
 
 
 @compiled
-def lay(  # type: ignore[no-untyped-def]
-    points,
-    normals,
-    areas,
-    rotations,
-    shifts,
-    sizes,
-    grid,
-    corner,
-    cell,
-    goal,
-    goal_normals,
-    reach,
-    laid,
-    place,
-    at,
-):
+def lay(samples, motions, grid_at, goal, goal_normals, reach, laid):  # type: ignore[no-untyped-def]
     """Add to areas (h,) by how near to the goal motions lay points, and how they face there."""
+    points, normals, areas = samples
+    rotations, shifts, sizes = motions
+    grid, corner, cell = grid_at
+    place, at = np.empty(3), np.empty(3, np.int64)
     for h in range(len(sizes)):
         rotation, size = rotations[h], sizes[h]
         for i in range(len(points)):

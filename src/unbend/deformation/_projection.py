@@ -32,24 +32,14 @@ def walk(
     before = guess.reshape(len(guess), -1)
     rows = (one.reshape(len(one), before.shape[1], -1) for one in (left, right))
     result = before.copy()
-    steps = ours.indptr, ours.indices, theirs.indptr, theirs.indices
-    over_rows(len(left), before.shape[1], _walk, *rows, before, *steps, result)
+    graphs = (ours.indptr, ours.indices), (theirs.indptr, theirs.indices)
+    over_rows(len(left), before.shape[1], _walk, *rows, before, *graphs, result)
     return result.reshape(guess.shape)
 
 
 @compiled
-def _walk(  # type: ignore[no-untyped-def]
-    left,
-    right,
-    guess,
-    left_start,
-    left_neighbors,
-    right_start,
-    right_neighbors,
-    result,
-    first,
-    last,
-):
+def _walk(left, right, guess, ours, theirs, result, first, last):  # type: ignore[no-untyped-def]
+    (left_start, left_neighbors), (right_start, right_neighbors) = ours, theirs
     for m in range(guess.shape[1]):
         for i in range(first, last):
             here = guess[i, m]
@@ -85,15 +75,14 @@ def closest_faces(
     """
     n = len(points)
     faces, weights = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
-    scratch = np.empty((3, 3)), np.empty(3), np.empty(3)
-    _closest_faces(points, positions, triangles, vertices, *fans, faces, weights, *scratch)
+    _closest_faces(points, positions, triangles, vertices, fans, faces, weights)
     return faces, weights
 
 
 @compiled
-def _closest_faces(  # type: ignore[no-untyped-def]
-    points, positions, triangles, vertices, start, ring, faces, weights, gram, load, trial
-):
+def _closest_faces(points, positions, triangles, vertices, fans, faces, weights):  # type: ignore[no-untyped-def]
+    start, ring = fans
+    gram, nearest, scratch = np.empty((3, 3)), np.empty(3), np.empty(3)
     for i in range(len(points)):
         best = np.inf
         for e in range(start[vertices[i]], start[vertices[i] + 1]):
@@ -106,12 +95,12 @@ def _closest_faces(  # type: ignore[no-untyped-def]
                         right = positions[triangles[ring[e], b], c] - points[i, c]
                         total += left * right
                     gram[a, b] = gram[b, a] = total
-            distance = _least(gram, load, trial)
+            distance = _least(gram, nearest, scratch)
             if distance < best:
                 best = distance
                 faces[i] = ring[e]
                 for c in range(3):
-                    weights[i, c] = load[c]
+                    weights[i, c] = nearest[c]
 
 
 @compiled

@@ -43,11 +43,10 @@ def keep_matched(
         return overlap
     ends = shape.edge_weights.indptr, shape.edge_weights.indices
     limits = constants.OUTLINE * goal.boundary_length / size, goal.boundary_distances[point_maps]
-    scratch = np.empty((2, len(overlap)), np.int64), np.empty((2, len(overlap)))
 
     def judged(patches: BoolArray) -> BoolArray:
         kept = patches.copy()
-        _keep_matched(shape.faces, shape.vertices, *ends, kept, *limits, near, *scratch)
+        _keep_matched(shape.faces, shape.vertices, *ends, kept, *limits, near)
         return kept
 
     kept = judged(overlap)
@@ -59,13 +58,11 @@ def keep_matched(
 
 
 @compiled
-def _keep_matched(  # type: ignore[no-untyped-def]
-    faces, vertices, start, neighbors, overlap, longest, off, near, numbers, lengths
-):
+def _keep_matched(faces, vertices, start, neighbors, overlap, longest, off, near):  # type: ignore[no-untyped-def]
     n, n_maps = overlap.shape
-    patch, reached = numbers
+    patch, reached = np.empty(n, np.int64), np.empty(n, np.int64)
     # Of each patch: how long its outline is, and how near its image comes to the boundary.
-    outline, nearest = lengths
+    outline, nearest = np.empty(n), np.empty(n)
     for m in range(n_maps):
         count = 0
         for i in range(n):
