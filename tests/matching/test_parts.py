@@ -18,7 +18,7 @@ from unbend.matching._inputs import prepare_shape
 from unbend.matching._registration import (
     Pose,
     Registered,
-    _closest,
+    _find_closest,
     _Moving,
     limited,
     register,
@@ -66,13 +66,14 @@ def test_what_lands_on_a_rim_does_not_pull() -> None:
     ours, theirs = (prepare_shape(make_sheet(side), 20, partial=True).shape for side in (9, 12))
     apart = np.linalg.norm(ours.vertices[:, None] - theirs.vertices, axis=2)
     maps = apart.argmin(axis=1), apart.argmin(axis=0)
-    mine, other = (
-        [Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)]
+    poses = (
+        Pose(one.vertices, np.tile(np.eye(3), (n, 1, 1)), np.arange(n) < 0)
         for one, n in ((ours, 81), (theirs, 144))
     )
+    start = Registered(*maps, *poses)
     weight = constants.NORMAL_WEIGHTS[0]
-    moving = _Moving(ours, theirs, mine, weight), _Moving(theirs, ours, other, weight)
-    _closest(*moving, *(one[:, None] for one in maps))
+    moving = _Moving(ours, [start], weight), _Moving(theirs, [start.back()], weight)
+    _find_closest(*moving)
     for one, goal, way in zip(moving, (theirs, ours), maps, strict=True):
         np.testing.assert_array_equal(one.overlap[:, 0], ~goal.on_boundary[way])
 
@@ -99,15 +100,16 @@ def test_how_far_something_is_beyond_a_rim(size: float) -> None:
     ours = replace(ours, vertices=size * wide)
     pose = Pose(wide, still, np.ones(169, dtype=bool), 1 / size)
     goal = Pose(size * theirs.vertices, still[:36], np.ones(36, dtype=bool), size)
-    moving = _Moving(ours, theirs, [pose], constants.NORMAL_WEIGHTS[0])
-    other = _Moving(theirs, ours, [goal], constants.NORMAL_WEIGHTS[0])
     nearest = np.linalg.norm(wide[:, None] - theirs.vertices, axis=2).argmin(axis=1)
+    start = Registered(nearest, np.zeros(36, dtype=np.int64), pose, goal)
+    moving = _Moving(ours, [start], constants.NORMAL_WEIGHTS[0])
+    other = _Moving(theirs, [start.back()], constants.NORMAL_WEIGHTS[0])
     half = theirs.vertices[:, 0].max()
     over = np.abs(wide) - half  # along either axis, negative inside
     on_side = np.isclose(np.abs(theirs.vertices[nearest]), half)[:, :2]
     expected = (over[:, :2] * on_side).sum(axis=1) / np.sqrt(np.maximum(on_side.sum(axis=1), 1))
     assert expected.max() > 0.3
-    found = moving.beyond(other, nearest[:, None])
+    found = moving.beyond(other)
     np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from unbend.matching._registration import (
     Pose,
     Registered,
     _Moving,
-    landing_places,
     lift,
     mapped_start,
     register,
@@ -123,12 +123,18 @@ def test_a_pose_is_reached_from_a_rough_start(make: Callable) -> None:
 
 
 def test_a_shape_that_only_has_to_move_arrives_in_one_step(standing: Shape) -> None:
-    every = np.arange(700)[:, None]
+    every = np.arange(700)
     turns = np.tile(np.eye(3), (700, 1, 1))
     goal = replace(standing, vertices=standing.vertices + np.array([0.3, -0.2, 0.1]))
-    still = Pose(standing.vertices, turns, every[:, 0] >= 0)
-    moving = _Moving(standing, goal, [still], constants.NORMAL_WEIGHTS[0])
-    moving.step(300.0, every, every, every >= 0)
+    still = Pose(standing.vertices, turns, every >= 0)
+
+    def after_a_step(shape: Shape, *start: Any) -> _Moving:
+        begun = Registered(*start)
+        moving = _Moving(standing, [begun], constants.NORMAL_WEIGHTS[0])
+        moving.step(300.0, _Moving(shape, [begun.back()], constants.NORMAL_WEIGHTS[0]))
+        return moving
+
+    moving = after_a_step(goal, every, every, still, still)
     np.testing.assert_allclose(moving.places[:, 0], goal.vertices, atol=1e-8)
     np.testing.assert_allclose(moving.rotations[:, 0], turns, atol=1e-6)
     # The next closest points are sought ahead, farther in the same direction.
@@ -136,16 +142,12 @@ def test_a_shape_that_only_has_to_move_arrives_in_one_step(standing: Shape) -> N
     np.testing.assert_allclose(shares, shares[0, 0], atol=1e-6)
     assert 0.3 < shares[0, 0] < 1
     # If the goal's own vertices do not pull, it goes half the way.
-    empty = np.zeros((0, 1), dtype=np.int64)
-    silent = replace(goal, areas=goal.areas[empty[:, 0]])
-    half = _Moving(standing, silent, [still], constants.NORMAL_WEIGHTS[0])
-    half.step(300.0, every, empty, empty >= 0)
+    lost = still._replace(overlap=every < 0)
+    half = after_a_step(goal, every, every, still, lost)
     between = (standing.vertices + goal.vertices) / 2
     np.testing.assert_allclose(half.places[:, 0], between, atol=1e-8)
     # Without partners nothing pulls, and it stays where it is.
-    lost = still._replace(overlap=every[:, 0] < 0)
-    alone = _Moving(standing, goal, [lost], constants.NORMAL_WEIGHTS[0])
-    alone.step(300.0, every, every, every < 0)
+    alone = after_a_step(goal, every, every, lost, lost)
     np.testing.assert_allclose(alone.places[:, 0], standing.vertices, atol=1e-8)
 
 
@@ -203,22 +205,6 @@ def test_neither_shape_is_the_first(standing: Shape, walking: Shape, found: Regi
     again = _registered(walking, standing, _same_numbers(walking, standing, 12))
     assert _agree(again.backward, found.forward, walking)
     assert _agree(again.forward, found.backward, standing)
-
-
-def test_a_registration_is_carried_from_proxies_to_shapes() -> None:
-    source, target = (make_biped(pose, n_vertices=1500).mesh for pose in ("standing", "walking"))
-    ours, theirs = _shape(source), _shape(target)
-    coarse = make_proxy(ours, 500), make_proxy(theirs, 500)
-    found = _registered(coarse[0].shape, coarse[1].shape, _same_numbers(ours, theirs, 12))
-    fine = lift(found, *coarse, ours, theirs)
-    # Vertices that the proxies have are where the proxies have them.
-    np.testing.assert_array_equal(fine.forward[coarse[0].kept], coarse[1].kept[found.forward])
-    np.testing.assert_allclose(fine.source.places[coarse[0].kept], found.source.places)
-    edges = theirs.vertices[target.faces[:, 0]] - theirs.vertices[target.faces[:, 1]]
-    assert _mean_error(fine.forward, theirs) < 1.5 * np.linalg.norm(edges, axis=1).mean()
-    left, right = landing_places(ours, theirs, fine)
-    assert left.shape == right.shape == (1500, 6)
-    assert np.linalg.norm(left - right, axis=1).mean() < 0.05
 
 
 def test_a_rough_start_of_all_functions_is_the_identity(blob: Mesh) -> None:
@@ -284,8 +270,10 @@ def test_how_much_longer_things_are_is_the_median_of_what_has_partners(
     lower[order[np.cumsum(standing.areas[order]) < share]] = True
     turns = np.tile(_turn(1), (700, 1, 1))
     grown = standing.vertices * np.where(lower, 1.5, 2)[:, None] @ _turn(1).T
+    every = np.arange(700)
     poses = [Pose(grown, turns, overlap) for overlap in (~lower, lower, lower | ~lower)]
-    moving = _Moving(standing, standing, poses, constants.NORMAL_WEIGHTS[0])  # side by side
+    starts = [Registered(every, every, one, one) for one in poses]
+    moving = _Moving(standing, starts, constants.NORMAL_WEIGHTS[0])  # side by side
     moving.covariances = standing.averaged(standing.covariances(moving.places))
     assert moving.stretch() == pytest.approx([2, 1.5, median], rel=0.03)
 

@@ -29,24 +29,12 @@ _NEAR = 1e-3  # Landmarks that are closer than this, or equal, count as this far
 
 
 class Extremities(NamedTuple):
-    """Extremities of a shape.
+    """Extremities of a shape, landmarks first, then the most remote; and geodesic distances."""
 
-    Attributes
-    ----------
-    vertices : (t,) ndarray of int64
-        Landmarks first, then the most remote.
-    distances : (t, t) ndarray of float64
-        Geodesic distances between them, along edges.
-    fields : (n, t) ndarray of float64
-        Geodesic distances from every vertex to them.
-    n_given : int
-        How many of them, the first ones, are landmarks.
-    """
-
-    vertices: IntArray
-    distances: FloatArray
-    fields: FloatArray
-    n_given: int = 0
+    vertices: IntArray  # (t,)
+    distances: FloatArray  # (t, t) between them, along edges
+    fields: FloatArray  # (n, t) from every vertex to them
+    n_given: int = 0  # how many are landmarks
 
     def taken(self, extremities: IntArray, kept: IntArray) -> Extremities:
         """Select some extremities, and the distances to them of some vertices."""
@@ -58,22 +46,12 @@ class Extremities(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """A guess which extremities of two shapes correspond.
+    """A guess which extremities of two shapes correspond."""
 
-    Attributes
-    ----------
-    source, target : (m,) ndarray of int64
-        Rows of the shapes' extremities.
-    size : float
-        Ratio of distances on the target to those on the source.
-    rank : int
-        How many guesses of its kind deviate less.
-    """
-
-    source: IntArray
-    target: IntArray
-    size: float
-    rank: int
+    source: IntArray  # (m,) among the source's extremities
+    target: IntArray  # (m,) among the target's
+    size: float  # ratio of distances on the target to those on the source
+    rank: int  # how many guesses of its kind deviate less
 
 
 # Deviation (r,) of the distances between so many extremities, (r, p), from others.
@@ -194,11 +172,9 @@ def _assignments(
     guesses = []
     for row in partners:
         mine = np.flatnonzero(row >= 0)
-        one, other = (
-            distances[np.ix_(extremities, extremities)][np.triu_indices(len(mine), 1)]
-            for distances, extremities in ((few, mine), (many, row[mine]))
-        )
-        guesses.append((mine, row[mine], float(np.exp(np.median(np.log(other / one))))))
+        other, (i, j) = row[mine], np.triu_indices(len(mine), 1)
+        ratios = many[other[i], other[j]] / few[mine[i], mine[j]]
+        guesses.append((mine, other, float(np.exp(np.median(np.log(ratios))))))
     return guesses
 
 
@@ -220,11 +196,8 @@ def _costs(
         alike = counts == m
         mine = np.nonzero(given[alike])[1].reshape(-1, m)
         other = partners[alike][given[alike]].reshape(-1, m)
-        rows, columns = np.triu_indices(m, 1)
-        lengths, distances = (
-            few[mine[:, rows], mine[:, columns]],
-            many[other[:, rows], other[:, columns]],
-        )
+        i, j = np.triu_indices(m, 1)
+        lengths, distances = few[mine[:, i], mine[:, j]], many[other[:, i], other[:, j]]
         costs[alike] += deviation(m, lengths, distances)
     return costs
 

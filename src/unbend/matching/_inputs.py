@@ -30,34 +30,17 @@ _LIKELY = 0.05  # how surely faces face a way when another shape's that face the
 class Input(NamedTuple):
     """A mesh or a point cloud that is to be matched.
 
-    Attributes
-    ----------
-    surface : Surface
-        Its largest component, checked; of a point cloud, the surface of its points.
-    shape : Shape
-        The same, as the matcher takes it.
-    kept : (k,) ndarray of int64
-        Its vertices among those of the mesh; of a point cloud, the point nearest to each.
-    representatives : (n,) ndarray of int64
-        The vertex of `shape` that stands for each vertex of the mesh: itself, or on smaller
-        components and in a point cloud the nearest one; -1 at vertices that no face uses, and at
-        outliers.
-    away : (n,) ndarray of float64
-        How far each vertex of the mesh is from the one that stands for it, in square roots of the
-        area.
-    own_faces : (m,) ndarray of int64, or None
-        The face of the mesh that each face of `shape` is; None for a point cloud.
-    own_corners : (m, 3) ndarray of int64
-        Its corners, vertices of the mesh in the mesh's winding; of a point cloud, points.
+    What stands for a vertex of the mesh is itself, or on smaller components and in a point cloud
+    the nearest vertex of `shape`; -1 at vertices that no face uses, and at outliers.
     """
 
-    surface: Surface
-    shape: Shape
-    kept: IntArray
-    representatives: IntArray
-    away: FloatArray
-    own_faces: IntArray | None
-    own_corners: IntArray
+    surface: Surface  # its largest component, checked; of a point cloud, the surface of its points
+    shape: Shape  # the same, as the matcher takes it
+    kept: IntArray  # (k,) the mesh's vertex, or the nearest point, that each vertex of `shape` is
+    representatives: IntArray  # (n,) what stands for each vertex of the mesh
+    away: FloatArray  # (n,) how far from it that is, in square roots of the area
+    own_faces: IntArray | None  # (m,) the mesh's face that each face of `shape` is; of points, None
+    own_corners: IntArray  # (m, 3) its corners in the mesh's winding; of a point cloud, points
 
     def local(self, vertices: npt.ArrayLike) -> IntArray:
         """Turn vertices of the mesh into those of `shape` that stand for them."""
@@ -85,16 +68,12 @@ class Input(NamedTuple):
 
 
 class _Checked(NamedTuple):
-    """The surface of a mesh's largest component or of points, and where that is in the mesh."""
+    """The surface of a mesh's largest component or of points."""
 
     surface: Surface
     faces: IntArray  # of the surface, oriented consistently, outward if it has an inside
     outward: float  # how surely
-    kept: IntArray
-    representatives: IntArray
-    away: FloatArray
-    own_faces: IntArray | None
-    own_corners: IntArray
+    in_mesh: tuple[Any, ...]  # what an Input has from `kept` on
 
 
 def prepare_shape(mesh: MeshLike, n_eigenpairs: int, partial: bool = False) -> Input:
@@ -147,19 +126,19 @@ def _check(mesh: Mesh) -> _Checked:
     found[kept] = np.arange(len(kept))
     others = np.setdiff1d(mesh.faces, kept)
     found[others] = cKDTree(mesh.vertices[kept]).query(mesh.vertices[others])[1]
-    away = _away(mesh, surface, kept, found)
-    return _Checked(surface, faces, outward, kept, found, away, own_faces, mesh.faces[own_faces])
+    in_mesh = kept, found, _away(mesh, surface, kept, found), own_faces, mesh.faces[own_faces]
+    return _Checked(surface, faces, outward, in_mesh)
 
 
 def _check_points(cloud: Mesh) -> _Checked:
     found = surface_of_points(cloud)
-    faces, point = found.mesh.faces, found.point_of_vertex
-    if n_outliers := int((found.vertex_of_point < 0).sum()):
+    faces, point, vertex = found.mesh.faces, found.point_of_vertex, found.vertex_of_point
+    if n_outliers := int((vertex < 0).sum()):
         verb = "point is" if n_outliers == 1 else "points are"
         warn(f"{cloud.name}: {n_outliers} {verb} not on its surface: -1 in a map")
     surface = make_surface(found.mesh)
-    away = _away(cloud, surface, point, found.vertex_of_point)
-    return _Checked(surface, faces, np.inf, point, found.vertex_of_point, away, None, point[faces])
+    in_mesh = point, vertex, _away(cloud, surface, point, vertex), None, point[faces]
+    return _Checked(surface, faces, np.inf, in_mesh)
 
 
 def _away(mesh: Mesh, surface: Surface, kept: IntArray, representatives: IntArray) -> FloatArray:
@@ -173,15 +152,9 @@ def _away(mesh: Mesh, surface: Surface, kept: IntArray, representatives: IntArra
 def _prepare(checked: _Checked, n_eigenpairs: int, partial: bool) -> Input:
     surface = checked.surface
     pairs = eigenpairs(surface, min(n_eigenpairs, surface.n_vertices // 2))
-    shape = make_shape(
-        surface.mesh.vertices,
-        checked.faces,
-        pairs.areas,
-        pairs.eigenvalues,
-        pairs.eigenfunctions,
-        partial,
-    )
-    return Input(surface, shape, *checked[3:])
+    found = pairs.areas, pairs.eigenvalues, pairs.eigenfunctions
+    shape = make_shape(surface.mesh.vertices, checked.faces, *found, partial)
+    return Input(surface, shape, *checked.in_mesh)
 
 
 def expand(point_map: IntArray, overlap: BoolArray, source: Input, target: Input) -> IntArray:

@@ -18,7 +18,6 @@ from unbend.deformation import closest_faces
 from unbend.errors import InputError, warn
 from unbend.io import MeshLike
 from unbend.matching import _constants as constants
-from unbend.matching._extras import without_extras
 from unbend.matching._inputs import Input, expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.matching._plan import (
     MEDIUM,
@@ -28,7 +27,7 @@ from unbend.matching._plan import (
     make_sides,
     onto_mirror_image,
 )
-from unbend.matching._polish import exact, refined, reranked, with_partners
+from unbend.matching._polish import exact, refined, reranked, with_partners, without_extras
 from unbend.matching._registration import landing_places, spectral_residual
 from unbend.matching._result import Hypothesis, Match, warn_of_disorder
 from unbend.matching._score import (
@@ -155,7 +154,10 @@ def match(
     if progress is not None:
         progress("spectrum", 1.0)
     if landmarks is not None:
-        ours, theirs = _with_landmarks(ours, theirs, landmarks)
+        ours, theirs = (
+            one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
+            for one, vertices in zip((ours, theirs), landmark_pairs(landmarks).T, strict=True)
+        )
     sides = make_sides(ours.shape, theirs.shape)
     found = candidates(sides, progress)
     turned = candidates(sides.reflected(), progress) if mirrored or allow_mirror else []
@@ -283,14 +285,6 @@ def landmark_pairs(landmarks: npt.ArrayLike, name: str = "landmarks") -> IntArra
     return pairs.astype(np.int64)
 
 
-def _with_landmarks(ours: Input, theirs: Input, landmarks: npt.ArrayLike) -> tuple[Input, Input]:
-    pairs = landmark_pairs(landmarks)
-    return tuple(
-        one._replace(shape=replace(one.shape, landmarks=one.local(vertices)))
-        for one, vertices in zip((ours, theirs), pairs.T, strict=True)
-    )  # type: ignore[return-value]
-
-
 def _landmark_hints(
     ours: Input, sides: Sides, ranks: Sequence[Candidate], apart: FloatArray
 ) -> tuple[int, ...]:
@@ -376,9 +370,7 @@ def _below_vertices(result: Match, ours: Input, theirs: Input, chosen: Candidate
     faces = np.where(registered.source.overlap, faces, -1)
     weights = np.where(registered.source.overlap[:, None], weights, np.nan)
     return replace(
-        result,
-        faces=expand_rows(faces, ours, -1),
-        weights=expand_rows(weights, ours, np.nan),
+        result, faces=expand_rows(faces, ours, -1), weights=expand_rows(weights, ours, np.nan)
     )
 
 

@@ -33,14 +33,7 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import (
-    Candidate,
-    distinct,
-    lead_needed,
-    ranked,
-    rough_costs,
-    scored,
-)
+from unbend.matching._score import Candidate, distinct, lead_needed, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -63,22 +56,15 @@ class Levels(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """Two shapes to match.
+    """Two shapes to match, and the functional maps that bring their spectral forms close.
 
-    Attributes
-    ----------
-    source, target : Levels
-    maps : (h, k, k) ndarray of float64
-        Functional maps that bring their spectral forms close to each other. Eigenfunctions do not
-        tell a surface from its mirror image.
-    turned : bool
-        Whether the target is the mirror image of what was given.
+    Eigenfunctions, and so the maps, do not tell a surface from its mirror image.
     """
 
     source: Levels
     target: Levels
-    maps: FloatArray
-    turned: bool = False
+    maps: FloatArray  # (h, k, k)
+    turned: bool = False  # whether the target is the mirror image of what was given
 
     def at(self, level: int) -> tuple[Shape, Shape]:
         """Proxies of source and target at a level."""

@@ -1,23 +1,37 @@
-"""From the proxies to the shapes themselves: the polish, and who has a partner at all."""
+"""From the proxies to the shapes themselves: the polish, and who has a partner at all.
+
+No boundary tells where a part ends that only one shape has, such as a rider, wings, or a missing
+arm. But wherever a map leads such a part, it is nothing like what is there. It is cut off where
+little is to cut, the rest is registered without it, and then it is looked for again: a part that
+was merely led astray is explained by then.
+"""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from unbend._arrays import snap
 from unbend._parallel import run_all
-from unbend._types import BoolArray
+from unbend._types import BoolArray, FloatArray
 from unbend.matching import _constants as constants
 from unbend.matching._partners import keep_matched
 from unbend.matching._plan import MEDIUM, Sides, precompute
 from unbend.matching._registration import Registered, lift, limited, register
-from unbend.matching._score import FLOOR, Candidate, nearly_as_good, ranked, scored
+from unbend.matching._score import FLOOR, Candidate, nearly_as_good, ranked, scored, unexplained
 from unbend.matching._shape import Shape
+from unbend.mesh import measure_corners, minimum_cut
 
 _PASSES = 3  # over the data weights
+# Share of a patch that is not explained, from which on it may be of a part that only one shape
+# has. The outline counts as a strip of a patch's radius of which nothing is explained but that.
+_UNLIKE = 0.35
+# Share of the area. Tails and ears of two animals may be as unlike as what only one has.
+_SMALLEST_EXTRA, _LARGEST_EXTRA = 0.08, 0.5
+_UNIT = 1e-7  # of areas, of a minimum cut
 
 
 def as_taken(sides: Sides, candidate: Candidate) -> Sides:
@@ -80,6 +94,52 @@ def reranked(
     return ranked([*known, *ranks[len(nearly) :]]), known
 
 
+def without_extras(sides: Sides, candidate: Candidate, may_lack: Sequence[bool]) -> Candidate:
+    """Leave out what only one of the shapes has, of a candidate between their finer proxies.
+
+    ``may_lack`` says whether the source, and the target, may lack what the other has.
+    """
+    if not any(may_lack):
+        return candidate
+    shapes = as_taken(sides, candidate).at(MEDIUM)
+    if (rough := _cut_off(*shapes, candidate.registered, may_lack)) is None:
+        return candidate
+    (found,) = register(*shapes, [rough], constants.DATA_WEIGHTS[2:], constants.STEPS)
+    left = _cut_off(*shapes, found, may_lack)
+    return candidate if left is None else replace(candidate, registered=left)
+
+
+def _cut_off(
+    source: Shape, target: Shape, found: Registered, may_lack: Sequence[bool]
+) -> Registered | None:
+    """Find such parts anew, and leave them out; None if there are none."""
+    poses = found.source, found.target
+    ours, theirs = (one.without(np.zeros_like(one.overlap)) for one in poses)
+    shares = unexplained(source, target, found._replace(source=ours, target=theirs))
+    mine, other = (
+        _extra(shape, share) & lacks
+        for shape, share, lacks in zip((source, target), shares, may_lack[::-1], strict=True)
+    )
+    if not (mine.any() or other.any()):
+        return None
+    return found._replace(source=found.source.without(mine), target=found.target.without(other))
+
+
+def _extra(shape: Shape, shares: FloatArray) -> BoolArray:
+    """Vertices (n,) whose patches are explained so badly that leaving them out pays."""
+    gains = shape.areas * (shares - _UNLIKE)
+    if shape.areas @ (gains > 0) < _SMALLEST_EXTRA:
+        return np.zeros(len(shares), dtype=bool)
+    # An outline that parts a corner from the two others leads through the middles of two sides.
+    sides = np.sqrt(measure_corners(shape.vertices, shape.faces)[1])
+    lengths = np.tile((sides.sum(axis=1, keepdims=True) / 4 - sides / 2).ravel(), 2)
+    ends = [shape.faces[:, [1, 2, 0]].ravel(), shape.faces[:, [2, 0, 1]].ravel()]
+    links = np.stack([np.concatenate(ends), np.concatenate(ends[::-1])])
+    costs = _UNLIKE * constants.PATCH * np.maximum(lengths, 0)
+    found = minimum_cut(gains, links, costs, _UNIT)
+    return np.asarray(found & (_SMALLEST_EXTRA <= shape.areas @ found <= _LARGEST_EXTRA))
+
+
 def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate:
     """Give vertices a partner, or none, as most around them have.
 
@@ -89,10 +149,8 @@ def with_partners(candidate: Candidate, sides: Sides, least: float) -> Candidate
     found = candidate.registered
     ours, theirs = sides.source.shape, sides.target.shape
     poses = []
-    for pose, other, shape, goal, point_map in (
-        (found.source, found.target, ours, theirs, found.forward),
-        (found.target, found.source, theirs, ours, found.backward),
-    ):
+    for shape, goal, way in ((ours, theirs, found), (theirs, ours, found.back())):
+        pose, other, point_map = way.source, way.target, way.forward
         overlap = _as_most_around(shape, pose.overlap)[:, None]
         near = shape.edge + goal.edge  # maps are no longer rough
         size, maps = np.array([pose.size]), point_map[:, None]

@@ -31,25 +31,15 @@ _POSITIONS = [0, 1, 2, 6, 7, 8]  # columns of the rows in which closest points a
 class Pose(NamedTuple):
     """A shape on its way into another's pose.
 
-    Attributes
-    ----------
-    places : (n, 3) ndarray of float64
-    rotations : (n, 3, 3) ndarray of float64
-        How the neighbourhood of each vertex is turned.
-    overlap : (n,) ndarray of bool
-        Whether a vertex has a partner, and does not lie beyond the boundary of a partial shape.
-    size : float
-        How much longer things are in the pose.
-    extra : (n,) ndarray of bool, or False
-        Whether a vertex is of a part that the other shape has not. It has no partner, whatever
-        boundaries there are.
+    What is extra is of a part that the other shape has not, and has no partner, whatever boundaries
+    there are. Nor has what lies beyond the boundary of a partial shape.
     """
 
-    places: FloatArray
-    rotations: FloatArray
-    overlap: BoolArray
-    size: float = 1.0
-    extra: BoolArray | bool = False
+    places: FloatArray  # (n, 3)
+    rotations: FloatArray  # (n, 3, 3), how the neighbourhood of each vertex is turned
+    overlap: BoolArray  # (n,) whether a vertex has a partner
+    size: float = 1.0  # how much longer things are in the pose
+    extra: BoolArray | bool = False  # (n,)
 
     def without(self, extra: BoolArray) -> Pose:
         """Leave a part (n,) out, instead of any that was."""
@@ -57,20 +47,16 @@ class Pose(NamedTuple):
 
 
 class Registered(NamedTuple):
-    """Two shapes, each in the other's pose, and the maps between them.
+    """Two shapes, each in the other's pose, and the maps between them."""
 
-    Attributes
-    ----------
-    forward, backward : ndarrays of int64
-        The target vertex of each source vertex, and the other way round.
-    source, target : Pose
-        Of the source in the target's pose, and of the target in the source's.
-    """
-
-    forward: IntArray
+    forward: IntArray  # the target vertex of each source vertex
     backward: IntArray
-    source: Pose
+    source: Pose  # in the target's pose
     target: Pose
+
+    def back(self) -> Registered:
+        """Return the same, of the target to the source."""
+        return Registered(self.backward, self.forward, self.target, self.source)
 
 
 def rough_start(source: Shape, target: Shape, functional_map: FloatArray) -> Registered:
@@ -172,33 +158,26 @@ def register(
     """
     if not starts:
         return []
-    forward = np.stack([one.forward for one in starts], axis=1)
-    backward = np.stack([one.backward for one in starts], axis=1)
-    ours = _Moving(source, target, [one.source for one in starts], normal_weight)
-    theirs = _Moving(target, source, [one.target for one in starts], normal_weight)
+    ours = _Moving(source, starts, normal_weight)
+    theirs = _Moving(target, [one.back() for one in starts], normal_weight)
+    ways = (ours, theirs), (theirs, ours)
     for data_weight in limited(source, target, data_weights):
         for _ in range(steps):
-            run_all(
-                [
-                    functools.partial(ours.step, data_weight, forward, backward, theirs.overlap),
-                    functools.partial(theirs.step, data_weight, backward, forward, ours.overlap),
-                ]
-            )
+            run_all(functools.partial(one.step, data_weight, other) for one, other in ways)
             if resize and (source.partial or target.partial):
                 ours.size = np.sqrt(ours.stretch() / theirs.stretch())
                 theirs.size = 1 / ours.size
-            forward, backward = _closest(ours, theirs, forward, backward)
+            _find_closest(ours, theirs)
     ours.ahead, theirs.ahead = ours.places, theirs.places
     for _ in range(2):
-        forward, backward = _closest(ours, theirs, forward, backward)
-    if target.partial:
-        off = ours.beyond(theirs, forward) > constants.SLACK * target.edge
-        ours.keep_matched(off, forward, backward)
-    if source.partial:
-        off = theirs.beyond(ours, backward) > constants.SLACK * source.edge
-        theirs.keep_matched(off, backward, forward)
+        _find_closest(ours, theirs)
+    for one, other in ways:
+        if other.shape.partial:
+            one.keep_matched(one.beyond(other) > constants.SLACK * other.shape.edge, other)
     return [
-        Registered(forward[:, i].copy(), backward[:, i].copy(), ours.pose(i), theirs.pose(i))
+        Registered(
+            ours.partners[:, i].copy(), theirs.partners[:, i].copy(), ours.pose(i), theirs.pose(i)
+        )
         for i in range(len(starts))
     ]
 
@@ -212,15 +191,16 @@ def landing_places(
 
 
 class _Moving:
-    """A shape, its goal, and poses side by side; `ahead` is where the last step leads to.
+    """A shape in poses side by side, and its partners on the other shape, its goal.
 
-    What belongs to a pose has an axis for them after that of the vertices.
+    What belongs to a pose has an axis for them after that of the vertices. `ahead` is where the
+    last step leads to.
     """
 
-    def __init__(
-        self, shape: Shape, goal: Shape, poses: Sequence[Pose], normal_weight: float
-    ) -> None:
-        self.shape, self.goal, self.normal_weight = shape, goal, normal_weight
+    def __init__(self, shape: Shape, starts: Sequence[Registered], normal_weight: float) -> None:
+        self.shape, self.normal_weight = shape, normal_weight
+        self.partners = np.stack([one.forward for one in starts], axis=1)
+        poses = [one.source for one in starts]
         self.places = self.ahead = np.stack([one.places for one in poses], axis=1)
         self.rotations = np.stack([one.rotations for one in poses], axis=1)
         self.overlap = np.stack([one.overlap for one in poses], axis=1)
@@ -230,32 +210,30 @@ class _Moving:
         self.resting = np.hstack([shape.vertices, normal_weight * shape.normals])
         self.covariances: FloatArray  # of the last step
 
-    def step(
-        self, data_weight: float, forward: IntArray, backward: IntArray, goal_overlap: BoolArray
-    ) -> None:
+    def step(self, data_weight: float, other: _Moving) -> None:
         """Draw the shape to where the maps to and from the goal say, then turn neighbourhoods."""
-        shape, goal = self.shape, self.goal
+        shape, goal = self.shape, other.shape
         # Both directions pull, each with the whole area: twice a vertex's own on average. A pull to
         # where the vertex is makes up the difference, so that the system stays the same.
         own = shape.areas[:, None] * self.overlap
-        force = own[..., None] * goal.vertices[forward]
-        data_weights, total = scatter(
-            backward, goal.areas[:, None] * goal_overlap, goal.vertices, len(shape.vertices)
+        force = own[..., None] * goal.vertices[self.partners]
+        drawn, total = scatter(
+            other.partners, goal.areas[:, None] * other.overlap, goal.vertices, len(shape.vertices)
         )
-        force += data_weights + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
+        force += drawn + (2 * shape.areas[:, None] - own - total)[..., None] * self.ahead
         if len(shape.landmarks):
-            self.draw_landmarks(force, forward)
+            self.draw_landmarks(force, goal)
         before = self.places
         self.places, _, self.covariances = shape.step(
             shape.system(2 * data_weight), data_weight * force, self.rotations, self.size
         )
         self.ahead = self.places + constants.MOMENTUM * (self.places - before)
 
-    def draw_landmarks(self, force: FloatArray, forward: IntArray) -> None:
+    def draw_landmarks(self, force: FloatArray, goal: Shape) -> None:
         """Draw what is around landmarks as far as they are off their partners, up to a limb."""
-        shape, goal = self.shape, self.goal
+        shape = self.shape
         each, twice = np.arange(len(shape.landmarks))[:, None], 2 * shape.areas[:, None, None]
-        near = goal.landmark_distances[each, forward[shape.landmarks]] < constants.LIMB
+        near = goal.landmark_distances[each, self.partners[shape.landmarks]] < constants.LIMB
         share = shape.landmark_surroundings[..., None] * near[:, None]
         share /= np.maximum(share.sum(axis=0), 1)
         off = goal.vertices[goal.landmarks][:, None] - self.ahead[shape.landmarks]
@@ -273,20 +251,20 @@ class _Moving:
         middle, every = (share < share[-1] / 2).sum(axis=0), np.arange(share.shape[1])
         return np.asarray(ratio[order[middle, every], every])
 
-    def beyond(self, other: _Moving, forward: IntArray) -> FloatArray:
+    def beyond(self, other: _Moving) -> FloatArray:
         """How far vertices lie beyond the goal's boundary, the mean of both poses."""
-        goal, every = self.goal, np.arange(len(self.size))
+        goal, forward, every = other.shape, self.partners, np.arange(len(self.size))
         conormals = [goal.conormals_in(other.places[:, i]) / other.size[i] for i in every]
         back = self.shape.vertices[:, None] - other.places[forward, every]
         there = ((self.places - goal.vertices[forward]) * goal.conormals[forward]).sum(axis=-1)
         off = (back * np.stack(conormals, axis=1)[forward, every]).sum(axis=-1)
         return np.asarray(there + off) / 2
 
-    def keep_matched(self, off: BoolArray, forward: IntArray, backward: IntArray) -> None:
+    def keep_matched(self, off: BoolArray, other: _Moving) -> None:
         """Say who has a partner: is not off the goal, and does not lead elsewhere."""
-        overlap = cycle_consistent(self.shape, forward, backward) & ~off
-        overlap = keep_matched(self.shape, self.goal, overlap, self.size, forward, constants.LIMB)
-        self.overlap = overlap & ~self.extra
+        overlap = cycle_consistent(self.shape, self.partners, other.partners) & ~off
+        given = self.shape, other.shape, overlap, self.size, self.partners, constants.LIMB
+        self.overlap = keep_matched(*given) & ~self.extra
 
     def pose(self, i: int) -> Pose:
         """One of the poses."""
@@ -304,28 +282,25 @@ class _Moving:
         return rows
 
 
-def _closest(
-    ours: _Moving, theirs: _Moving, forward: IntArray, backward: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Points of either shape that are close to the other's in both poses."""
+def _find_closest(ours: _Moving, theirs: _Moving) -> None:
+    """Make partners of points of either shape that are close to the other's in both poses."""
     left, right = run_all([lambda: ours.rows(0, 6), lambda: theirs.rows(6, 0)])
-    mine, other = ours.shape.edge_weights, theirs.shape.edge_weights
-    forward, backward = run_all(
-        [
-            functools.partial(walk, left, right, forward, mine, other),
-            functools.partial(walk, right, left, backward, other, mine),
-        ]
+    ours.partners, theirs.partners = run_all(
+        [lambda: _walked(ours, theirs, left, right), lambda: _walked(theirs, ours, right, left)]
     )
     # By position alone: where a surface ends, normals lead to what is not at its end.
     if ours.shape.partial or theirs.shape.partial:
         left, right = (np.ascontiguousarray(rows[..., _POSITIONS]) for rows in (left, right))
     if theirs.shape.partial:
-        nearest = walk(left, right, forward, mine, other)
-        ours.keep_matched(theirs.shape.on_boundary[nearest], forward, backward)
+        nearest = _walked(ours, theirs, left, right)
+        ours.keep_matched(theirs.shape.on_boundary[nearest], theirs)
     if ours.shape.partial:
-        nearest = walk(right, left, backward, other, mine)
-        theirs.keep_matched(ours.shape.on_boundary[nearest], backward, forward)
-    return forward, backward
+        nearest = _walked(theirs, ours, right, left)
+        theirs.keep_matched(ours.shape.on_boundary[nearest], ours)
+
+
+def _walked(one: _Moving, other: _Moving, left: FloatArray, right: FloatArray) -> IntArray:
+    return walk(left, right, one.partners, one.shape.edge_weights, other.shape.edge_weights)
 
 
 def _smooth_pose(shape: Shape, goal: Shape, functional_map: FloatArray) -> Pose:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,7 +19,7 @@ from unbend._types import BoolArray, FloatArray, IntArray
 from unbend.alignment import largest_traces
 from unbend.deformation import closest_faces, edge_squares
 from unbend.matching import _constants as constants
-from unbend.matching._registration import Pose, Registered, landing_places
+from unbend.matching._registration import Registered, landing_places
 from unbend.matching._shape import Shape
 from unbend.mesh import vertex_normals
 
@@ -32,25 +31,15 @@ FLOOR = 10.0**-constants.DIGITS  # of costs: less is rounding
 class Candidate:
     """A pair of maps between two shapes, registered and scored.
 
-    Attributes
-    ----------
-    registered : Registered
-    energy : float
-        Share of local shape that the maps leave unexplained, the mean of both directions, and what
-        the vertices without partner add to it.
-    orientation : float
-        Share of the surface that stays right side out, less the rest, in the worse direction.
-    reflected : bool
-        Whether the target was taken as its mirror image.
-    missed : (l,) ndarray of bool
-        Which landmarks it leads elsewhere.
+    The energy is the share of local shape that the maps leave unexplained, the mean of both
+    directions, and what the vertices without partner add to it.
     """
 
     registered: Registered
     energy: float
-    orientation: float
-    reflected: bool
-    missed: BoolArray
+    orientation: float  # share of the surface right side out, less the rest, in the worse direction
+    reflected: bool  # whether the target was taken as its mirror image
+    missed: BoolArray  # (l,) which landmarks it leads elsewhere
 
     @property
     def cost(self) -> float:
@@ -58,21 +47,14 @@ class Candidate:
         return self.energy + constants.MISSED * float(self.missed.sum())
 
 
-def scored(
-    source: Shape,
-    target: Shape,
-    found: Registered,
-    reflected: bool = False,
-) -> Candidate:
+def scored(source: Shape, target: Shape, found: Registered, reflected: bool = False) -> Candidate:
     """Score a registration of two shapes."""
     ahead, back = unexplained(source, target, found)
     overlaps = [source.areas @ found.source.overlap, target.areas @ found.target.overlap]
     left_out = -np.log(np.clip(overlaps, constants.SMALLEST_PART, 1))
     energy = source.areas @ ahead + target.areas @ back + constants.WITHOUT * left_out.sum()
-    orientation = min(
-        _right_side_out(source, target, found.forward, found.source),
-        _right_side_out(target, source, found.backward, found.target),
-    )
+    ways = (source, target, found), (target, source, found.back())
+    orientation = min(_right_side_out(*way) for way in ways)
     missed = _missed(source, target, *found[:2])
     return Candidate(found, float(energy) / 2, orientation, reflected, missed)
 
@@ -83,10 +65,7 @@ def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatA
     They are 0 at vertices without partner.
     """
     left, right = landing_places(source, target, found)
-    ways = (
-        (source, target, left, right, found.forward, found.source.overlap),
-        (target, source, right, left, found.backward, found.target.overlap),
-    )
+    ways = (source, target, left, right, found), (target, source, right, left, found.back())
     ahead, back = run_all(functools.partial(_unexplained_on_faces, *way) for way in ways)
     return ahead, back
 
@@ -183,7 +162,7 @@ def expected_errors(
     forward, overlap = found.registered.forward, found.registered.source.overlap
     left, right = landing_places(source, target, found.registered)
     apart = np.linalg.norm((left - right[forward]).reshape(-1, 2, 3), axis=2).sum(axis=1)
-    shares = _unexplained_on_faces(source, target, left, right, forward, overlap)
+    shares = _unexplained_on_faces(source, target, left, right, found.registered)
     errors = gap * apart + unlike * np.sqrt(shares) + other * elsewhere + none * doubt
     return np.where(overlap, errors, np.nan)
 
@@ -194,17 +173,12 @@ def lead_needed(runner_up: float) -> float:
 
 
 def _unexplained_on_faces(
-    shape: Shape,
-    goal: Shape,
-    left: FloatArray,
-    right: FloatArray,
-    point_map: IntArray,
-    overlap: BoolArray,
+    shape: Shape, goal: Shape, left: FloatArray, right: FloatArray, found: Registered
 ) -> FloatArray:
     """Shares (n,) of patches that where they land on the goal's faces does not explain."""
-    faces, weights = closest_faces(left, right, goal.faces, goal.fans, point_map)
+    faces, weights = closest_faces(left, right, goal.faces, goal.fans, found.forward)
     images = np.einsum("ij,ijk->ik", weights, goal.vertices[goal.faces[faces]])
-    return _unexplained(shape, images, overlap)
+    return _unexplained(shape, images, found.source.overlap)
 
 
 def _unexplained(shape: Shape, images: FloatArray, overlap: BoolArray) -> FloatArray:
@@ -238,22 +212,11 @@ def _missed(source: Shape, target: Shape, forward: IntArray, backward: IntArray)
     return np.asarray(off > constants.LIMB)
 
 
-def _right_side_out(shape: Shape, goal: Shape, point_map: IntArray, pose: Pose) -> float:
-    normals = vertex_normals(pose.places, shape.faces)
-    own = shape.areas * pose.overlap
-    agree = np.sign((normals * goal.normals[point_map]).sum(axis=1))
+def _right_side_out(shape: Shape, goal: Shape, found: Registered) -> float:
+    normals = vertex_normals(found.source.places, shape.faces)
+    own = shape.areas * found.source.overlap
+    agree = np.sign((normals * goal.normals[found.forward]).sum(axis=1))
     return float(own @ agree / max(own.sum(), np.finfo(float).tiny))
-
-
-class _Way(NamedTuple):
-    """A map and the one back, of two shapes; `overlap` says which vertices have a partner."""
-
-    shape: Shape
-    goal: Shape
-    there: IntArray
-    back: IntArray
-    overlap: BoolArray
-    goal_overlap: BoolArray
 
 
 def disorder(source: Shape, target: Shape, found: Candidate) -> float:
@@ -262,14 +225,9 @@ def disorder(source: Shape, target: Shape, found: Candidate) -> float:
     The largest of three shares of the area that has partners: what is turned inside out (twice),
     what does not return, and what lands in crowded patches; in the worse direction.
     """
-    forward, backward, mine, other = found.registered
-    ways = (
-        _Way(source, target, forward, backward, mine.overlap, other.overlap),
-        _Way(target, source, backward, forward, other.overlap, mine.overlap),
-    )
-    shares = run_all(
-        functools.partial(measure, way) for measure in (_not_returning, _crowded) for way in ways
-    )
+    one = found.registered
+    ways = (source, target, one), (target, source, one.back())
+    shares = run_all(functools.partial(_share_in_disorder, *way) for way in ways)
     return float(max(1 - found.orientation, *shares))
 
 
@@ -279,30 +237,19 @@ def confidence_bound(disorder: float) -> float:
     return float(np.clip((chaotic - disorder) / (chaotic - orderly), 0, 1))
 
 
-def _not_returning(way: _Way) -> float:
-    """Share of the area with partners that does not return to where it began."""
-    shape, goal, there, back, _, goal_overlap = way
+def _share_in_disorder(shape: Shape, goal: Shape, found: Registered) -> float:
+    """Share of the area with partners that does not return, or lands in patches with too much."""
+    there, back = found.forward, found.backward
+    overlap, goal_overlap = found.source.overlap, found.target.overlap
     off = np.linalg.norm(shape.vertices - shape.vertices[back[there]], axis=1)
     near = max(constants.PATCH, constants.EDGES * max(shape.edge, goal.edge))
-    return _share(way, (off > near) | ~goal_overlap[there])
-
-
-def _crowded(way: _Way) -> float:
-    """Share of the area with partners that lands in patches which take in too much."""
-    shape, goal, there, _, overlap, goal_overlap = way
+    astray = (off > near) | ~goal_overlap[there]
     fewest = min(len(shape.areas), len(goal.areas))
     middles = goal.samples[: max(fewest // _PATCH_VERTICES, 1)]
     patch = cKDTree(goal.vertices[middles]).query(goal.vertices)[1]
-    taken, room = (
-        np.bincount(patches, areas, len(middles)) / max(areas.sum(), np.finfo(float).tiny)
-        for patches, areas in (
-            (patch[there], shape.areas * overlap),
-            (patch, goal.areas * goal_overlap),
-        )
-    )
-    return _share(way, (taken > _CROWDED * room)[patch[there]])
-
-
-def _share(way: _Way, some: BoolArray) -> float:
-    areas = way.shape.areas * way.overlap
-    return float(areas @ some / max(areas.sum(), np.finfo(float).tiny))
+    areas, goal_areas = shape.areas * overlap, goal.areas * goal_overlap
+    total, goal_total = (max(one.sum(), np.finfo(float).tiny) for one in (areas, goal_areas))
+    taken = np.bincount(patch[there], areas, len(middles)) / total
+    room = np.bincount(patch, goal_areas, len(middles)) / goal_total
+    crowded = (taken > _CROWDED * room)[patch[there]]
+    return max(float(areas @ some / total) for some in (astray, crowded))

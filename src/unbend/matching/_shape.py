@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -21,31 +22,22 @@ from unbend.mesh.decimation import decimate
 # Eigenvalues below this (unit area) are taken to be this: an extremely long or nearly pinched
 # shape must not let one function outweigh all others.
 _SMALLEST_EIGENVALUE = 0.1
-# Attributes that differ between a shape and its mirror image.
-_HANDED = {"vertices", "faces", "normals", "boundary_edges", "conormals", "position_coefficients"}
+# What is computed on demand and differs between a shape and its mirror image.
+_HANDED = ("normals", "boundary_edges", "conormals")
 
 
 @dataclass(frozen=True, eq=False)
 class Shape(ElasticSurface):
     """A connected surface of unit area, its centroid at the origin, and its eigenbasis.
 
-    Attributes
-    ----------
-    eigenvalues : (k,) ndarray of float64
-        Of the non-constant eigenfunctions.
-    basis : (n, k) ndarray of float64
-        The non-constant eigenfunctions, orthonormal under `areas`.
-    partial : bool
-        Whether the shape may continue beyond its boundary. What another shape has there then has
-        no partner here.
-    landmarks : (l,) ndarray of int64
-        Vertices that are said to correspond to those of another shape, row by row.
+    If it is partial, it may continue beyond its boundary, and what another shape has there has no
+    partner here. Its landmarks correspond to those of another shape, row by row.
     """
 
-    eigenvalues: FloatArray
-    basis: FloatArray
+    eigenvalues: FloatArray  # (k,) of the non-constant eigenfunctions
+    basis: FloatArray  # (n, k) the non-constant eigenfunctions, orthonormal under `areas`
     partial: bool = False
-    landmarks: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    landmarks: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (l,)
 
     @property
     def k(self) -> int:
@@ -166,16 +158,15 @@ class Shape(ElasticSurface):
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
         flip = np.array([-1.0, 1.0, 1.0])
-        mirror = replace(
-            self,
+        mirror = copy(self)  # All else is the same, and the factors and their lock are shared.
+        for name in _HANDED:
+            mirror.__dict__.pop(name, None)
+        mirror.__dict__.update(
             vertices=self.vertices * flip,
             faces=np.ascontiguousarray(self.faces[:, ::-1]),
+            # A proxy's are those of the fine shape, and cannot be computed anew.
+            position_coefficients=self.position_coefficients * flip,
         )
-        # Computed or not, all else is the same, and the factors and their lock are shared.
-        same = {name: one for name, one in vars(self).copy().items() if name not in _HANDED}
-        mirror.__dict__.update(same)
-        # A proxy's are those of the fine shape, and cannot be computed anew.
-        mirror.__dict__["position_coefficients"] = self.position_coefficients * flip
         return mirror
 
 
@@ -203,29 +194,15 @@ def make_shape(
         basis=np.ascontiguousarray(eigenfunctions[:, 1:]),
         partial=partial,
     )
-    return (
-        replace(shape, partial=False)
-        if partial and shape.boundary_length <= constants.PATCH
-        else shape
-    )
+    return shape if shape.boundary_length > constants.PATCH else replace(shape, partial=False)
 
 
 class Proxy(NamedTuple):
-    """A coarse copy of a shape.
-
-    Attributes
-    ----------
-    shape : Shape
-        Its vertices are some of the fine shape's, its basis the fine one's there.
-    kept : (m,) ndarray of int64
-        Those vertices.
-    parents : (n,) ndarray of int64
-        The coarse vertex that stands for each fine one.
-    """
+    """A coarse copy of a shape: some of its vertices, and its basis there."""
 
     shape: Shape
-    kept: IntArray
-    parents: IntArray
+    kept: IntArray  # (m,) those vertices
+    parents: IntArray  # (n,) the coarse vertex that stands for each fine one
 
 
 def make_proxy(shape: Shape, count: int) -> Proxy:
