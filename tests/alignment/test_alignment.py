@@ -85,12 +85,6 @@ def test_align_different_numbers_of_points_and_history() -> None:
     assert found.target_to_source.shape == (300,)
 
 
-def test_align_is_deterministic() -> None:
-    one, two = (align(_cloud(300, 3), _cloud(250, 3, 5)) for _ in range(2))
-    assert (one.rotation == two.rotation).all()
-    assert (one.residuals == two.residuals).all()
-
-
 @pytest.mark.parametrize("reflect", [True, False])
 def test_rounding_does_not_choose_between_motions_that_a_symmetry_makes_equal(reflect) -> None:
     half = _cloud(60, 3)
@@ -234,13 +228,6 @@ def test_no_more_iterations_than_allowed(limit: int) -> None:
 def test_options_out_of_range(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match=r"a whole number of at least 0|from 0 to 1"):
         align(_cloud(60, 3), _cloud(70, 3, 1), **options)
-
-
-def test_every_iteration_is_a_motion_of_the_kind_allowed() -> None:
-    for seed in range(5):
-        source, target = _cloud(40, 3, seed), _cloud(40, 3, seed + 50)
-        found = align(source, target, reflect=False)
-        assert np.linalg.det(found.rotation) == pytest.approx(1)
 
 
 def test_principal_axes_are_orthonormal_and_follow_the_points() -> None:

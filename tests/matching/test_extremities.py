@@ -80,19 +80,6 @@ def test_there_are_at_most_ten_tips() -> None:
     assert len(find_extremities(_spiky(make_sphere(0).vertices)).vertices) == 10
 
 
-def test_some_tips_are_taken_with_the_ways_of_some_vertices() -> None:
-    fields = np.random.default_rng(0).random((7, 4))
-    distances = np.random.default_rng(1).random((4, 4))
-    few = Extremities(np.array([5, 1, 6, 2]), distances, fields).taken(
-        np.array([3, 0]), np.array([4, 1, 2])
-    )
-    np.testing.assert_array_equal(few.vertices, [2, 5])
-    np.testing.assert_array_equal(
-        few.distances, [[distances[3, 3], distances[3, 0]], [distances[0, 3], distances[0, 0]]]
-    )
-    np.testing.assert_array_equal(few.fields, fields[[4, 1, 2]][:, [3, 0]])
-
-
 def test_limbs_of_other_lengths_change_little() -> None:
     # A tree whose five limbs grow, each by a factor of its own, and whose unit is another.
     rng = np.random.default_rng(0)
@@ -271,22 +258,6 @@ def test_a_guess_of_several_kinds_has_its_best_rank() -> None:
     assert [one.rank for one in found] == sorted(one.rank for one in found)
 
 
-def test_landmarks_hold_what_they_name() -> None:
-    distances = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
-    distances = (distances[:, None] + distances) * (1 - np.eye(5))
-    extremities = Extremities(np.arange(5), distances, np.empty((0, 5)))
-    swapped = Extremities(
-        np.arange(5), distances[[1, 0, 2, 3, 4]][:, [1, 0, 2, 3, 4]], np.empty((0, 5))
-    )
-    # Said to correspond: 0 to 0, though the ways say 0 to 1.
-    found = guess_limbs(extremities._replace(n_given=1), swapped, 60)
-    assert dict(zip(found[0].source.tolist(), found[0].target.tolist(), strict=True))[0] == 0
-    assert any(
-        dict(zip(one.source.tolist(), one.target.tolist(), strict=True)).get(0) == 1
-        for one in found
-    )
-
-
 def test_landmarks_hold_all_together_then_each_alone_then_none() -> None:
     distances = np.array([0.3, 0.7, 0.72, 0.9, 0.93])
     distances = (distances[:, None] + distances) * (1 - np.eye(5))
@@ -340,14 +311,6 @@ def test_of_equally_good_guesses_the_first_in_order_comes_first() -> None:
     distances = 1 - np.eye(5)
     alike = Extremities(np.arange(5), distances, np.empty((0, 5)))
     assert guess_limbs(alike, alike, 1)[0].target.tolist() == [0, 1, 2, 3, 4]
-
-
-def test_three_ways_may_differ_too() -> None:
-    one, other = _random_tips(3, 0).distances, _random_tips(3, 1).distances
-    straight = np.array([[0, 1, 2]])
-    for deviation in (_of_logarithms, _of_lengths):
-        assert _costs(one, 2 * one, straight, deviation)[0] == pytest.approx(0, abs=1e-9)
-        assert _costs(one, other, straight, deviation)[0] > 0.001
 
 
 def test_lengths_deviate_as_they_do_at_the_size_that_suits_them_best() -> None:

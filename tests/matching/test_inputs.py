@@ -1,7 +1,6 @@
 """From meshes to the matcher's arrays and back, however many are prepared at once."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from unbend.errors import InputError, MeshError, UnbendWarning
 from unbend.matching import _inputs
 from unbend.matching._inputs import expand, expand_rows, prepare_shape, prepare_shapes
 from unbend.mesh import vertex_areas
-from unbend.spectral import use_cache
 
 
 def test_only_small_meshes_are_prepared_side_by_side_and_all_with_one_result(
@@ -117,17 +115,6 @@ def test_there_are_at_most_half_as_many_functions_as_vertices() -> None:
     for mesh in (ball, thirteen):
         for asked, k in ((4, 3), (6, 5), (10, 5)):
             assert prepare_shape(mesh, asked).shape.k == k
-
-
-def test_the_cache_can_be_switched_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("UNBEND_CACHE_DIR", str(tmp_path))
-    ball = make_sphere(1)
-    with use_cache(gib=0):
-        without = prepare_shape(ball, 10)
-    assert not any(tmp_path.iterdir())
-    with_it = prepare_shape(ball, 10)
-    assert any(tmp_path.iterdir())
-    np.testing.assert_array_equal(with_it.shape.basis, without.shape.basis)
 
 
 def _with_odds() -> Mesh:

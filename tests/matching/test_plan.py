@@ -218,19 +218,6 @@ def test_the_mirror_image_of_the_target_gives_the_mirrored_maps(box: Sides) -> N
         assert signs.prod() == -1
 
 
-def test_the_mirror_image_of_the_target_is_taken_at_every_level(box: Sides) -> None:
-    turned = box.reflected()
-    assert turned.turned
-    assert not turned.reflected().turned
-    for one, other in [
-        (box.target.shape, turned.target.shape),
-        *((box.at(level)[1], turned.at(level)[1]) for level in (COARSE, MEDIUM)),
-    ]:
-        np.testing.assert_array_equal(other.vertices, one.vertices * [-1, 1, 1])
-    for level in (COARSE, MEDIUM):
-        assert turned.at(level)[0] is box.at(level)[0]
-
-
 @pytest.mark.parametrize("level", [COARSE, MEDIUM])
 def test_the_best_lead_to_different_places_the_cheapest_first(box: Sides, level: int) -> None:
     signs = [[1, 1, 1], [1, 1, 1], [-1, -1, 1], [-1, 1, -1]]
@@ -305,22 +292,3 @@ def test_a_pair_is_partial_if_either_shape_is(bodies: Sides, parts: Sides) -> No
     assert not bodies.partial
     assert parts.partial
     assert parts._replace(source=parts.target, target=parts.source).partial
-
-
-def test_what_leads_to_the_same_place_is_left_out_whatever_the_vertices(
-    boxes: list[Shape],
-) -> None:
-    ball = make_sphere(2)
-    ours = prepare_shape(Mesh(ball.vertices * [1.6, 1.0, 0.7], ball.faces), 20).shape
-    sides = make_sides(ours, boxes[0])
-    for level in (COARSE, MEDIUM):
-        shapes = sides.at(level)
-        trees = [cKDTree(one.vertices) for one in shapes[::-1]]
-        distances = []
-        for signs in ([1, 1, 1], [1, 1, 1], [-1, -1, 1]):
-            there, back = (
-                tree.query(one.vertices * signs)[1] for tree, one in zip(trees, shapes, strict=True)
-            )
-            start = mapped_start(*shapes, there, back, 1.0)
-            distances.append(replace(_candidate(0.1), registered=start))
-        assert best(sides, level, distances) == distances[::2]

@@ -110,23 +110,6 @@ def test_the_polish_mends_half_a_map(torn: bool) -> None:
     assert found.energy < 0.5 * begun.energy
 
 
-def test_a_map_that_is_nearly_right_becomes_right() -> None:
-    few, many = (prepare_shape(make_egg(level), 30).shape for level in (2, 3))
-    chance = np.random.default_rng(0)
-    forward, backward = (
-        cKDTree(goal.vertices).query(chance.normal(one.vertices, 0.05))[1]
-        for one, goal in ((few, many), (many, few))
-    )
-    begun = scored(few, many, mapped_start(few, many, forward, backward, 1.0))
-    found = refined(make_sides(few, many), begun).registered
-    before, after = (
-        np.linalg.norm(many.vertices[way] - few.vertices, axis=1).mean()
-        for way in (forward, found.forward)
-    )
-    assert after < 0.5 * before
-    assert np.linalg.norm(found.source.places - few.vertices, axis=1).mean() < 0.5 * few.edge
-
-
 def test_two_meshes_and_the_mirror_image_of_one_are_laid_onto_each_other() -> None:
     few, many, mirrored = (
         prepare_shape(make_egg(*one), 40).shape for one in ((2, 1), (3, 1), (3, -1))

@@ -9,8 +9,7 @@ from sheets import make_sheet
 from unbend import Mesh
 from unbend.datasets import make_quadruped, make_sphere
 from unbend.matching import _constants as constants
-from unbend.matching import _inputs
-from unbend.matching._inputs import prepare_shape, prepare_shapes
+from unbend.matching._inputs import prepare_shape
 from unbend.matching._shape import (
     _SMALLEST_EIGENVALUE,
     Shape,
@@ -134,19 +133,6 @@ def test_lengths_and_ways_along_edges_of_a_square() -> None:
     np.testing.assert_allclose(shape.distances, expected / (side - 1), atol=1e-12)
 
 
-def test_side_by_side_shapes_are_prepared_as_one_by_one(
-    blob: Mesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    meshes = blob, make_quadruped("standing", n_vertices=700).mesh
-    monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    together = prepare_shapes(meshes, 40, (True, False))
-    monkeypatch.setattr(_inputs, "_SIDE_BY_SIDE", 0)
-    for one, other in zip(together, prepare_shapes(meshes, 40, (True, False)), strict=True):
-        np.testing.assert_array_equal(one.shape.basis, other.shape.basis)
-        np.testing.assert_array_equal(one.shape.vertices, other.shape.vertices)
-        np.testing.assert_array_equal(one.kept, other.kept)
-
-
 def test_a_mirror_image_shares_what_does_not_depend_on_handedness(blob: Mesh) -> None:
     shape = _shape(blob)
     mirror = shape.reflected()
@@ -202,17 +188,6 @@ def test_samples_spread_from_the_remotest_vertex() -> None:
     size = np.linalg.norm(shape.vertices, axis=1)
     assert size[shape.samples[0]] == pytest.approx(size.max())
     assert len(np.unique(shape.samples)) == constants.SAMPLES
-
-
-def test_rounding_does_not_choose_the_samples_of_a_symmetric_shape() -> None:
-    mesh = make_sphere(3)
-    box = mesh.vertices * [1.5, 1.0, 0.7]  # every vertex has up to seven mirror images
-    shapes = []
-    for seed in range(4):
-        noise = 1e-15 * np.random.default_rng(seed).standard_normal(box.shape)
-        shapes.append(_shape(Mesh(box + noise, mesh.faces), 10))
-    for shape in shapes[1:]:
-        np.testing.assert_array_equal(shape.samples, shapes[0].samples)
 
 
 def test_what_goes_along_with_a_landmark_ends_halfway_to_the_next() -> None:
