@@ -2,6 +2,8 @@
 
 import functools
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +15,12 @@ from unbend._types import IntArray
 from unbend.datasets import make_biped, make_sphere
 from unbend.matching import _constants as constants
 from unbend.matching._inputs import prepare_shape
+from unbend.matching._plan import COARSE, MEDIUM, best
 from unbend.matching._registration import Pose, Registered
 from unbend.matching._score import (
     Candidate,
     _missed,
     _unexplained,
-    distinct,
     lead_shares,
     nearly_as_good,
     plausibility,
@@ -27,7 +29,7 @@ from unbend.matching._score import (
     scored,
     unexplained,
 )
-from unbend.matching._shape import Shape
+from unbend.matching._shape import Proxy, Shape
 
 
 @functools.cache
@@ -81,13 +83,19 @@ def test_distinct_maps_lead_to_other_limbs() -> None:
     shifted = np.empty_like(order)
     shifted[order] = np.roll(order, 1)  # each vertex to the next one up: another limb as a rule
     first = scored(shape, shape, identity)
-    second = scored(shape, shape, identity._replace(forward=shifted))
+    second = replace(first, registered=identity._replace(forward=shifted))
     assert _distinct(shape, [first, first]) == [first]
     assert _distinct(shape, [first, second]) == [first, second]
 
 
 def _distinct(shape: Shape, candidates: list[Candidate]) -> list[Candidate]:
-    return distinct(candidates, shape.areas, shape.distances, np.arange(len(shape.areas)))
+    every = np.arange(len(shape.areas))
+    return best(_sides(shape, Proxy(shape, every, every)), COARSE, candidates)
+
+
+def _sides(shape: Shape, target: Proxy) -> Any:
+    """Sides of a source and a coarse copy of the target."""
+    return SimpleNamespace(target=SimpleNamespace(proxies=[target]), at=lambda level: (shape, None))
 
 
 def _hairpin(side: int) -> Mesh:
@@ -120,8 +128,9 @@ def test_maps_on_finer_vertices_are_compared_through_those_that_stand_for_them()
     corners = np.array([0, 8, 72, 80])
     distances = shape.distances[np.ix_(corners, corners)]
     nearest = shape.distances[corners].argmin(axis=0)
-    assert distinct([one, other], shape.areas, distances, nearest) == [one, other]
-    assert distinct([one, other], shape.areas, distances, np.zeros(81, dtype=int)) == [one]
+    for parents, expected in ((nearest, [one, other]), (np.zeros(81, dtype=int), [one])):
+        coarse = Proxy(SimpleNamespace(distances=distances), corners, parents)
+        assert best(_sides(shape, coarse), MEDIUM, [one, other]) == expected
 
 
 def test_maps_differ_where_more_than_a_limb_s_end_leads_to_another_limb() -> None:

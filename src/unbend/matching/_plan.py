@@ -33,7 +33,7 @@ from unbend.matching._registration import (
     register,
     rough_start,
 )
-from unbend.matching._score import Candidate, distinct, lead_needed, ranked, rough_costs, scored
+from unbend.matching._score import Candidate, lead_needed, ranked, rough_costs, scored
 from unbend.matching._search import search
 from unbend.matching._shape import Proxy, Shape, make_proxy
 
@@ -143,9 +143,19 @@ def onto_mirror_image(sides: Sides, first: Candidate) -> list[Candidate]:
 
 def best(sides: Sides, level: int, found: Sequence[Candidate]) -> list[Candidate]:
     """Rank candidates at a level, without those that lead where a better one does."""
-    coarse = sides.target.proxies[COARSE]
+    coarse, areas = sides.target.proxies[COARSE], sides.at(level)[0].areas
     places = np.arange(len(coarse.kept)) if level == COARSE else coarse.parents
-    return distinct(ranked(found), sides.at(level)[0].areas, coarse.shape.distances, places)
+    kept: list[Candidate] = []
+
+    def same(one: Registered, other: Registered) -> bool:
+        apart = coarse.shape.distances[places[one.forward], places[other.forward]]
+        both = areas * (one.source.overlap & other.source.overlap)
+        return bool(both @ (apart > constants.LIMB) <= constants.SMALLEST_PART)
+
+    for one in ranked(found):
+        if not any(same(one.registered, other.registered) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def differences(sides: Sides, ranks: Sequence[Candidate]) -> FloatArray:

@@ -60,10 +60,7 @@ def scored(source: Shape, target: Shape, found: Registered, reflected: bool = Fa
 
 
 def unexplained(source: Shape, target: Shape, found: Registered) -> tuple[FloatArray, FloatArray]:
-    """Shares (n,) and (m,) of the patches around vertices that a registration does not explain.
-
-    They are 0 at vertices without partner.
-    """
+    """Shares (n,) and (m,) of patches that a registration does not explain, 0 without partner."""
     left, right = landing_places(source, target, found)
     ways = (source, target, left, right, found), (target, source, right, left, found.back())
     ahead, back = run_all(functools.partial(_unexplained_on_faces, *way) for way in ways)
@@ -95,27 +92,6 @@ def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
 def nearly_as_good(one: Candidate, first: Candidate) -> bool:
     """Whether a candidate costs hardly more than the best."""
     return one.cost <= (1 + constants.NEARLY) * max(first.cost, FLOOR)
-
-
-def distinct(
-    candidates: Sequence[Candidate], areas: FloatArray, distances: FloatArray, places: IntArray
-) -> list[Candidate]:
-    """Leave out of ranked candidates those that lead where a better one does.
-
-    ``areas`` (n,) are those of the source's vertices, ``distances`` (k, k) those between some
-    vertices of the target, and ``places`` (m,) tell which of these stands for each vertex.
-    """
-    found: list[Candidate] = []
-
-    def same(one: Candidate, other: Candidate) -> bool:
-        images, others = (places[c.registered.forward] for c in (one, other))
-        both = areas * (one.registered.source.overlap & other.registered.source.overlap)
-        return bool(both @ (distances[images, others] > constants.LIMB) <= constants.SMALLEST_PART)
-
-    for one in candidates:
-        if not any(same(one, other) for other in found):
-            found.append(one)
-    return found
 
 
 def lead_shares(
