@@ -158,7 +158,7 @@ class Shape(ElasticSurface):
     def reflected(self) -> Shape:
         """Return the mirror image, its faces turned so that the same side stays outside."""
         flip = np.array([-1.0, 1.0, 1.0])
-        mirror = copy(self)  # All else is the same, and the factors and their lock are shared.
+        mirror = copy(self)  # all else is the same, and the factors and their lock are shared
         for name in _HANDED:
             mirror.__dict__.pop(name, None)
         mirror.__dict__.update(
