@@ -167,8 +167,8 @@ class Session:
     def _remove_shape(self, i: int) -> None:
         path = Path(self._shapes.pop(i)["path"])
         if path.parent == self.folder:
-            self._bytes -= path.stat().st_size
-            with contextlib.suppress(OSError):  # Windows keeps what is being read
+            with contextlib.suppress(OSError):  # it is gone, or Windows keeps what is being read
+                self._bytes -= path.stat().st_size
                 path.unlink()
 
     def open_found(self, i: int, n: int) -> int:

@@ -226,7 +226,8 @@ def _errors(
             f"{name}: row {unused[0]} is {truth[unused[0]]}, a vertex that no face of "
             f"{target.name} uses; give -1 for rows that do not count"
         )
-    kept = _kept.setdefault((*mesh_hashes(target), kind), {})
+    key = *mesh_hashes(target), kind
+    kept = _kept[key] = _kept.pop(key, {})  # the last one used
     missing = set(truth[rows].tolist()) - set(kept)
     if missing:
         from_vertex = geodesic_solver(target, exact=kind == "geodesic-exact")
@@ -239,7 +240,7 @@ def _errors(
 
 
 def _forget() -> None:
-    """Drop the oldest meshes' distances; other threads may add and drop some meanwhile."""
+    """Drop the distances of meshes used long ago; other threads may add and drop some meanwhile."""
     while len(_kept) > 1:
         sizes = [row.nbytes for rows in list(_kept.values()) for row in list(rows.values())]
         if sum(sizes) <= _KEPT_BYTES:

@@ -401,6 +401,7 @@ BAD_FILES = {
     "minus.off": (b"OFF\n-4 2 0\n", "'-4' is not a number of vertices"),
     "hostile.off": (b"OFF\n2000000000 2 0\n", "promises 2000000000 vertices"),
     "binary.off": (b"OFF BINARY\n\0\0\0\4", "binary OFF"),
+    "commented.off": (b"# made elsewhere\nOFF BINARY\n\0\0\0\4", "binary OFF"),
     "four.off": (b"4OFF\n1 0 0\n0 0 0 1\n", "not three-dimensional"),
     "cut.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n", "truncated"),
     "short.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n3 0 2\n", "face 1 promises 3 vertices"),

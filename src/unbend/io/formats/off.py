@@ -45,7 +45,7 @@ def read(data: bytes) -> Contents:
 
 def _header(data: bytes) -> tuple[str, int, int, list[str]]:
     """Letters before OFF, the numbers of vertices and faces, and the lines of these."""
-    if re.match(rb"\s*\w*OFF\s+BINARY", data):
+    if re.match(rb"(\s*#.*\n)*\s*\w*OFF\s+BINARY", data):
         raise FileError("binary OFF cannot be read; save it as text OFF or PLY")
     lines = data_lines(data, "OFF")
     if not lines:
