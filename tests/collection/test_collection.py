@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,12 +22,13 @@ from unbend import Mesh, read_mesh, write_mesh
 from unbend.collection import (
     Collection,
     Failure,
+    Hit,
     _collection,
     _store,
     descriptor,
 )
 from unbend.collection._engine import Outcome
-from unbend.errors import FileError, InputError, MissingExtraError
+from unbend.errors import FileError, InputError, MeshError, MissingExtraError
 
 
 def assert_same_rows(one: Collection, other: Collection) -> None:
@@ -163,6 +166,30 @@ def test_matches_rank_again_and_what_cannot_be_matched_comes_last(
     np.testing.assert_allclose([hit.reranked for hit in hits], [0, 0, np.inf], atol=0.01)
 
 
+def test_matches_rank_by_their_best_energy_then_by_distance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    energies = {"a": 0.3, "b": 0.1, "c": None, "d": 0.1}
+
+    def match(query, path):
+        assert query is BALL
+        if energies[path] is None:
+            raise MeshError("it cannot be matched")
+        return SimpleNamespace(
+            hypotheses=[SimpleNamespace(energy=energies[path] + i) for i in (0, 1)]
+        )
+
+    monkeypatch.setattr(_collection, "find_file", lambda hit, store: hit.path)
+    monkeypatch.setattr(_collection, "read_mesh", lambda path: path)
+    monkeypatch.setattr(_collection, "match", match)
+    told = []
+    hits = [Hit(path=path, id=path, distance=4 - i) for i, path in enumerate("abcd")]
+    found = _collection._rank_by_match(BALL, hits, "store", lambda *at: told.append(at))
+    assert [hit.path for hit in found] == ["d", "b", "a", "c"]
+    assert [hit.reranked for hit in found] == [0.1, 0.1, 0.3, math.inf]
+    assert told == [(f"matching {i + 1} of 4", i / 4) for i in range(4)]
+
+
 def test_an_index_finds_what_looking_at_all_finds(
     filled: Collection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,7 +228,7 @@ def test_only_a_large_collection_gets_an_index_and_only_where_asked(
 def test_twice_as_many_as_asked_for_are_matched(
     filled: Collection, stones: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_collection, "rank_by_match", lambda query, hits, *rest: hits[::-1])
+    monkeypatch.setattr(_collection, "_rank_by_match", lambda query, hits, *rest: hits[::-1])
     path = stones / "stone05.ply"
     best = filled.search(path, 8)
     assert filled.search(path, 4, rerank="match") == best[:3:-1]

@@ -7,7 +7,7 @@ import pytest
 
 from unbend import Mesh, read_mesh
 from unbend.collection import Failure, MeanShape, shape_statistics, write_mean
-from unbend.collection._mean import draw_components
+from unbend.collection._statistics import draw_components
 from unbend.errors import FileError
 from unbend.io import value_colors
 from unbend.report import shape_figures

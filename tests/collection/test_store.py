@@ -65,23 +65,23 @@ def test_its_size_is_that_of_its_files(tmp_path: Path) -> None:
     store = Store(tmp_path / "store")
     store.commit(rows("first"))
     files = [one for one in (tmp_path / "store").rglob("*") if one.is_file()]
-    assert store.n_bytes() == sum(len(one.read_bytes()) for one in files)
+    assert store.info().n_bytes == sum(len(one.read_bytes()) for one in files)
 
 
 def test_nobody_knows_the_size_of_an_object_store() -> None:
     store = Store("memory://store")
     store.commit(rows("first"))
     assert len(store) == 1
-    assert store.n_bytes() is None
+    assert store.info().n_bytes is None
 
 
 def test_old_versions_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store(tmp_path / "store")
     for name in ("first", "second", "third"):
         store.commit(rows(name))
-    before = store.n_bytes()
+    before = store.info().n_bytes
     store.tidy()  # none is old yet: someone may be reading one
-    assert store.n_bytes() > before
+    assert store.info().n_bytes > before
     monkeypatch.setattr(_store, "_KEPT_VERSIONS", timedelta(milliseconds=1))
     store.tidy()
     assert len(list((tmp_path / "store" / "shapes.lance" / "data").iterdir())) == 1

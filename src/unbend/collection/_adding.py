@@ -12,7 +12,7 @@ import numpy as np
 from unbend._types import Progress
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, describe, make_basis, sample_form
 from unbend.collection._engine import Engine, Outcome, counted, heard
-from unbend.collection._files import find_files, hashed, is_gone, warn_of_others
+from unbend.collection._files import File, find_files, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Added, Failure
 from unbend.collection._store import Store, among
 from unbend.errors import MeshError
@@ -20,12 +20,10 @@ from unbend.io import read_mesh
 from unbend.mesh import vertex_areas
 from unbend.report.raster import thumbnail
 
-# Rows are committed as they come. Commits take at most a twentieth of the time (an object store is
-# slow) and are a quarter of a second apart, unless this many rows wait.
+# Rows are committed as they come, but commits take at most this share of the time (an object store
+# is slow) and are so many seconds apart, unless this many rows wait.
 _COMMITS_SHARE, _SECONDS_BETWEEN, _MOST_ROWS = 1 / 20, 0.25, 4096
 _THUMBNAIL = 96  # pixels across
-
-File = tuple[str, str]  # path and hash
 
 
 def add_files(
@@ -63,13 +61,12 @@ class _Adding:
         self._bad: dict[str, Failure] = {}  # by hashes of these
         self._copies: list[File] = []  # other files with such hashes
 
-    def fresh(self, given: Sequence[str]) -> Iterator[File | None]:
-        """Files with new content, and None after each batch."""
-        for files in hashed(find_files(given)):
-            self.failures += [one for one in files if isinstance(one, Failure)]
-            readable = [one for one in files if not isinstance(one, Failure)]
-            paths = self._update(readable)
-            for file in readable:
+    def fresh(self, given: Sequence[str]) -> Iterator[File]:
+        """Files with new content."""
+        for files, failures in hashed(find_files(given)):
+            self.failures += failures
+            paths = self._update(files)
+            for file in files:
                 if file[1] in paths:
                     self.skipped += 1
                 elif file[1] in self._given:
@@ -78,7 +75,7 @@ class _Adding:
                 else:
                     self._given.add(file[1])
                     yield file
-            yield None
+            self.take([])  # a while may pass before there is another
 
     def _update(self, files: Sequence[File]) -> dict[str, list[str]]:
         """Update the paths of shapes in the store that are in these files; return the old ones."""
@@ -86,7 +83,7 @@ class _Adding:
         new = [
             (path, digest)
             for path, digest in dict.fromkeys(files)
-            if path not in paths.get(digest, [path])
+            if digest in paths and path not in paths[digest]
         ]
         self._store.add_paths(new)  # first, so that an interruption loses no path
         self.new_paths += len(new)
@@ -96,14 +93,11 @@ class _Adding:
 
     def take(self, outcomes: list[Outcome]) -> None:
         """Keep rows and failures, commit if it is time, and tell how far it is."""
-        bad = []
-        for file, row, reason in outcomes:
-            if reason is None:
-                self._rows.append(row)
-            else:
-                self._bad[file[1]] = Failure(file[0], reason)
-                bad.append(self._bad[file[1]])
-        self._fail(bad)
+        self._rows += [one.value for one in outcomes if one.reason is None]
+        bad = {file[1]: Failure(file[0], why) for file, _, why in outcomes if why is not None}
+        self._bad |= bad
+        if bad:
+            self._fail(list(bad.values()))
         self.commit(if_due=True)
         computed = self.added + len(self._rows) + len(self.failures)
         self._tell(computed, self.skipped, len(self.failures))
@@ -130,9 +124,7 @@ class _Adding:
         for i in range(0, len(self._copies), _MOST_ROWS):
             some = self._copies[i : i + _MOST_ROWS]
             self._update([file for file in some if file[1] not in self._bad])
-            bad = [
-                replace(self._bad[hash_], path=path) for path, hash_ in some if hash_ in self._bad
-            ]
+            bad = [replace(self._bad[one], path=path) for path, one in some if one in self._bad]
             self._fail(bad)
             self.skipped -= len(bad)
 

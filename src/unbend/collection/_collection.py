@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -11,21 +14,23 @@ import numpy.typing as npt
 
 from unbend._arrays import check_whole
 from unbend._memory import available_memory
-from unbend._types import FloatArray, Progress
+from unbend._types import FloatArray, Progress, StrPath
+from unbend.alignment import align
 from unbend.choices import Rerank
 from unbend.collection._adding import add_files
 from unbend.collection._descriptor import describe, make_basis, sample_form
 from unbend.collection._engine import engine
+from unbend.collection._files import find_file
 from unbend.collection._pairs import match_pairs
-from unbend.collection._ranking import rank_by_form, rank_by_match
 from unbend.collection._registering import register_collection
 from unbend.collection._rows import Added, Entry, Hit, Info, Matched, Registered
 from unbend.collection._store import Store, among, check_outside
-from unbend.errors import InputError
-from unbend.io import MeshLike, as_mesh, check_writable
+from unbend.errors import FileError, InputError, UnbendError, UnbendWarning, warn
+from unbend.io import MeshLike, as_mesh, check_writable, read_mesh
+from unbend.matching import match
+from unbend.mesh import Mesh
 
-# With fewer rows an index finds nothing sooner.
-_LEAST_INDEXED = 10_000
+_LEAST_INDEXED = 10_000  # rows: with fewer an index finds nothing sooner
 
 
 class Collection:
@@ -63,7 +68,7 @@ class Collection:
     'dog.ply'
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: StrPath) -> None:
         self._store = Store(path)
 
     @property
@@ -98,7 +103,7 @@ class Collection:
 
     def add(
         self,
-        paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        paths: StrPath | Iterable[StrPath],
         *,
         workers: int | None = None,
         scheduler: str | None = None,
@@ -106,10 +111,9 @@ class Collection:
     ) -> Added:
         """Describe shapes and keep what describes them; the files themselves stay where they are.
 
-        A file whose content is there already is skipped, so that an interrupted run resumes where
-        it was. A file that cannot be used stops nothing. Identical files are one shape with several
-        paths: new ones are added, and those without a file are dropped, so a folder that was moved
-        is added again from where it is now.
+        A file whose content is there is skipped: an interrupted run resumes. A file that cannot be
+        used stops nothing. Identical files are one shape with several paths: new ones are added,
+        and those without a file dropped. So add a folder that was moved again from where it is now.
 
         Parameters
         ----------
@@ -119,8 +123,7 @@ class Collection:
         workers : int, optional
             Local processes, by default as many as there are processors; 0: work in this one.
         scheduler : str, optional
-            Address of a Dask scheduler, ``tcp://host:port``, whose workers see the files under the
-            same paths.
+            Address of a Dask scheduler, ``tcp://host:port``, whose workers see the same paths.
         progress : callable, optional
             Called with how far it is, in words, and the share that is done.
 
@@ -135,9 +138,8 @@ class Collection:
         """
         self._store.check_version()
         given = [paths] if isinstance(paths, str | os.PathLike) else paths
-        files = [os.fspath(one) for one in given]
         processes = engine(workers=workers, scheduler=scheduler)
-        return add_files(self._store, files, processes, progress)
+        return add_files(self._store, [os.fspath(one) for one in given], processes, progress)
 
     def search(
         self,
@@ -158,13 +160,13 @@ class Collection:
             How many to find.
         rerank : {"none", "form", "match"}, default="none"
             What the best by descriptor are ranked by again: how well their canonical forms align
-            (of 2 n, or 100 where that is more; hundredths of a second each), or how well the query
-            is matched with them (of 2 n; seconds each, from their files).
+            (of 2 n, or 100 where that is more; hundredths of a second each), or the energy of the
+            query's match with them (of 2 n; seconds each, from their files).
         index : bool, default=False
             Search approximately, with an index that is made, or brought up to date, first: worth
             it beyond 100,000 shapes. Otherwise every shape is looked at.
         progress : callable, optional
-            Called with what is done and the share that is.
+            See :meth:`add`.
 
         Returns
         -------
@@ -192,8 +194,8 @@ class Collection:
         if rerank == "none":
             return hits
         if rerank == "form":
-            return rank_by_form(sample_form(basis), hits, self._store)[:n]
-        return rank_by_match(query, hits, self.path, progress)[:n]
+            return _rank_by_form(sample_form(basis), hits, self._store)[:n]
+        return _rank_by_match(query, hits, self.path, progress)[:n]
 
     def distances(self) -> tuple[list[Entry], FloatArray]:
         """Compare every shape with every other by descriptor.
@@ -203,13 +205,11 @@ class Collection:
         entries : list of Entry
             Sorted by path.
         distances : (n, n) ndarray of float64
-            Symmetric, 0 on the diagonal.
 
         Raises
         ------
         InputError
-            If the collection is empty or of another version, or the table does not fit into
-            memory.
+            If the collection is empty or of another version, or the table does not fit into memory.
         """
         from scipy.spatial.distance import cdist
 
@@ -226,7 +226,7 @@ class Collection:
         descriptors = np.array([rows[one.id] for one in entries])
         return entries, cdist(descriptors, descriptors)
 
-    def find(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
+    def find(self, names: Sequence[StrPath]) -> list[Entry]:
         """Entries of ids, beginnings of ids (8 digits or more), or paths, in their order.
 
         Raises
@@ -236,7 +236,7 @@ class Collection:
         """
         return [self._store.find(name) for name in names]
 
-    def remove(self, names: Sequence[str | os.PathLike[str]]) -> list[Entry]:
+    def remove(self, names: Sequence[StrPath]) -> list[Entry]:
         """Take shapes out of the collection; their files stay.
 
         Parameters
@@ -248,7 +248,7 @@ class Collection:
         Returns
         -------
         list of Entry
-            What was removed, with the paths that were.
+            With the paths that were removed.
 
         Raises
         ------
@@ -267,8 +267,8 @@ class Collection:
 
     def match(
         self,
-        pairs: Iterable[tuple[str | os.PathLike[str], str | os.PathLike[str]]] | None,
-        out: str | os.PathLike[str],
+        pairs: Iterable[tuple[StrPath, StrPath]] | None,
+        out: StrPath,
         *,
         workers: int | None = None,
         scheduler: str | None = None,
@@ -304,8 +304,8 @@ class Collection:
 
     def register(
         self,
-        template: str | os.PathLike[str],
-        out: str | os.PathLike[str],
+        template: StrPath,
+        out: StrPath,
         *,
         landmarks: Mapping[str, npt.ArrayLike] | None = None,
         workers: int | None = None,
@@ -314,8 +314,8 @@ class Collection:
     ) -> Registered:
         """Register a template to every shape, as :func:`unbend.register` does to one.
 
-        Shapes that are registered already are skipped, so that an interrupted run resumes where it
-        was. A shape that cannot be used stops nothing.
+        Shapes that are registered already are skipped: an interrupted run resumes. A shape that
+        cannot be used stops nothing.
 
         Parameters
         ----------
@@ -328,8 +328,7 @@ class Collection:
               keeps their order, otherwise .ply;
             - ``vertices.npy``, all positions (n_shapes, n_template, 3), and ``vertices.csv``, the
               same with the columns shape,vertex,x,y,z;
-            - ``shapes.csv``, a row per shape: those of ``vertices.npy`` in the same order, then
-              those that failed.
+            - ``shapes.csv``, a row per shape: in the order of ``vertices.npy``, then what failed.
         landmarks : mapping of str to (l, 2) array_like of int, optional
             For names of shapes, vertices of the template and of the shape that correspond. A shape
             whose landmarks have changed is registered again. One that is not named keeps those it
@@ -363,7 +362,7 @@ class Collection:
             raise InputError(f"{name} is not in the collection {self.path} any more")
         return bytes(rows[0]["thumbnail"])
 
-    def export(self, path: str | os.PathLike[str]) -> int:
+    def export(self, path: StrPath) -> int:
         """Write what is kept of every file's shape, in bounded memory.
 
         Parameters
@@ -375,7 +374,7 @@ class Collection:
         Returns
         -------
         int
-            Number of rows: one for each file. Those of identical files share an id.
+            Number of rows: one for each file.
 
         Raises
         ------
@@ -388,3 +387,36 @@ class Collection:
         check_writable(path, (".parquet", ".csv"))
         self._store.check_filled()
         return self._store.export(path)
+
+
+def _rank_by_form(own: FloatArray, hits: Sequence[Hit], store: Store) -> list[Hit]:
+    """Rank by the root mean square distance of aligned canonical forms."""
+    rows = store.select(["id", "form"], among("id", [hit.id for hit in hits]))
+    forms = {row["id"]: np.reshape(row["form"], own.shape) for row in rows}
+    there = [hit for hit in hits if hit.id in forms]  # another process may have removed others
+    return _ranked(there, [align(own, forms[hit.id]).residual for hit in there])
+
+
+def _rank_by_match(
+    query: Mesh, hits: Sequence[Hit], store: str, progress: Progress | None
+) -> list[Hit]:
+    """Rank by the energy of each match; shapes that cannot be matched or read come last."""
+    energies = []
+    for i, hit in enumerate(hits):
+        if progress is not None:
+            progress(f"matching {i + 1} of {len(hits)}", i / len(hits))
+        energies.append(math.inf)
+        try:
+            path = find_file(hit, store)
+        except FileError as error:
+            warn(f"{error}; until then it comes last")
+            continue
+        with warnings.catch_warnings(), suppress(UnbendError):
+            warnings.simplefilter("ignore", UnbendWarning)
+            energies[-1] = match(query, read_mesh(path)).hypotheses[0].energy
+    return _ranked(hits, energies)
+
+
+def _ranked(hits: Sequence[Hit], values: Sequence[float]) -> list[Hit]:
+    ranked = [replace(hit, reranked=value) for hit, value in zip(hits, values, strict=True)]
+    return sorted(ranked, key=lambda hit: (hit.reranked, hit.distance))

@@ -22,8 +22,7 @@ FORM_POINTS, FORM_COMPONENTS = 256, 3
 
 # By Weyl's law eigenvalue i of a surface of unit area is about 4 pi i, so these reach 1200.
 _N_EIGENPAIRS = 100
-# Eigenvalues that differ by no more than this share count as one.
-_EQUAL = 1e-4
+_EQUAL = 1e-4  # eigenvalues that differ by no more than this share count as one
 # Times from where the last eigenfunction is damped to a tenth to where the first few are, evenly
 # in the logarithm.
 _TIMES = np.geomspace(2e-3, 0.3, 8)
@@ -31,16 +30,14 @@ _TIMES = np.geomspace(2e-3, 0.3, 8)
 # Their widths overlap, so that it does not matter on which side of an energy an eigenvalue lies.
 _ENERGIES = np.linspace(np.log(4 * np.pi * 0.8), np.log(4 * np.pi * 80), 12)
 _WIDTH = 0.7
-# Shares of the area at whose middles quantiles are taken.
-_LEVELS = (np.arange(16) + 0.5) / 16
-# By how much a signature's mean over the surface, known beforehand, may be missed.
-_LOST = 1e-4
+_LEVELS = (np.arange(16) + 0.5) / 16  # shares of the area up to which quantiles reach
+_LOST = 1e-4  # by how much a signature's mean over the surface, known beforehand, may be missed
 # Signatures and variances below these are noise, and have no logarithm to speak of.
 _LEAST_SIGNATURE, _LEAST_VARIANCE = 1e-6, 1e-3
 
 
 def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
-    """Describe a shape whatever its pose, size and meshing, by numbers of a fixed count.
+    """Describe a shape whatever its pose, size and meshing.
 
     All of the surface is described: pieces are joined, rims closed, dust is left out.
 
@@ -64,12 +61,11 @@ def descriptor(mesh: MeshLike) -> npt.NDArray[np.float32]:
 
     Notes
     -----
-    The order of vertices and faces and the orientation of faces change nothing beyond rounding.
-
     Quantiles of the heat kernel signature (Sun, Ovsjanikov & Guibas, SGP 2009) at 8 times, and the
     covariance (Arsigny et al., SIMAX 29, 2007) of the wave kernel signature (Aubry, Schlickewei &
     Cremers, 2011) at 12 energies; all as logarithms, so that a difference is a ratio on every
-    scale. Each of the two counts by the mean square of its entries. Nothing is trained.
+    scale. Each of the two counts by the mean square of its entries. Nothing is trained. The order
+    of vertices and faces and the orientation of faces change nothing beyond rounding.
 
     Examples
     --------
@@ -148,10 +144,7 @@ def heat_kernel(basis: Basis, times: FloatArray) -> FloatArray:
 
 
 def wave_kernel(basis: Basis, energies: FloatArray, width: float) -> FloatArray:
-    """Wave kernel signature of each vertex at each energy, (n, n_energies).
-
-    Energies and their width are those of the logarithm of eigenvalues.
-    """
+    """Wave kernel signature of each vertex at each energy, a logarithm: (n, n_energies)."""
     apart = energies - np.log(np.maximum(basis.values[1:], 1e-9))[:, None]
     shares = np.exp(-(apart**2) / (2 * width**2))
     shares /= np.maximum(shares.sum(axis=0), 1e-300)

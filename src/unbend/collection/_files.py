@@ -16,25 +16,25 @@ from pathlib import Path
 
 from unbend._parallel import run_all
 from unbend._text import plural
+from unbend._types import StrPath
 from unbend.collection._rows import Entry, Failure, Hit
 from unbend.errors import FileError, UnbendError, warn
 from unbend.io import READ_SUFFIXES, read_mesh
 from unbend.mesh import Mesh
 
-# Files that are added from folders. Points and arrays are added by name or pattern only.
-_SUFFIXES = (".off", ".obj", ".ply", ".stl")
+_SUFFIXES = (".off", ".obj", ".ply", ".stl")  # added from folders; others by name or pattern only
 _OTHERS = tuple(one for one in READ_SUFFIXES if one not in (*_SUFFIXES, ".npy"))
 _FILES_AT_ONCE = 256
 REGISTRATIONS = "registrations"  # folder of a file per shape, beside its registered mesh
+
+File = tuple[str, str]  # path and hash
 
 
 def find_files(given: Sequence[str]) -> Iterator[str]:
     """Absolute paths of files, of the meshes in and below folders, and of files matching patterns.
 
-    Hidden files are left out of folders, and so are folders in them that registration wrote. A
-    name that is none of these comes back as it is.
-
-    Raises FileError if a folder holds no mesh.
+    Hidden files are left out of folders, and so are folders in them that registration wrote. A name
+    that is none of these comes back, too. Raises FileError if a folder holds no mesh.
     """
     for one in given:
         found = iter([one] if os.path.exists(one) else glob.iglob(one, recursive=True))
@@ -45,10 +45,8 @@ def find_files(given: Sequence[str]) -> Iterator[str]:
             inside = _walk(os.path.abspath(match))
             first = list(itertools.islice(inside, 1))
             if match == one and not first:
-                *most, last = _SUFFIXES
-                raise FileError(
-                    f"cannot read {one}: it is a folder without {', '.join(most)} or {last} files"
-                )
+                known = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"
+                raise FileError(f"cannot read {one}: it is a folder without {known} files")
             yield from itertools.chain(first, inside)
 
 
@@ -86,13 +84,15 @@ def _is_registered(folder: str) -> bool:
     return (here / REGISTRATIONS).is_dir() and any(here.glob("template.*"))
 
 
-def hashed(paths: Iterator[str]) -> Iterator[list[tuple[str, str] | Failure]]:
-    """Paths with the hashes of their files, or failures, some hundreds at a time."""
+def hashed(paths: Iterator[str]) -> Iterator[tuple[list[File], list[Failure]]]:
+    """Paths with the hashes of their files, and failures, some hundreds at a time."""
     while some := list(itertools.islice(paths, _FILES_AT_ONCE)):
-        yield run_all(functools.partial(_hash, path) for path in some)
+        found = run_all(functools.partial(_hash, path) for path in some)
+        failures = [one for one in found if isinstance(one, Failure)]
+        yield [one for one in found if not isinstance(one, Failure)], failures
 
 
-def _hash(path: str) -> tuple[str, str] | Failure:
+def _hash(path: str) -> File | Failure:
     try:
         path.encode()
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe may never end, nor a device
@@ -101,8 +101,8 @@ def _hash(path: str) -> tuple[str, str] | Failure:
             digest = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16))
         return path, digest.hexdigest()
     except UnicodeEncodeError:
-        readable = path.encode(errors="replace").decode()
-        return Failure(readable, "its name is no text in UTF-8; rename it")
+        path = path.encode(errors="replace").decode()
+        return Failure(path, "its name is no text in UTF-8; rename it")
     except FileNotFoundError:
         return Failure(path, "there is no such file")
     except OSError as error:
@@ -149,12 +149,12 @@ def read_found(shapes: Sequence[Entry | Hit], store: str) -> tuple[list[Mesh], l
     alike = Counter(Path(one.path).name for one in shapes)
     meshes, failures = [], []
     for one in shapes:
-        name = Path(one.path).name
         try:
             mesh = read_mesh(find_file(one, store))
         except UnbendError as error:
             failures.append(Failure(one.path, str(error)))
             mesh = Mesh([[0, 0, 0]], notes=(f"not drawn: {error}",))
+        name = Path(one.path).name
         meshes.append(replace(mesh, name=name if alike[name] == 1 else one.path))
     return meshes, failures
 
@@ -173,11 +173,8 @@ def is_gone(path: str) -> bool:
     return False
 
 
-def make_folder(path: str | os.PathLike[str]) -> Path:
-    """Make a folder for results, if there is none, before anything is computed.
-
-    Raises FileError if it cannot be made or written to.
-    """
+def make_folder(path: StrPath) -> Path:
+    """Make a folder for results, if there is none; raise FileError if none can be written to."""
     if not os.fspath(path):
         raise FileError("the folder for results has no name; . is the current one")
     folder = Path(path)

@@ -77,19 +77,17 @@ def find_groups(distances: FloatArray, n_groups: int | None = None) -> IntArray:
 
 
 def silhouette(distances: FloatArray, labels: IntArray) -> float:
-    """Mean over all of ``(b - a) / max(a, b)``.
+    """Mean over all of ``(b - a) / max(a, b)``; whoever is alone in a group counts 0.
 
-    `a` is the mean distance to the others of one's group, `b` to those of the nearest other group;
-    whoever is alone in a group counts 0.
+    `a` is the mean distance to the others of one's group, `b` to those of the nearest other group.
     """
-    members = (labels[:, None] == np.unique(labels)).astype(float)
-    sizes = members.sum(axis=0)
-    sums = distances @ members
-    own = members.astype(bool)
+    own = labels[:, None] == np.unique(labels)
+    sizes = own.sum(axis=0)
+    if len(sizes) < 2:
+        return 0.0
+    sums = distances @ own.astype(float)
     others = np.where(own, np.inf, sums / sizes).min(axis=1)
     size = sizes[own.argmax(axis=1)]
     inner = sums[own] / np.maximum(size - 1, 1)
     larger = np.maximum(np.maximum(inner, others), np.finfo(float).tiny)
-    if len(sizes) < 2:
-        return 0.0
     return float(np.where(size > 1, (others - inner) / larger, 0.0).mean())

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import os
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from unbend._display import is_doubtful
-from unbend._types import Progress
+from unbend._types import Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, heard
 from unbend.collection._files import find_file, make_folder, stem, without_file
 from unbend.collection._rows import Entry, Failure, Matched
@@ -19,11 +18,9 @@ from unbend.correspondence import read_match, write_match
 from unbend.errors import InputError
 from unbend.io import read_mesh, write_map, write_table
 from unbend.matching import match, prepare_spectrum
-from unbend.mesh import Mesh
 from unbend.spectral import use_cache
 
 _SPECTRA = "spectra"  # folder of the eigenpairs beside the matches, each computed once
-_TABLE = "matches.csv"
 _NO_LIMIT = 2**30
 
 Pair = tuple[Entry, Entry]
@@ -43,8 +40,8 @@ class Task(NamedTuple):
 
 def match_pairs(
     store: Store,
-    named: Iterable[tuple[str | os.PathLike[str], str | os.PathLike[str]]] | None,
-    out: str | os.PathLike[str],
+    named: Iterable[tuple[StrPath, StrPath]] | None,
+    out: StrPath,
     workers: Engine,
     progress: Progress | None,
 ) -> Matched:
@@ -64,7 +61,7 @@ def match_pairs(
         tasks = [Task(pair, folder, store.path) for pair in _without(lost, left)]
         failed = attempt_all(run, match_pair, tasks, "pairs", progress)
     confidences: list[float] = []
-    write_table(folder / _TABLE, _table(folder, pairs, confidences))
+    write_table(folder / "matches.csv", _table(folder, pairs, confidences))
     doubtful = sum(map(is_doubtful, confidences))
     skipped, seconds = len(pairs) - len(left), time.monotonic() - start
     return Matched(len(tasks) - len(failed), skipped, (*lost, *failed), seconds, doubtful)
@@ -89,18 +86,17 @@ def _without(lost: Iterable[Failure], pairs: Iterable[Pair]) -> list[Pair]:
 def keep_spectrum(task: Task) -> list[str]:
     """Compute the eigenpairs that a shape's matches need, and keep them on disk."""
     with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT), heard() as said:
-        mesh = _read(task.entries[0], task.store)
+        mesh = read_mesh(find_file(task.entries[0], task.store))
         prepare_spectrum(mesh)
     return [one.removeprefix(f"{mesh.name}: ") for one in said]
 
 
 def match_pair(task: Task) -> list[str]:
     """Match two shapes and write the result."""
-    source, target = task.entries
     with use_cache(task.out / _SPECTRA, gib=_NO_LIMIT), heard() as said:
-        shapes = _read(source, task.store), _read(target, task.store)
+        shapes = [read_mesh(find_file(entry, task.store)) for entry in task.entries]
         found = match(*shapes)
-    path = task.out / file_name(source, target)
+    path = task.out / file_name(*task.entries)
     write_map(path.with_suffix(".csv"), found.source_to_target)
     write_match(path, found)  # last: it says that the pair is done
     # The spectra told what is to be said of each shape.
@@ -110,10 +106,6 @@ def match_pair(task: Task) -> list[str]:
 def file_name(source: Entry, target: Entry) -> str:
     """File name of a match: the stems of both files, and the first digits of both ids."""
     return f"{stem(source)}-{stem(target)}-{source.id[:8]}-{target.id[:8]}.npz"
-
-
-def _read(entry: Entry, store: str) -> Mesh:
-    return read_mesh(find_file(entry, store))
 
 
 def _done(folder: Path, pair: Pair) -> bool:
@@ -126,9 +118,9 @@ def _table(
     """Rows for each match there is, whose confidences are collected."""
     measures = "confidence", "orientation", "overlap_source", "overlap_target"
     yield "source", "target", "file", *measures
-    for source, target in pairs:
-        if _done(folder, (source, target)):
-            name = file_name(source, target)
-            found = read_match(folder / name)
+    for pair in pairs:
+        if _done(folder, pair):
+            found = read_match(folder / file_name(*pair))
             confidences.append(found.confidence)
-            yield source.path, target.path, name, *(getattr(found, one) for one in measures)
+            paths = [one.path for one in pair]
+            yield *paths, file_name(*pair), *(getattr(found, one) for one in measures)

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._arrays import array_of
-from unbend._types import IntArray, Progress
+from unbend._types import IntArray, Progress, StrPath
 from unbend.collection._engine import Engine, attempt_all, engine, heard
 from unbend.collection._files import (
     REGISTRATIONS,
@@ -59,8 +59,8 @@ class Task(NamedTuple):
 
 def register_collection(
     store: Store,
-    template: str | os.PathLike[str],
-    out: str | os.PathLike[str],
+    template: StrPath,
+    out: StrPath,
     landmarks: Mapping[str, npt.ArrayLike],
     workers: Engine,
     progress: Progress | None,
@@ -96,30 +96,31 @@ def register_files(
     """
     folder = Path(os.path.abspath(out))
     written = {one.stem for one in (folder / REGISTRATIONS).glob("*.npz")}
-    written |= {"template"} if written else set()
+    if written:
+        written.add("template")
     scans = (
         path
         for path in find_files(paths)
         if Path(path).parent != folder or Path(path).stem not in written
     )
-    found = list(itertools.chain.from_iterable(hashed(scans)))
-    if not found:
-        raise FileError(f"{out} holds only what was registered before; name the scans")
     files: dict[str, dict[str, None]] = {}  # paths, each once, by hash
-    for one in found:
-        if not isinstance(one, Failure):
-            files.setdefault(one[1], {})[one[0]] = None
+    failures: list[Failure] = []
+    for some, bad in hashed(scans):
+        failures += bad
+        for path, digest in some:
+            files.setdefault(digest, {})[path] = None
+    if not files and not failures:
+        raise FileError(f"{out} holds only what was registered before; name the scans")
     shapes = [
         Entry(digest, path, 0, 0, 0, "", tuple(also)) for digest, (path, *also) in files.items()
     ]
-    failures = [one for one in found if isinstance(one, Failure)]
     return _register(shapes, template, out, {}, failures, None, engine(workers=0), progress)
 
 
 def _register(
     shapes: Sequence[Entry],
-    template: str | os.PathLike[str],
-    out: str | os.PathLike[str],
+    template: StrPath,
+    out: StrPath,
     landmarks: Mapping[str, IntArray],  # by id
     failures: Sequence[Failure],
     store: str | None,
@@ -136,17 +137,19 @@ def _register(
     _copy(original, folder)
     make_folder(folder / REGISTRATIONS)
     suffix = original.suffix if original.suffix.lower() in _KEPT_FORMATS else ".ply"
-    names = {one.id: f"{stem(one)}-{one.id[:8]}" for one in shapes}
-    _follow(folder, suffix, {id_[:8]: name for id_, name in names.items()})
-    tasks = []
-    for one in shapes:
-        name = names[one.id]
+    names = [f"{stem(one)}-{one.id[:8]}" for one in shapes]
+    _follow(folder, suffix, names)
+    tasks, left, done = [], [], []
+    for one, name in zip(shapes, names, strict=True):
         files = folder / f"{name}{suffix}", folder / REGISTRATIONS / f"{name}.npz"
-        pairs = landmarks[one.id] if one.id in landmarks else _landmarks(files[1])
-        tasks.append(Task(one, store, original, _NONE if pairs is None else pairs, *files))
-    done = {task.name: task.shape for task in tasks if _done(task)}
-    left = [task for task in tasks if task.name not in done]
-    lost = [] if store is None else without_file(done.values(), store)
+        before = _landmarks(files[1])
+        pairs = landmarks.get(one.id, _NONE if before is None else before)
+        tasks.append(Task(one, store, original, pairs, *files))
+        if before is not None and np.array_equal(before, pairs) and files[0].exists():
+            done.append(one)
+        else:
+            left.append(tasks[-1])
+    lost = [] if store is None else without_file(done, store)
     with workers as run:
         failed = attempt_all(run, register_shape, left, "shapes", progress)
     every = (*failures, *lost, *failed)
@@ -162,8 +165,7 @@ def _copy(template: Path, folder: Path) -> None:
     is_obj = copy.suffix.lower() == ".obj"
     data = moved_obj(template, folder) if is_obj else read_bytes(template, ())
 
-    def shape(data: bytes) -> bytes:
-        # Where the material files are changes when folders are moved.
+    def shape(data: bytes) -> bytes:  # material files are elsewhere when folders were moved
         return re.sub(rb"(?m)^[ \t]*mtllib[^\r\n]*", b"", data) if is_obj else data
 
     for other in folder.glob("template.*"):
@@ -177,14 +179,12 @@ def _copy(template: Path, folder: Path) -> None:
             file.write(data)
 
 
-def _follow(folder: Path, suffix: str, names: Mapping[str, str]) -> None:
-    """Rename what is registered of shapes that were renamed.
-
-    Names are by the first 8 digits of ids, with which they end.
-    """
+def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
+    """Rename what is registered of shapes that were renamed; names end with 8 digits of ids."""
+    now = {name[-8:]: name for name in names}
     try:
         for result in list((folder / REGISTRATIONS).glob("*-????????.npz")):
-            name = names.get(result.stem[-8:], result.stem)
+            name = now.get(result.stem[-8:], result.stem)
             if name == result.stem:
                 continue
             (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
@@ -195,13 +195,6 @@ def _follow(folder: Path, suffix: str, names: Mapping[str, str]) -> None:
                 old.unlink(missing_ok=True)  # which is the same as the new one
     except OSError as error:
         raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
-
-
-def _done(task: Task) -> bool:
-    """Whether both files are there, made with these landmarks."""
-    made_with = _landmarks(task.result)
-    same = made_with is not None and np.array_equal(made_with, task.landmarks)
-    return same and task.mesh.exists()
 
 
 def _landmarks(result: Path) -> IntArray | None:
@@ -234,17 +227,13 @@ def register_shape(task: Task) -> list[str]:
     return told
 
 
-def _warnings(path: Path) -> tuple[str, ...]:
-    """Read what was told of a shape; nothing in files of earlier versions."""
-    with np.load(path, allow_pickle=False) as arrays:
-        return tuple(arrays["warnings"].tolist()) if "warnings" in arrays else ()
-
-
-def _load(path: Path, template: Mesh, name: str) -> Registration:
+def _load(path: Path, template: Mesh, name: str) -> tuple[Registration, tuple[str, ...]]:
+    """Read a registration and what was told of it: nothing in files of earlier versions."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
             mesh = Mesh(arrays["vertices"], template.faces, name=name)
-            return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS})
+            told = arrays["warnings"].tolist() if "warnings" in arrays else ()
+            return Registration(mesh, **{name: arrays[name][()] for name in _FIELDS}), tuple(told)
     except _DAMAGED as error:
         raise FileError(
             f"cannot read {path}: remove it, and run unbend collection register again"
@@ -254,10 +243,7 @@ def _load(path: Path, template: Mesh, name: str) -> Registration:
 def _write_tables(
     folder: Path, template: Mesh, tasks: Sequence[Task], failures: Iterable[Failure]
 ) -> tuple[RegisteredShape, ...]:
-    """Write all positions and a row for each shape, in bounded memory.
-
-    The rows come last: they say whose the positions are.
-    """
+    """Write all positions in bounded memory, then the rows that say whose they are."""
     table = folder / _TABLE
     try:
         table.unlink(missing_ok=True)
@@ -266,20 +252,24 @@ def _write_tables(
     for part in folder.glob(".vertices.*.part"):  # of a run that was killed
         with suppress(OSError):
             part.unlink()
-    shapes = []
+    shapes: list[RegisteredShape] = []
+    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
+    lines: list[Iterable[object]] = [(*head, "status", "warnings", "also")]
     with atomic_write(folder / "vertices.npy") as file:
         shape = len(tasks), template.n_vertices, 3
         header = {"descr": "<f8", "fortran_order": False, "shape": shape}
         np.lib.format.write_array_header_1_0(file, header)
         for task in tasks:
-            found = _load(task.result, template, task.name)
+            found, said = _load(task.result, template, task.name)
             file.write(found.mesh.vertices.astype("<f8").tobytes())
             distances = found.distances[np.isfinite(found.distances)]
             middle, most = float(distances.mean()), float(np.quantile(distances, 0.95))
             numbers = float(found.confidence), float(found.coverage), middle, most
-            known = task.result.stem, task.name, task.mesh.name
-            said = _warnings(task.result)
-            shapes.append(RegisteredShape(*known, *numbers, said, task.shape.also))
+            known = task.result.stem, task.name, task.mesh.name, *numbers
+            also = task.shape.also
+            shapes.append(RegisteredShape(*known, said, also))
+            status = "doubtful" if shapes[-1].doubtful else "registered"
+            lines.append((*known, status, "; ".join(said), "; ".join(also)))
     every = np.load(folder / "vertices.npy", mmap_mode="r", allow_pickle=False)
     places = (
         (one.name, i, *place)
@@ -288,21 +278,13 @@ def _write_tables(
     )
     columns = "shape", "vertex", "x", "y", "z"
     write_table(folder / "vertices.csv", itertools.chain([columns], places))
-    head = "shape", "path", "file", "confidence", "coverage", "mean_distance", "distance_95"
-    lines: list[Iterable[object]] = [(*head, "status", "warnings", "also")]
-    for one in shapes:
-        *values, said, also = vars(one).values()
-        status = "doubtful" if one.doubtful else "registered"
-        lines.append((*values, status, "; ".join(said), "; ".join(also)))
     for bad in failures:
         lines.append((Path(bad.path).stem, bad.path, *[""] * 5, f"failed: {bad.reason}", "", ""))
     write_table(table, lines)
     return tuple(shapes)
 
 
-def read_registrations(
-    folder: str | os.PathLike[str],
-) -> tuple[Mesh, list[Registration], list[Failure]]:
+def read_registrations(folder: StrPath) -> tuple[Mesh, list[Registration], list[Failure]]:
     """Read the shapes that :meth:`Collection.register` wrote.
 
     Parameters
@@ -335,5 +317,5 @@ def read_registrations(
         if status.startswith("failed: "):
             failures.append(Failure(path, status.removeprefix("failed: ")))
         else:
-            shapes.append(_load(folder / REGISTRATIONS / f"{name}.npz", template, path))
+            shapes.append(_load(folder / REGISTRATIONS / f"{name}.npz", template, path)[0])
     return template, shapes, failures

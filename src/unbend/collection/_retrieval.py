@@ -13,14 +13,12 @@ import numpy.typing as npt
 
 from unbend._arrays import array_of, numbers_of
 from unbend._display import Brief
-from unbend._types import FloatArray
+from unbend._types import FloatArray, StrPath
 from unbend.errors import FileError, InputError, warn
 from unbend.io import read_table
 
-# The first page of results that the E-measure looks at.
-_FIRST_PAGE = 32
-# Shares of a class found at which precision is told.
-_RECALL_LEVELS = np.arange(1, 21) / 20
+_FIRST_PAGE = 32  # of results, which the E-measure looks at
+_RECALL_LEVELS = np.arange(1, 21) / 20  # shares of a class found at which precision is told
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,10 +40,10 @@ class Retrieval(Brief):
         Discounted cumulative gain: a shape of the class counts 1 at the ranks 1 and 2, 1 / log2(i)
         at rank i; over the most that R shapes can reach.
     map : float
-        Mean average precision: of the precisions at the ranks of the R, the mean.
+        Mean average precision: the mean of the precisions at the ranks of the R.
     recall, precision : (20,) ndarray of float64
-        The precision-recall curve: at the rank where 5 %, 10 %, ..., 100 % of the R are found,
-        the share of what is found so far that is of the class.
+        The precision-recall curve: where 5 %, 10 %, ..., 100 % of the R are found, the share of
+        what is found so far that is of the class.
     n_queries : int
         Queries of which another shape of their class is there; only they count.
     """
@@ -78,14 +76,12 @@ def retrieval_measures(
     Parameters
     ----------
     distances : (n_queries, n) array_like of float
-        From each query to each shape. NaN: the shape is left out of this query's list, as a shape
-        itself should be where the query is a damaged copy of it. Of shapes at one distance, the
-        first comes first.
+        From each query to each shape; of equals the first comes first. NaN leaves a shape out of
+        the query's list, as it should be where the query is a damaged copy of it.
     labels : (n,) array_like
         The class of each shape.
     query_labels : (n_queries,) array_like, optional
-        The class of each query. By default the queries are the shapes themselves, and none finds
-        itself.
+        Default: the queries are the shapes themselves, and none finds itself.
 
     Returns
     -------
@@ -103,11 +99,9 @@ def retrieval_measures(
 
     Examples
     --------
-    Two cats at 0 and 1, two dogs at 3 and 4.5, on a line:
-
     >>> import numpy as np
     >>> from unbend.collection import retrieval_measures
-    >>> places = np.array([0, 1, 3, 4.5])
+    >>> places = np.array([0, 1, 3, 4.5])  # on a line
     >>> found = retrieval_measures(abs(places[:, None] - places), ["cat", "cat", "dog", "dog"])
     >>> found.nearest_neighbor, found.second_tier
     (1.0, 1.0)
@@ -157,15 +151,15 @@ def _of_query(distances: FloatArray, alike: npt.NDArray[np.bool_]) -> FloatArray
     return np.concatenate([measures, precisions[levels]])
 
 
-def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) -> list[str | None]:
+def read_labels(table: StrPath, shapes: Sequence[Sequence[str]]) -> list[str | None]:
     r"""Read the class of each shape.
 
     Parameters
     ----------
     table : path
         A CSV file with the columns path and label, in any order and among others. A path is meant
-        from the folder we are in or from the table's; where nothing is there, its end will do (as
-        `cats/cat0.off`), if it is that of a single shape. One that fits several is refused.
+        from the folder we are in or from the table's; where nothing is there, it may be the end of
+        a single shape's path (as `cats/cat0.off`).
     shapes : sequence of sequence of str
         The paths of each shape; a shape has several where files are identical.
 
@@ -217,16 +211,12 @@ def read_labels(table: str | os.PathLike[str], shapes: Sequence[Sequence[str]]) 
             raise FileError(
                 f"{table}: line {line} calls {path} a {label}, an earlier one a {labels[i][path]}"
             )
-    return [_agreed(one, table) for one in labels]
-
-
-def _agreed(labels: dict[str, str], table: Path) -> str | None:
-    """Label that all files of a shape have, if there is one."""
-    names: dict[str, str] = {}
-    for path, label in labels.items():
-        names.setdefault(label, path)
-    if len(names) > 1:
-        said = " and ".join(f"{path} a {label}" for label, path in names.items())
-        warn(f"{table} calls {said}, but these files are identical: their shape is left out")
-        return None
-    return next(iter(names), None)
+    for one in labels:
+        names: dict[str, str] = {}  # the first path of each label
+        for path, label in one.items():
+            names.setdefault(label, path)
+        if len(names) > 1:
+            said = " and ".join(f"{path} a {label}" for label, path in names.items())
+            warn(f"{table} calls {said}, but these files are identical: their shape is left out")
+            one.clear()
+    return [next(iter(one.values()), None) for one in labels]

@@ -49,8 +49,8 @@ class Hit:
     distance : float
         Of the descriptors; 0 for the same shape.
     reranked : float or None
-        What the best were ranked by again: the distance of the aligned forms, or the energy of
-        the match, infinite where the shape could not be matched. None where they were not.
+        The distance of the aligned forms or the energy of the match, where it was ranked by that
+        again; infinite where it could not be matched.
     """
 
     id: str
@@ -93,7 +93,6 @@ class Added:
     new_paths : int
         Skipped files whose path was not there before: copies, and files that were moved.
     failures : tuple of Failure
-        Files that could not be added.
     seconds : float
     """
 
@@ -113,7 +112,6 @@ class Matched:
     matched, skipped : int
         Pairs that are new, and pairs whose match was there before.
     failures : tuple of Failure
-        Pairs that could not be matched.
     seconds : float
     doubtful : int
         Pairs, of all these, whose match may well be wrong: their confidence is below 0.6.
@@ -187,9 +185,8 @@ class Info:
     Attributes
     ----------
     n_shapes, n_files : int
-        Shapes, and the files that they are in.
     n_bytes : int or None
-        On disk; None where it is not on this machine's.
+        On disk; None in an object store.
     version : str
         Of the descriptors.
     descriptor_length : int

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from unbend._parallel import n_cores
+from unbend._types import StrPath
 from unbend.collection._descriptor import DESCRIPTOR_VERSION, FORM_COMPONENTS, FORM_POINTS
 from unbend.collection._rows import Entry, Hit, Info
 from unbend.errors import FileError, InputError, MissingExtraError, UnbendError
@@ -25,17 +26,14 @@ _TABLE = "shapes"
 # With this key, two processes that add one path at once get one row.
 _KEY = {"lance-schema:unenforced-primary-key": "true"}
 _SMALL = ("id", "path", "n_vertices", "n_faces", "area", "notes")  # columns of an Entry
-# Readers may still use a version of the table this old; older ones are removed.
-_KEPT_VERSIONS = timedelta(minutes=15)
-# Small commits are merged into one file after this many, but merging, which takes longer for
-# larger tables, has at most this share of the time.
+_KEPT_VERSIONS = timedelta(minutes=15)  # of the table, which readers may still use
+# After so many commits their small files are merged, for at most this share of the time.
 _COMMITS_UNMERGED, _MERGING_SHARE = 200, 0.1
 _ROWS_AT_ONCE = 4096
 _FORMAT = "2.0"  # of Lance's files; searches of later formats are half as fast
 _PROBES = 20  # cells, of some thousand rows each, in an approximate search
 _WAITS = 0.05, 0.2, 0.5  # seconds to wait for a table that another process creates
-# What the rows were computed with. Rows with other parameters cannot be compared.
-_PARAMETERS = {
+_PARAMETERS = {  # what rows were computed with that can be compared
     "descriptor": DESCRIPTOR_VERSION,
     "form_points": FORM_POINTS,
     "form_components": FORM_COMPONENTS,
@@ -45,12 +43,9 @@ _PARAMETERS = {
 
 
 class Store:
-    """The rows of a collection on disk or in an object store: one for each file.
+    """The rows of a collection: one for each file. Files with the same content have one id."""
 
-    Files with the same content have the same id, and are one shape. See `Collection` for the path.
-    """
-
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: StrPath) -> None:
         # By default Lance leaves two processors idle.
         os.environ.setdefault("LANCE_CPU_THREADS", str(n_cores()))
         try:
@@ -72,8 +67,7 @@ class Store:
     def _open(self) -> Any:
         """Open the table; None if there is none.
 
-        A full disk leaves empty folders, as does, for a moment, another process that creates the
-        table.
+        A full disk leaves empty folders; for a moment, another process that creates it does, too.
         """
         folder, local = Path(self.path, f"{_TABLE}.lance"), "://" not in self.path
         if local and not folder.exists():  # to connect would make the collection's folder
@@ -167,38 +161,33 @@ class Store:
         with self._explained():
             return any("descriptor" in index.columns for index in self._table.list_indices())
 
-    def n_bytes(self) -> int | None:
-        """Size on disk, old versions too; None for an object store."""
-        if "://" in self.path:
-            return None
-        return sum(one.stat().st_size for one in Path(self.path).rglob("*") if one.is_file())
-
     def info(self) -> Info:
-        """Say what is in the collection; see `Collection.info`."""
+        """Say what is in the collection; its size on disk counts old versions, too."""
         if not self.exists:
             self.check_filled()
+        files = (one for one in Path(self.path).rglob("*") if one.is_file())
         return Info(
             n_shapes=self.n_shapes(),
             n_files=len(self),
-            n_bytes=self.n_bytes(),
-            version=self.version() or DESCRIPTOR_VERSION,
+            n_bytes=None if "://" in self.path else sum(one.stat().st_size for one in files),
+            version=self._version(),
             descriptor_length=int(self.schema.field("descriptor").type.list_size),
             indexed=self.indexed,
             parameters=json.loads(self.schema.metadata[b"parameters"]),
         )
 
-    def version(self) -> str | None:
-        """Version of the descriptors; None where there are none."""
-        if not self.exists:
-            return None
-        with self._explained():
-            rows = self._table.search().select(["version"]).limit(1).to_list()
-        return rows[0]["version"] if rows else None
+    def _version(self) -> str:
+        """Version of the descriptors; this one where there are none."""
+        rows = []
+        if self.exists:
+            with self._explained():
+                rows = self._table.search().select(["version"]).limit(1).to_list()
+        return rows[0]["version"] if rows else DESCRIPTOR_VERSION
 
     def check_version(self) -> None:
         """Raise InputError if the descriptors do not compare with those of this version."""
-        version = self.version()
-        if version not in (None, DESCRIPTOR_VERSION):
+        version = self._version()
+        if version != DESCRIPTOR_VERSION:
             raise InputError(
                 f"the collection {self.path} has descriptors of version {version}, which do not "
                 f"compare with those of this unbend, {DESCRIPTOR_VERSION}: add the shapes to a "
@@ -226,9 +215,8 @@ class Store:
         if files:
             rows = self.select(self.schema.names, among("id", {digest for _, digest in files}))
             known = {row["id"]: row for row in rows}
-            self.commit(
-                [{**known[digest], "path": path} for path, digest in files if digest in known]
-            )
+            new = [{**known[digest], "path": path} for path, digest in files if digest in known]
+            self.commit(new)
 
     def select(self, columns: Sequence[str], where: str | None = None) -> list[dict[str, Any]]:
         """Rows that a condition holds for, all of them at once."""
@@ -254,7 +242,7 @@ class Store:
                 if found[:1] == [row["path"]]:
                     yield Entry(**row, also=tuple(found[1:]))
 
-    def find(self, name: str | os.PathLike[str]) -> Entry:
+    def find(self, name: StrPath) -> Entry:
         """Entry of an id, the beginning of an id, or a path; see `Collection.find`."""
         name = os.fspath(name)
         conditions = [among("path", [name, os.path.abspath(name)])]
@@ -263,7 +251,7 @@ class Store:
         ids = {row["id"] for row in self.select(["id"], " OR ".join(conditions))}
         entries = list(self.entries(among("id", ids)))
         if len(entries) != 1:
-            what = "is not" if not entries else "may be several shapes"
+            what = "may be several shapes" if entries else "is not"
             raise InputError(
                 f"{name} {what} in the collection {self.path}: give a path or an id as "
                 "unbend collection list shows them"
@@ -305,7 +293,7 @@ class Store:
                 self._table.create_index("descriptor", config=IvfFlat(distance_type="l2"))
         self.tidy()
 
-    def export(self, path: str | os.PathLike[str]) -> int:
+    def export(self, path: StrPath) -> int:
         """Write every row to a .parquet or .csv file, a batch at a time; return how many."""
         import pyarrow as pa
         from pyarrow import csv
@@ -321,8 +309,7 @@ class Store:
                 return count
             for batch in self.batches([*_SMALL, "version", "descriptor"]):
                 columns = dict(zip(batch.schema.names, batch.columns, strict=True))
-                vectors = columns.pop("descriptor")
-                flat = vectors.flatten().to_numpy().reshape(len(batch), -1)
+                flat = columns.pop("descriptor").flatten().to_numpy().reshape(len(batch), -1)
                 columns |= {f"descriptor_{i}": column for i, column in enumerate(flat.T)}
                 csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=not count))
                 count += len(batch)
@@ -335,7 +322,7 @@ def among(column: str, values: Iterable[str]) -> str:
     return f"{column} IN ({quoted})" if quoted else "false"
 
 
-def check_outside(store: str, out: str | os.PathLike[str]) -> None:
+def check_outside(store: str, out: StrPath) -> None:
     """Raise FileError for an output inside a collection's folder, which holds nothing else."""
     if "://" not in store:
         folder, place = Path(os.path.realpath(store)), Path(os.path.realpath(out))

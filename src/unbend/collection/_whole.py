@@ -27,25 +27,18 @@ from unbend.mesh import (
 )
 from unbend.spectral import laplacian
 
-# Pieces with a smaller share of the area are removed, unless they make up half of it.
-_DUST = 1e-3
-# Boundaries of two pieces are joined where they are nearer than this, at unit area.
-_SEAM = 3e-3
-# Longest edge at unit area. Even triangles with such edges have about 900 vertices.
-_LONGEST = 0.036
+# Lengths are at unit area.
+_DUST = 1e-3  # pieces with a smaller share of the area are removed, unless they make up half of it
+_SEAM = 3e-3  # boundaries of two pieces are joined where they are nearer than this
+_LONGEST = 0.036  # edge; even triangles with such edges have about 900 vertices
 _ROUNDS = 12
-# Refinement stops at this many vertices, or four times as many as there were: spikes need many.
-_MOST = 20_000
-# Pieces touch where vertices are this near, at unit area. Others are joined by this many links.
-_TOUCH = 0.02
+_MOST = 20_000  # vertices that refinement makes, or 4 times as many as before: spikes need many
+_TOUCH = 0.02  # pieces touch where vertices are this near; others are joined by so many links
 _LINKS = 8
-# Distances that differ by less, at unit area, are equal.
-_TIE = 1e-9
+_TIE = 1e-9  # distances that differ by less are equal
 # More pieces than this are first joined to pieces among this many nearest neighbours.
-_FEW = 16
-_NEIGHBOURS = 16, 64, 256
-# An edge of a square grid, opposite two angles of 45 degrees, has weight 1.
-_LINK_WEIGHT = 0.5
+_FEW, _NEIGHBOURS = 16, (16, 64, 256)
+_LINK_WEIGHT = 0.5  # an edge of a square grid, opposite two angles of 45 degrees, has weight 1
 
 
 class Whole(NamedTuple):
@@ -57,10 +50,9 @@ class Whole(NamedTuple):
 
 
 def whole_surface(mesh: Mesh) -> Whole:
-    """Connect all of a mesh, of any kind, or of a point cloud to one surface of unit area.
+    """Connect all of a mesh or point cloud to one surface, whose points are not the mesh's.
 
-    Its points are not those of the mesh. Raises MeshError if the mesh has no area, or fewer than 4
-    points.
+    Raises MeshError if the mesh has no area, or fewer than 4 points.
     """
     if mesh.is_point_cloud:
         points = mesh.vertices[np.unique(first_equal_row(mesh.vertices))]
@@ -136,10 +128,7 @@ def _stitched(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArr
 
 
 def _closed(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Close each connected part of the boundary by a fan around its centre.
-
-    A sheet becomes a closed surface, folded flat.
-    """
+    """Close each connected part of the boundary by a fan; a sheet is then a surface folded flat."""
     boundary = _boundary(vertices, faces)
     if not len(boundary):
         return vertices, faces
@@ -197,27 +186,20 @@ def _split(faces: IntArray, middles: IntArray, centres: IntArray) -> IntArray:
     a, b, c = faces.T
     ab, bc, ca = middles.T
     m = centres
-    pieces = {
-        0: [(a, b, c)],
-        1: [(a, ab, c), (ab, b, c)],
-        2: [(b, bc, ab), (a, ab, m), (ab, bc, m), (bc, c, m), (c, a, m)],
-        3: [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)],
-    }
-    return np.concatenate(
-        [
-            np.column_stack(corners)[count == number]
-            for number, some in pieces.items()
-            for corners in some
-        ]
-    )
+    pieces = [  # by the number of middles
+        [(a, b, c)],
+        [(a, ab, c), (ab, b, c)],
+        [(b, bc, ab), (a, ab, m), (ab, bc, m), (bc, c, m), (c, a, m)],
+        [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)],
+    ]
+    split = []
+    for number, some in enumerate(pieces):
+        split += [np.column_stack(corners)[count == number] for corners in some]
+    return np.concatenate(split)
 
 
 def _links(points: FloatArray, stiffness: SparseMatrix) -> SparseMatrix:
-    """Laplacian of the links that connect all pieces.
-
-    Vertices of two pieces that are near each other are linked. Pieces that are still separate are
-    linked to what is nearest to them.
-    """
+    """Laplacian of the links that connect all pieces, where they touch, then to what is nearest."""
     n = len(points)
     count, piece = connected_components(stiffness, directed=False)
     if count == 1:
@@ -254,15 +236,11 @@ def _to_rest(points: FloatArray, mine: BoolArray) -> IntArray:
 
 
 def _to_others(piece: IntArray, apart: FloatArray, there: IntArray) -> IntArray:
-    """Link each piece to the nearest other, among k neighbours of each vertex.
-
-    Their distances and numbers, (n, k), begin with the nearest.
-    """
+    """Link each piece to the nearest other among the neighbours (n, k) of its vertices."""
     apart = np.where(piece[there] != piece[:, None], apart, np.inf)
     least = np.full(piece.max() + 1, np.inf)
     np.minimum.at(least, piece, apart.min(axis=1))
-    near = np.isfinite(apart) & (apart <= least[piece, None] + _TIE)
-    rows, columns = np.nonzero(near)
+    rows, columns = np.nonzero(np.isfinite(apart) & (apart <= least[piece, None] + _TIE))
     return np.column_stack([rows, there[rows, columns]])
 
 
