@@ -18,14 +18,14 @@ from unbend.errors import MeshError, SolverError, UnbendWarning
 
 @pytest.fixture(scope="module")
 def person() -> Mesh:
-    return make_biped("standing", n_vertices=1500).mesh
+    return make_biped("standing", n_vertices=800).mesh
 
 
 @pytest.fixture(scope="module")
 def apart(person):
     """How far from a person something is, where an ape is 1 away."""
     own = descriptor(person)
-    ape = descriptor(make_biped("standing", n_vertices=1500, species="ape").mesh)
+    ape = descriptor(make_biped("standing", n_vertices=800, species="ape").mesh)
     unit = np.linalg.norm(ape - own)
     return lambda mesh: float(np.linalg.norm(descriptor(mesh) - own) / unit)
 
@@ -54,7 +54,7 @@ def with_copy(mesh: Mesh, *offset: float) -> Mesh:
 
 
 OF_OUR_OWN = {
-    "biped": lambda: make_biped("sitting", n_vertices=1500).mesh,
+    "biped": lambda: make_biped("sitting", n_vertices=800).mesh,
     "octopus": lambda: make_octopus(n_vertices=800).mesh,
     "quadruped": lambda: make_quadruped("standing", n_vertices=800).mesh,
     "open": lambda: cut_off(make_biped("standing", n_vertices=800).mesh),
@@ -99,16 +99,16 @@ def test_the_order_of_vertices_and_corners_changes_nothing(name):
     check_order(OF_OUR_OWN[name]())
 
 
-@pytest.mark.parametrize("name", ["cat0", "david0", "centaur2"])
+@pytest.mark.parametrize("name", ["cat0", "centaur2"])
 def test_the_order_changes_nothing_on_real_shapes(real_data, name):
     check_order(read_mesh(real_data / "tosca_remeshed" / f"{name}.off"))
 
 
 def test_poses_and_meshings_change_little(apart):
-    assert apart(make_biped("sitting", n_vertices=1500).mesh) < 0.3
-    assert apart(make_biped("running", n_vertices=4000, meshing=2).mesh) < 0.3
-    assert apart(make_quadruped("standing", n_vertices=1500).mesh) > 1
-    assert apart(make_octopus(n_vertices=1500).mesh) > 1
+    assert apart(make_biped("sitting", n_vertices=800).mesh) < 0.3
+    assert apart(make_biped("running", n_vertices=2000, meshing=2).mesh) < 0.3
+    assert apart(make_quadruped("standing", n_vertices=800).mesh) > 1
+    assert apart(make_octopus(n_vertices=800).mesh) > 1
 
 
 def test_damage_changes_little(person, apart):

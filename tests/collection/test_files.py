@@ -9,13 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from unbend.collection._files import (
-    find_file,
-    find_files,
-    hashed,
-    is_gone,
-    warn_of_others,
-)
+from unbend.collection._files import find_file, find_files, hashed, is_gone, warn_of_others
 from unbend.collection._rows import Failure, Hit
 from unbend.errors import FileError, UnbendWarning
 

@@ -1,15 +1,21 @@
-"""The mean of registered shapes: who counts, and that the truth comes back."""
+"""The mean of registered shapes: who counts, that the truth comes back, and what is written."""
+
+import csv
+import sys
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from unbend import Mesh
-from unbend.collection import mean_shape, shape_statistics
+from unbend import Mesh, read_mesh
+from unbend.collection import Failure, MeanShape, mean_shape, shape_statistics, write_mean
+from unbend.collection._statistics import draw_components
 from unbend.correspondence import Registration, register
-from unbend.datasets import make_biped, make_octopus, rest_map
-from unbend.errors import InputError, UnbendWarning
+from unbend.datasets import make_biped, make_sphere, rest_map
+from unbend.errors import FileError, InputError, UnbendWarning
+from unbend.io import value_colors
 from unbend.mesh import edge_ends, vertex_areas
+from unbend.report import shape_figures
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +62,7 @@ def test_two_shapes_must_be_left(blob):
 
 
 def test_registrations_of_another_template_are_refused(blob, shapes):
-    other = registered(make_octopus(n_vertices=600).mesh)
+    other = registered(make_sphere(1))
     with pytest.raises(InputError, match="is not registered to blob"):
         mean_shape([registered(shapes[0]), other], blob)
 
@@ -98,12 +104,11 @@ def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():
         make_biped("standing", n_vertices=500, meshing=i, legs=length, head=1 + 0.05 * (-1) ** i)
         for i, length in enumerate(lengths)
     ]
-    found = mean_shape([register(template.mesh, one.mesh) for one in bodies], template.mesh)
+    pairs = [(one.mesh, rest_map(template, one)) for one in bodies]
+    found = mean_shape([register(template.mesh, *pair) for pair in pairs], template.mesh)
     assert found.left_out == ()
     weights = vertex_areas(template.mesh)
-    true = shape_statistics(
-        [one.mesh.vertices[rest_map(template, one)] for one in bodies], weights=weights
-    )
+    true = shape_statistics([mesh.vertices[truth] for mesh, truth in pairs], weights=weights)
     assert abs(np.corrcoef(found.statistics.scores[:, 0], true.scores[:, 0])[0, 1]) > 0.99
     assert abs(np.corrcoef(found.statistics.scores[:, 0], np.log(lengths))[0, 1]) > 0.99
     turn = Rotation.align_vectors(true.mean, found.mean.vertices)[0].as_matrix()
@@ -111,3 +116,100 @@ def test_registered_bodies_give_the_mean_and_the_component_of_true_ones():
     ends = true.mean[edge_ends(template.mesh.faces, len(apart))]
     edge = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()
     assert weights @ apart / weights.sum() < 0.5 * edge
+
+
+@pytest.fixture
+def made(blob: Mesh) -> MeanShape:
+    shapes = [blob.vertices * [1, 1 + 0.1 * i, 1 + 0.02 * i**2] for i in range(4)]
+    names = tuple(f"{i}.ply" for i in range(4))
+    statistics = shape_statistics(shapes, n_components=2)
+    left_out = (Failure("odd.ply", "the match's confidence is 0.10"),)
+    return MeanShape(blob, statistics, names, np.full(4, 0.9), np.ones(4), left_out)
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_components_of_an_earlier_mean_go_and_all_else_stays(made, tmp_path):
+    for name in ("component_2_plus.ply", "component_3_plus.ply", "component_3_notes.ply"):
+        (tmp_path / name).write_text("of another mean")
+    write_mean(tmp_path, made)
+    assert not (tmp_path / "component_3_plus.ply").exists()
+    assert (tmp_path / "component_3_notes.ply").exists()
+    assert read_mesh(tmp_path / "component_2_plus.ply").n_vertices == made.mean.n_vertices
+
+
+def test_everything_is_written(made, tmp_path):
+    written = write_mean(str(tmp_path / "new" / "out"), made)
+    assert [path.name for path in written] == [
+        "mean.ply",
+        "component_1_minus.ply",
+        "component_1_plus.ply",
+        "component_2_minus.ply",
+        "component_2_plus.ply",
+        "variances.csv",
+        "scores.csv",
+        "left_out.csv",
+        "components.png",
+    ]
+    assert all(path.stat().st_size > 0 for path in written)
+    np.testing.assert_array_equal(read_mesh(written[0]).vertices, made.statistics.mean)
+    np.testing.assert_array_equal(read_mesh(written[2]).vertices, made.statistics.at(0, 3))
+    np.testing.assert_array_equal(read_mesh(written[3]).vertices, made.statistics.at(1, -3))
+    folder = written[0].parent
+    variances = [float(row["variance"]) for row in rows(folder / "variances.csv")]
+    np.testing.assert_array_equal(variances, made.statistics.variances)
+    shares = [float(row["share"]) for row in rows(folder / "variances.csv")]
+    np.testing.assert_allclose(shares, np.array(variances) / made.statistics.total_variance)
+    scores = rows(folder / "scores.csv")
+    assert [row["path"] for row in scores] == list(made.names)
+    assert float(scores[2]["score_1"]) == made.statistics.scores[2, 0]
+    assert b"\r" not in (folder / "scores.csv").read_bytes()
+    assert rows(folder / "left_out.csv") == [
+        {"path": "odd.ply", "reason": "the match's confidence is 0.10"}
+    ]
+
+
+def test_the_mean_shows_its_variability(made, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    mean = trimesh.load(write_mean(tmp_path, made)[0], process=False)
+    spread = made.statistics.variability
+    colors = value_colors(spread, limits=(0, spread.max()))
+    np.testing.assert_array_equal(mean.visual.vertex_colors[:, :3], colors)
+    data = mean.metadata["_ply_raw"]["vertex"]["data"]
+    np.testing.assert_allclose(np.ravel(data["variability"]), spread, rtol=1e-6)
+
+
+def test_the_picture_shows_three_standard_deviations_on_either_side(made, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(shape_figures, "draw_variation", lambda *given: drawn.append(given))
+    draw_components(made, tmp_path / "components.png")
+    ((lines, heads, _),) = drawn
+    assert heads == ["-3 SD", "-1.5 SD", "mean", "+1.5 SD", "+3 SD"]
+    for i, (_, shapes) in enumerate(lines):
+        for shape, steps in zip(shapes, (-3, -1.5, 0, 1.5, 3), strict=True):
+            np.testing.assert_array_equal(shape.vertices, made.statistics.at(i, steps))
+
+
+def test_without_matplotlib_there_is_no_picture(made, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    (tmp_path / "components.png").write_text("of another mean")
+    assert write_mean(tmp_path, made)[-1].name == "left_out.csv"
+    assert not (tmp_path / "components.png").exists()
+
+
+def test_without_components_there_is_no_picture(blob, tmp_path):
+    (tmp_path / "components.png").write_text("of another mean")
+    same = shape_statistics([blob.vertices] * 3)
+    made = MeanShape(blob, same, ("a", "b", "c"), np.ones(3), np.ones(3), ())
+    assert tmp_path / "components.png" not in write_mean(tmp_path, made)
+    assert not (tmp_path / "components.png").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_refused(made, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot make the folder"):
+        write_mean(tmp_path / "file" / "out", made)

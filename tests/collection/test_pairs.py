@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import shutil
 import time
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stones import BALL
+from stones import BALL, write_stones
 from unbend import Mesh, match, read_map, read_match, write_mesh
 from unbend.collection import Collection, _collection, _pairs
 from unbend.collection._engine import Outcome
@@ -21,14 +20,11 @@ from unbend.matching import Match
 
 
 @pytest.fixture
-def three(own: Collection, tmp_path: Path) -> tuple[Collection, list[Path]]:
+def three(tmp_path: Path) -> tuple[Collection, list[Path]]:
     """Three stones, in files that may be changed."""
-    for entry in own:
-        shutil.copy(entry.path, tmp_path)
-    own.remove([entry.path for entry in own])
-    paths = [tmp_path / f"stone{i:02}.ply" for i in (3, 4, 5)]
-    own.add(paths, workers=0)
-    return own, paths
+    collection, paths = Collection(tmp_path / "store"), write_stones(tmp_path / "stones", 6)[3:]
+    collection.add(paths, workers=0)
+    return collection, paths
 
 
 def test_all_pairs_are_matched_once(three: tuple[Collection, list[Path]], tmp_path: Path) -> None:
@@ -124,17 +120,6 @@ def test_a_match_of_a_file_that_changed_is_not_passed_off_as_one_of_it(
     assert "it has changed since it was added" in failure.reason
     with open(tmp_path / "matches" / "matches.csv", newline="") as file:
         assert [row["source"] for row in csv.DictReader(file)] == [str(paths[2])]
-
-
-def test_workers_are_those_asked_for(
-    three: tuple[Collection, list[Path]], tmp_path: Path, asked: dict[str, object]
-) -> None:
-    where = {"workers": 3, "scheduler": "tcp://somewhere:8786"}
-    collection, paths = three
-    for pairs in (None, [(str(paths[0]), str(paths[1]))]):
-        asked.clear()
-        collection.match(pairs, tmp_path / "matches", **where)
-        assert asked == where
 
 
 def test_workers_with_another_current_folder_write_into_the_same(

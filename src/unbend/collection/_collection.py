@@ -155,7 +155,7 @@ class Collection:
         Parameters
         ----------
         mesh : mesh-like
-            Anything :func:`unbend.as_mesh` accepts. It need not be in the collection.
+            It need not be in the collection.
         n : int, default=10
             How many to find.
         rerank : {"none", "form", "match"}, default="none"
@@ -255,15 +255,15 @@ class Collection:
         InputError
             If one is not there; then nothing is removed.
         """
-        entries = {}
+        entries: dict[Entry, None] = {}  # each once
         for name in names:
             entry = self._store.find(name)
             named = {entry.path, *entry.also} & {os.fspath(name), os.path.abspath(name)}
             if named:
                 entry = replace(entry, path=named.pop(), also=())
-            entries[entry.path, entry.also] = entry
-        self._store.remove([path for one in entries.values() for path in (one.path, *one.also)])
-        return list(entries.values())
+            entries[entry] = None
+        self._store.remove([path for one in entries for path in (one.path, *one.also)])
+        return list(entries)
 
     def match(
         self,
@@ -315,7 +315,7 @@ class Collection:
         """Register a template to every shape, as :func:`unbend.register` does to one.
 
         Shapes that are registered already are skipped: an interrupted run resumes. A shape that
-        cannot be used stops nothing.
+        cannot be used stops nothing. :func:`read_registrations` reads what is written.
 
         Parameters
         ----------
@@ -347,10 +347,6 @@ class Collection:
         FileError
             If the folder cannot be made, is inside the collection's, or its shapes are registered
             to another template.
-
-        See Also
-        --------
-        read_registrations : Reads them again, for :func:`mean_shape`.
         """
         processes = engine(workers=workers, scheduler=scheduler)
         return register_collection(self._store, template, out, landmarks or {}, processes, progress)

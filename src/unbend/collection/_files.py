@@ -110,19 +110,14 @@ def _hash(path: str) -> File | Failure:
 
 
 def find_file(shape: Entry | Hit, store: str) -> str:
-    """Find a file of a shape that still has the content it was added with.
-
-    Raises FileError if there is none, with advice on how to update the collection at `store`.
-    """
+    """Find a file of a shape of the collection at `store` that is as it was added, or FileError."""
     reasons = []
     for path in (shape.path, *shape.also):
         found = _hash(path)
-        if isinstance(found, Failure):
-            reasons.append(f"{path} ({found.reason})")
-        elif found[1] == shape.id:
+        if found == (path, shape.id):
             return path
-        else:
-            reasons.append(f"{path} (it has changed since it was added)")
+        why = found.reason if isinstance(found, Failure) else "it has changed since it was added"
+        reasons.append(f"{path} ({why})")
     raise FileError(
         f"cannot read {', nor '.join(reasons)}: run unbend collection add {store} NEWFOLDER, with "
         "the folder that it is in now"

@@ -37,15 +37,13 @@ class Statistics(Brief):
     Attributes
     ----------
     mean : (n, 3) ndarray of float64
-        The mean shape: the arithmetic mean of the shapes after fitting, with its centre of area at
-        the origin. Its own size is at most the mean of the fitted shapes' sizes, and less the more
-        they differ. NaN where a point of weight 0 has no position.
+        The arithmetic mean of the shapes after fitting, with its centre of area at the origin. The
+        more they differ, the smaller it is. NaN where a point of weight 0 has no position.
     components : (k, n, 3) ndarray of float64
-        The principal components: how the mean moves for one standard deviation along each. From
-        the largest variance down; towards the positive side a shape grows rather than shrinks.
+        How the mean moves for one standard deviation along each principal component. From the
+        largest variance down; towards the positive side a shape grows rather than shrinks.
     variances : (k,) ndarray of float64
-        Variance along each component, by area: the mean square of how far a point moves for one
-        standard deviation, in the squared unit of length.
+        The mean square, by area, of how far a point moves for one standard deviation.
     total_variance : float
         Of all components, kept or not.
     scores : (n_shapes, k) ndarray of float64
@@ -260,7 +258,8 @@ def mean_shape(
 ) -> MeanShape:
     """Mean, principal components and variability of shapes, on the vertices of a template.
 
-    Shapes that do not match the template well are left out and listed.
+    Shapes that do not match the template well are left out and listed. For vertices that correspond
+    already, see :func:`shape_statistics`.
 
     Parameters
     ----------
@@ -290,10 +289,6 @@ def mean_shape(
     -----
     UnbendWarning
         If sizes are kept, and one is more than ten times another.
-
-    See Also
-    --------
-    shape_statistics : The same for vertices that correspond already.
 
     Examples
     --------
