@@ -395,7 +395,7 @@ def test_a_cluster_gives_the_same_table_and_may_lose_a_worker(
     from distributed import LocalCluster
 
     options = {"dashboard_address": "127.0.0.1:0", "silence_logs": CRITICAL}
-    with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
+    with LocalCluster(n_workers=2, threads_per_worker=1, **options) as cluster:
         collection = Collection(tmp_path / "store")
         killed = []
 

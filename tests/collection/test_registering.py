@@ -35,7 +35,8 @@ def matched_once() -> Iterator[None]:
     known: dict[Any, Any] = {}
 
     def once(template: Mesh, scan: Mesh, **options: Any) -> Any:
-        key = template.vertices.tobytes(), scan.vertices.tobytes(), repr(options)
+        arrays = template.vertices, template.faces, scan.vertices, scan.faces
+        key = *(one.tobytes() for one in arrays), repr(options)
         if key not in known:
             known[key] = match(template, scan, **options)
         return known[key]

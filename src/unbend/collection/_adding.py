@@ -98,7 +98,8 @@ class _Adding:
         self._bad |= bad
         if bad:
             self._fail(list(bad.values()))
-        self.commit(if_due=True)
+        if time.monotonic() >= self._next or len(self._rows) >= _MOST_ROWS:
+            self.commit()
         computed = self.added + len(self._rows) + len(self.failures)
         self._tell(computed, self.skipped, len(self.failures))
 
@@ -108,11 +109,10 @@ class _Adding:
         old = self._store.select(["path"], among("path", [one.path for one in bad]))
         self._store.remove([row["path"] for row in old])
 
-    def commit(self, *, if_due: bool = False) -> None:
-        start = time.monotonic()
-        waits = if_due and start < self._next and len(self._rows) < _MOST_ROWS
-        if waits or not self._rows:
+    def commit(self) -> None:
+        if not self._rows:
             return
+        start = time.monotonic()
         self._store.commit(list({row["path"]: row for row in self._rows}.values()))
         self.added += len(self._rows)
         self._rows = []

@@ -246,7 +246,8 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     count, share, memory = _local_shape(workers)
     settings = {
         "distributed.scheduler.allowed-failures": 0,  # the engine tries again, one at a time
-        # A crashed worker is replaced, however long that takes on a busy machine.
+        # A crashed worker is replaced, however long that takes on a busy machine; by default, the
+        # cluster would give up after 15 seconds.
         "distributed.deploy.lost-worker-timeout": "1 day",
         # Memory is used by the current mesh, which cannot be spilled; rows are small.
         "distributed.worker.memory.target": False,

@@ -189,10 +189,8 @@ def _follow(folder: Path, suffix: str, names: Sequence[str]) -> None:
                 continue
             (folder / _TABLE).unlink(missing_ok=True)  # it lists what was there
             for old in (folder / f"{result.stem}{suffix}", result):
-                new = old.with_name(f"{name}{old.suffix}")
-                if old.exists() and not new.exists():
-                    old.replace(new)
-                old.unlink(missing_ok=True)  # which is the same as the new one
+                if old.exists():
+                    old.replace(old.with_name(f"{name}{old.suffix}"))
     except OSError as error:
         raise FileError(f"cannot write into {folder}: {error.strerror or error}") from error
 
